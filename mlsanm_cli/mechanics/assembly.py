@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -67,6 +67,8 @@ def assemble(
     # Where volumes hardly change, pressures of single nodes are what pairs would make alternate.
     pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
     count = table.total + 3 * pieces.count
+    # Made when they are first asked for, by the equations or for the body's forces.
+    loads = cache(partial(pieces.loads, first_row, count, grips))
     pulls = spring_rows(cloud, table, len(model.nodes))
     rows = _rows(model, held, single)
     if springs:
@@ -81,7 +83,7 @@ def assemble(
     else:
         weight = row_weights(model, held, single, table, grips)
         known = pieces.rows_known(list(held_nodes))
-        strong = partial(_strong, model, pieces, grips, first_row, pulls, known)
+        strong = partial(_strong, model, pieces, grips, loads, pulls, known)
         sums = pieces.sums(known)
         factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
     # What rows are made from, in place of them: they are many times as large. The weights and the places
@@ -91,7 +93,9 @@ def assemble(
     content = digest(model.rows_content, weight, curves, chosen)
     equations = Equations(content, factorise)
     single_held = tuple(held_nodes)
-    body = ElasticBody(model, held, springs, free, first_row, count, pieces, equations, timed, single_held)
+    body = ElasticBody(
+        model, held, springs, free, first_row, count, pieces, loads, equations, timed, single_held
+    )
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)
@@ -102,13 +106,13 @@ def _strong(
     model: BodyModel,
     pieces: Pieces,
     grips: Held,
-    first_row: Mapping[str, int],
+    loads_on_pieces: Callable[[], sparse.csr_array],
     pulls: sparse.csr_array,
     known: BoolArray,
 ) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray]:
     """Rows (3k, 2N) of the equilibrium of pieces and what right-hand sides (3k, r) do there, as strains times
     their strength, nothing where it is not ``known`` (3k,); and what makes that of forces (3k,)."""
-    loads = pieces.loads(first_row, pulls.shape[0] + 3 * pieces.count, grips)
+    loads = loads_on_pieces()
     rows = pieces.fluxes(model, grips, np.asarray(known.reshape(3, -1).any(axis=0)))
     if pulls.nnz:
         # Springs pull with what tractions are less than their right-hand sides.
@@ -226,9 +230,12 @@ def row_weights(
 
 
 def _unknown_corners(model: BodyModel, grips: Held) -> IntArray:
-    """The nodes at inward corners whose fields fits do not know: all but those between free faces."""
+    """The nodes at inward corners whose fields fits do not know: all but those between free faces that are
+    alone."""
     corners = inward_corners(model.cloud)
     if model.tips is None:
         return corners
     gripped = [model.cloud.surfaces[name].index for name, held in grips.items() if any(held)]
-    return np.intersect1d(corners, np.concatenate([np.zeros(0, dtype=np.int64), *gripped]))
+    away = np.abs(model.cloud.points[corners][:, None] - model.tips.place).sum(axis=2).min(axis=1)
+    unknown = np.isin(corners, np.concatenate([np.zeros(0, dtype=np.int64), *gripped])) | (away > 0.0)
+    return np.asarray(corners[unknown])

@@ -200,8 +200,17 @@ class BodyModel:
         return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
 
     def stress(self, displacement: FloatArray) -> FloatArray:
-        """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2)."""
-        return stress_of(self.stencils.derivatives(displacement), self.material.stiffness)
+        """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2).
+
+        Of nearly incompressible materials the mean pressure is that of fits to its nodal values, which are
+        all that equilibrium knows of them: what changes from node to node is many times the error of these.
+        """
+        c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
+        if not self.material.nearly_incompressible:
+            return stress_of(derivatives, c)
+        even = self.material.bulk_part
+        fitted = self._stress_stencils.derivatives(stress_of(derivatives, even))[:, 0]
+        return np.asarray(stress_of(derivatives, c - even) + fitted)
 
     def divergence(self, displacement: FloatArray) -> FloatArray:
         """What the rows of :meth:`equilibrium` make (n, 2) of nodal ``displacement`` (N, 2)."""
@@ -288,6 +297,7 @@ class ElasticBody:
     first_row: Mapping[str, int]
     rows: int
     pieces: Pieces
+    loads_on_pieces: Callable[[], sparse.csr_array]
     equations: Equations
     timed: Timed = nullcontext
     held_nodes: tuple[tuple[int, int], ...] = ()
@@ -336,10 +346,10 @@ class ElasticBody:
         source[self.rows - 3 * self.pieces.count :] = self.pieces.of_force(force)
         return source
 
-    @cached_property
+    @property
     def loads(self) -> sparse.csr_array:
         """Force and moment (3k, r) on the pieces by right-hand sides."""
-        return self.pieces.loads(self.first_row, self.rows, self.gripped)
+        return self.loads_on_pieces()
 
     def resultants(self, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
         """Force x, force y and moment about a ``center`` (3, r) of right-hand sides on the body."""

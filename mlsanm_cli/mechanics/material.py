@@ -20,6 +20,10 @@ LOCKING = 8.0
 materials (Poisson's ratio 0.444 in plane strain); it costs two and a half times the fill of the factor."""
 
 
+DIGITS = 5
+"""Digits of what the roots of a characteristic equation tell: equal ones are found to half of all digits."""
+
+
 @dataclass(frozen=True)
 class PlaneMaterial:
     """``stiffness`` (3, 3) between (xx, yy, xy) stresses and (e_xx, e_yy, 2 e_xy).
@@ -50,6 +54,20 @@ class PlaneMaterial:
         """Lame's lambda: what an even change of area meets beyond ``shear``."""
         area = np.array([1.0, 1.0, 0.0])
         return float(1.0 / (area @ np.linalg.solve(self.stiffness, area))) - self.shear
+
+    @cached_property
+    def stretch(self) -> float:
+        """How much faster than in an isotropic material stresses may change from place to place, at least 1.
+
+        They are functions of x + root y, by the two roots of the characteristic equation (Lekhnitskii 1963):
+        isotropic ones of coordinates in which one direction is so many times as long. Whichever way x points,
+        this is (1 + |t|) / (1 - |t|) with t = (1 + i root) / (1 - i root), the larger of both.
+        """
+        a = np.linalg.inv(self.stiffness)
+        found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
+        roots = found[found.imag > 0.0]
+        size = np.abs((1.0 + 1j * roots) / (1.0 - 1j * roots))
+        return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(DIGITS))
 
     @property
     def nearly_incompressible(self) -> bool:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows, value_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 
 ROWS = 5
@@ -30,16 +33,29 @@ def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
 
     Values and derivatives of the local polynomial at the point itself, as at nodes.
     """
-    stencils = build_stencils(
-        model.nodes, model.tree, points, 1, model.settings, model.cloud.sight, tips=model.tips
-    )
-    return point_rows(stencils, model.material.stiffness)
+    cloud, settings = model.cloud, model.settings
+    stencils = build_stencils(model.nodes, model.tree, points, 1, settings, cloud.sight, tips=model.tips)
+    among = stencils
+    if settings.scheme == "ghost" and model.material.nearly_incompressible:
+        among = build_stencils(cloud.points, cloud.tree, points, 0, settings, cloud.sight)
+    return point_rows(stencils, model.material, among, lambda: model.stencils)
 
 
-def point_rows(stencils: Stencils, stiffness: FloatArray) -> sparse.csr_array:
-    """The same rows at the points of ``stencils``."""
+def point_rows(
+    stencils: Stencils, material: PlaneMaterial, among: Stencils, nodal: Callable[[], Stencils]
+) -> sparse.csr_array:
+    """The same rows at the points of ``stencils``.
+
+    ``among`` are the stencils of these points on those at which ``nodal`` ones are: nearly incompressible
+    materials have a nodal field of mean pressures, see :meth:`BodyModel.stress`.
+    """
+    hidden = material.nearly_incompressible
+    even = material.bulk_part if hidden else np.zeros((3, 3))
     blocks = [value_rows(stencils, component) for component in (0, 1)]
-    blocks += [stress_rows(stencils, stiffness, part) for part in (XX, YY, XY)]
+    blocks += [stress_rows(stencils, material.stiffness - even, part) for part in (XX, YY, XY)]
+    if hidden:
+        mean = scalar_rows(among, among.weights[:, 0]) @ stress_rows(nodal(), even, XX)
+        blocks[2:4] = [sparse.csr_array(block + mean) for block in blocks[2:4]]
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
 

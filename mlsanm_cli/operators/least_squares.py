@@ -177,7 +177,10 @@ class LeastSquares:
         relatively: (c,)."""
         scaled = self.scaled(sources)
         wanted = self._sums(scaled) - self.conditions.rows @ solutions
-        update = self._solve_once(scaled - self._apply(solutions), wanted)
+        # What holds the conditions is no error, and the factor alone would take part of it for one.
+        turned, holding = self._holding
+        missing = self._gather(scaled - self._apply(solutions)) + turned @ (holding @ scaled)
+        update = self.conditions.met(self.factor.solve(missing), wanted)
         return relative(np.linalg.norm(update, axis=0), solutions)
 
     def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:

@@ -176,7 +176,7 @@ def test_shallow_waves_need_no_fine_nodes_and_tight_turns_do() -> None:
     assert finest(x, 0.01 * np.cos(2.0 * np.pi * x), 1.0) == 1.0
     assert finest(x, 0.1 * np.cos(2.0 * np.pi * x), 1.0) < 0.2
     angle = np.linspace(0.0, np.pi, 41)
-    # As along arcs: a fifth of the radius, in hollows a tenth.
+    # As along arcs: a fifth of the radius, in hollows a fourteenth.
     x, y = -0.5 * np.cos(angle), -0.5 * np.sin(angle)
     assert 0.06 <= finest(x, y, 0.5) <= 0.1
     assert 0.03 <= finest(x[::-1], y[::-1], 0.5) <= 0.05

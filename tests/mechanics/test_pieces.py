@@ -12,7 +12,7 @@ from benchmarks import thin_bodies
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, rectangle
+from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics import pieces
@@ -247,6 +247,20 @@ def opposite_pushes(name: str, points: FloatArray, _: FloatArray) -> FloatArray:
 def test_a_thin_ring_bends_as_it_should(degree: int) -> None:
     cloud = build_cloud(annulus((0.0, 0.0), (19.5, 20.5)), Spacing(0.25), 0)
     assert compliance(cloud, opposite_pushes, {}, degree) == pytest.approx(RING, rel=0.01)
+
+
+def test_a_long_thin_arch_is_not_told_to_be_solved_badly() -> None:
+    # Its sums of equilibrium move the solution by a thousandth; that what holds them there is no error was
+    # forgotten, and arches of 60 thicknesses refused, though solved to 1e-9.
+    cloud = build_cloud(sector((0.0, 0.0), (59.5, 60.5), (0.0, 0.5 * np.pi)), Spacing(0.25), 0)
+    body = build(cloud, {"start": (True, True)}, 2, SOFT)
+    push = np.tile([1e-9, 0.0], (len(cloud.surfaces["end"].index), 1))
+    source = sparse.csc_array(body.source("end", push, held=False)[:, None])
+    found = body.system.solve(source)
+    assert body.system.residual(source, found) <= 1e-7
+    # A quarter of a ring under a force F across its end: u = (3 pi / 4 - 2) F R^3 / (E I).
+    moved = found.reshape(-1, 2)[cloud.surfaces["end"].index, 0].mean()
+    assert moved == pytest.approx(12e-9 * (0.75 * np.pi - 2.0) * 60.0**3, rel=2e-3)
 
 
 @pytest.mark.parametrize("degree", [2, 4])

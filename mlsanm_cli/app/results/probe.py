@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -268,7 +269,9 @@ def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatAr
 def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
     """Rows (5e, 2n) of displacement and stress at ``points`` (e, 2) over the stored nodes, quantity by
     quantity."""
-    return point_rows(_stencils_at(run, case, body, points), _material(case, body).stiffness)
+    stencils = _stencils_at(run, case, body, points)
+    nodal = partial(_stencils_at, run, case, body, run.bodies[body].points)
+    return point_rows(stencils, _material(case, body), stencils, nodal)
 
 
 def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Stencils:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.default_spacing import (
+    ACROSS,
+    GROWTH,
     arc_zones,
     automatic_spacing,
-    bends,
     bond_zones,
     clamped_zones,
     contact_zone,
 )
+from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.app.scene.narrow_parts import narrow_zones
 from mlsanm_cli.app.scene.surfaces import (
     bond_ends,
     curve_at,
@@ -39,11 +43,13 @@ def spacing_of(case: Case, body: Body) -> Spacing:
     outline = drawn(body.shape)
     far, zones = body.spacing, []
     if isinstance(far, str):
-        far = automatic_spacing(outline)
-        sides = _clamped(case, body.name) if bends(outline) else ()
+        finer = _finer(case, body)
+        far = automatic_spacing(outline) / finer
+        sides = _clamped(case, body.name)
         clamped = [curve_at(case, place, "support")[0] for place in sides]
         zones = [
-            *arc_zones(outline, far),
+            *arc_zones(outline, far, finer),
+            *narrow_zones(outline, far, ACROSS * finer, GROWTH),
             *_contact_zones(case, body, far),
             *(zone for curve in clamped for zone in clamped_zones(curve, far)),
         ]
@@ -94,7 +100,13 @@ def _far(case: Case, name: str) -> float:
     body = next(one for one in case.body if one.name == name)
     if isinstance(body.spacing, float):
         return body.spacing
-    return np.inf if body.has_nodes else automatic_spacing(drawn(body.shape))
+    return np.inf if body.has_nodes else automatic_spacing(drawn(body.shape)) / _finer(case, body)
+
+
+def _finer(case: Case, body: Body) -> float:
+    """How much finer nodes a body needs than an isotropic one: what changes faster one way than the other is
+    resolved by the mean of both."""
+    return math.sqrt(materials(case)[body.material].stretch)
 
 
 def _brought(case: Case, body: Body, cloud: Cloud, line: Line | None) -> Cloud:

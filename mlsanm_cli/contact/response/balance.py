@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -71,19 +72,25 @@ class Forces:
 
     def applied(self, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
         """What prescribed tractions and body forces, and the springs, add up to on a body."""
-        elastic, resultants = self.scene.bodies[body], self._resultants(body, center)
-        total = np.zeros((3, self.columns.loads))
-        for load in self.scene.surface_loads:
-            if load.body == body and not load.held:
-                total[:, load.number] += resultants @ load.source(elastic)
-        for force in self.scene.body_forces:
-            if force.body == body:
-                total[:, force.number] += resultants @ elastic.force_source(force.values)
-        result = self.columns.of_loads(total)
+        result = self.columns.of_loads(_about(center) @ self.prescribed[body])
         for where, pull in self.springs.items():
             if where[0] == body:
                 result = result + pull.combined(_about(center))
         return result
+
+    @cached_property
+    def prescribed(self) -> Mapping[str, FloatArray]:
+        """Force x, y and moment about the origin (3, loads) of prescribed tractions and body forces on every
+        body."""
+        found = {name: np.zeros((3, self.columns.loads)) for name in self.scene.bodies}
+        for load in self.scene.surface_loads:
+            if not load.held:
+                body = self.scene.bodies[load.body]
+                found[load.body][:, load.number] += body.resultants() @ load.source(body)
+        for force in self.scene.body_forces:
+            body = self.scene.bodies[force.body]
+            found[force.body][:, force.number] += body.resultants() @ body.force_source(force.values)
+        return found
 
     def _resultants(self, body: str, center: tuple[float, float]) -> sparse.csr_array:
         return self.scene.bodies[body].resultants(center)
@@ -125,16 +132,19 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
     """Force x, y (2 rows) that each load and each support exerts on its body, by name."""
     scene, columns = forces.scene, forces.columns
     report: dict[str, LinearMap] = {}
+
+    def of_load(body: str, number: int) -> LinearMap:
+        alone = np.arange(columns.loads) == number
+        return columns.of_loads(forces.prescribed[body][:2] * alone)
+
     for load in scene.surface_loads:
+        name = scene.loads[load.number]
         if load.held:
-            total = forces.measured[load.body, load.surface]
+            # A load on several surfaces acts on one after the other.
+            total_force = forces.measured[load.body, load.surface].take(slice(0, 2))
+            report[name] = report[name] + total_force if name in report else total_force
         else:
-            body, sums = scene.bodies[load.body], np.zeros((3, columns.loads))
-            sums[:, load.number] = body.resultants() @ load.source(body)
-            total = columns.of_loads(sums)
-        name, total_force = scene.loads[load.number], total.take(slice(0, 2))
-        # A load on several surfaces acts on one after the other.
-        report[name] = report[name] + total_force if name in report else total_force
+            report[name] = of_load(load.body, load.number)
     for constraint in scene.rigid_constraints:
         for number in constraint.loads:
             rows = [columns.zeros(1), columns.zeros(1)]
@@ -152,9 +162,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
                     rows[motion.component] = forces.constraint(constraint, motion)
             report[scene.loads[number]] = stack(rows, columns)
     for force in scene.body_forces:
-        elastic, sums = scene.bodies[force.body], np.zeros((2, columns.loads))
-        sums[:, force.number] = (elastic.resultants() @ elastic.force_source(force.values))[:2]
-        report[scene.loads[force.number]] = columns.of_loads(sums)
+        report[scene.loads[force.number]] = of_load(force.body, force.number)
     for heating in scene.heatings:
         report[scene.loads[heating.number]] = columns.zeros(2)
     for name, places in scene.supports.items():

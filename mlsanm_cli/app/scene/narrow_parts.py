@@ -1,0 +1,86 @@
+"""Finer nodes where a body is narrower than elsewhere: between holes and edges, and at necks.
+
+With the spacing of the rest a plate with two holes a quarter of their diameter apart had three spacings in
+between, degree 2 therefore, and stresses 4 to 7 % low at the holes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.joined import part_of
+from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.startup import cKDTree
+
+PER_SPACING, FEWEST = 2.0, 8
+"""Samples of the outline over the spacing far away, and on every curve."""
+OPPOSED = 0.9
+"""Faces are opposite where their normals are against each other by this cosine."""
+LEVELS, FINER = 12, 2.0**-0.25
+"""Spacings are steps of this part, down to an eighth."""
+SLACK = 1e-6
+"""Round-off in widths does not change the step: bodies that are symmetric have symmetric spacings."""
+
+
+def narrow_zones(outline: Outline, far: float, across: float, growth: float) -> Iterator[Zone]:
+    """Zones with ``across`` spacings between opposite faces, where ``far`` is wider.
+
+    Faces that meet in a corner count as far apart: wedges would have ever finer nodes.
+    """
+    owner, arc, step, points, normals = _samples(outline, far)
+    width = np.full(len(owner), np.inf)
+    pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
+    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    kept = (normals[one] * normals[other]).sum(axis=1) < -OPPOSED
+    kept &= ~_adjacent(outline)[owner[one], owner[other]]
+    one, other = one[kept], other[kept]
+    away = points[one] - points[other]
+    depth = (away * normals[one]).sum(axis=1)
+    aside = np.sqrt(np.maximum((away**2).sum(axis=1) - depth**2, 0.0))
+    # The point just across lies between samples.
+    aside = np.maximum(aside - step[other], 0.0)
+    inside = depth > 0.0
+    np.minimum.at(width, one[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
+    level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(FINER) - SLACK)
+    level = np.clip(level, 0, LEVELS)
+    for number, curve in enumerate(outline.curves):
+        own = np.flatnonzero(owner == number)
+        cuts = np.flatnonzero(np.diff(level[own])) + 1
+        half = 0.5 * curve.length / len(own)
+        for first, last in pairwise([0, *cuts.tolist(), len(own)]):
+            steps = float(level[own[first]])
+            if steps:
+                ends = float(arc[own[first]]) - half, float(arc[own[last - 1]]) + half
+                whole = last - first == len(own)
+                fine = far * FINER**steps
+                piece = curve if whole else part_of(curve, *ends)
+                yield Zone(piece, fine, 0.5 * across * fine, growth)
+
+
+def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Number of the curve (m,), arc length (m,), distance of samples (m,), points and normals (m, 2)."""
+    parts: list[tuple[Any, ...]] = []
+    for number, curve in enumerate(outline.curves):
+        count = 4 * max(FEWEST // 4, int(np.ceil(0.25 * PER_SPACING * curve.length / far)))
+        size = curve.length / count
+        s: FloatArray = size * (0.5 + np.arange(count, dtype=np.float64))
+        parts.append((np.full(count, number), s, np.full(count, size), curve.points(s), curve.normals(s)))
+    owner, arc, step, points, normals = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return owner, arc, step, points, normals
+
+
+def _adjacent(outline: Outline) -> BoolArray:
+    """Which curves (c, c) follow each other."""
+    result = np.zeros((len(outline.curves),) * 2, dtype=bool)
+    for loop in outline.loops:
+        numbers = np.arange(len(outline.curves))[loop]
+        if len(numbers) > 1:
+            following = np.roll(numbers, -1)
+            result[numbers, following] = result[following, numbers] = True
+    return result
