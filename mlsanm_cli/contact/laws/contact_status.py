@@ -6,7 +6,7 @@ s = anchor; slipping ones carry t = d mu p with the sense d = +-1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,6 +55,28 @@ class ContactState:
     motion: FloatArray
     gap: FloatArray
     slip: FloatArray
+
+    def advanced(self, step: float, rates: ContactState) -> ContactState:
+        """The state a ``step`` further along its ``rates``."""
+        return ContactState(
+            *(getattr(self, one.name) + step * getattr(rates, one.name) for one in fields(self))
+        )
+
+    def obeying(
+        self, condensed: Condensed, sets: ContactStatus, stick_reference: FloatArray
+    ) -> ContactState:
+        """The state with what ``sets`` prescribe exact to the last digit: no pressure where nodes are open,
+        no gap where they are closed, sticking ones at their ``stick_reference`` (n,), slipping ones at the
+        limit."""
+        pressure = np.where(sets.closed, self.pressure, 0.0)
+        limit = condensed.friction * pressure[condensed.friction_nodes]
+        return replace(
+            self,
+            pressure=pressure,
+            traction=np.where(sets.stuck, self.traction, sets.slip_sign * limit),
+            gap=np.where(sets.closed, 0.0, self.gap),
+            slip=np.where(sets.stuck, stick_reference, self.slip),
+        )
 
 
 class SetSystem:
