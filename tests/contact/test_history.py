@@ -175,7 +175,9 @@ def test_gaps_count_as_nothing_by_what_closing_them_would_take() -> None:
     # A node of a grid that is fine somewhere: closed over a gap that is little to all others, it pulled at
     # its body with 0.2 % of the peak pressure.
     compliance = np.diag([1e-2, 1e-8]) + 1e-9
-    condensed: Any = SimpleNamespace(gap=SimpleNamespace(pressure=compliance))
+    condensed: Any = SimpleNamespace(
+        gap=SimpleNamespace(pressure=compliance), own=(np.diag(compliance), np.zeros(0))
+    )
     values: Any = SimpleNamespace(pressure=np.array([1.0, 0.5]))
     force, length = history._limits(condensed, values)
     assert force == history.NEAR
