@@ -19,6 +19,8 @@ TAKES_PART = 1e-3
 """Bodies take part in a motion by at least this part of what moves most."""
 NOTHING = 1e-6
 """Smaller parts of a stage are none."""
+SLIDES = "slide"
+"""What messages call it."""
 RUBBED = 0.5
 """What slides takes up more than this part of the loads' work by friction."""
 
@@ -27,14 +29,14 @@ def at_limit(
     scene: Scene, condensed: Condensed, stages: FloatArray, last: float, error: NumericalError
 ) -> NumericalError:
     """The error that ended a path along ``stages`` (T + 1, L) at the position ``last``, in words of the limit
-    load if it came close to one; else the error itself."""
-    if isinstance(error, SlidingError):
-        return error
+    load if it came close to one; else, and where the error says already what slides, the error itself."""
     stage = min(int(last), len(stages) - 2)
     named = _limit(scene, condensed, stages, stage, last - stage)
     if named is None:
         return error
     text, hint = named
+    if isinstance(error, SlidingError) and f" {SLIDES}" in text:
+        return error
     return NumericalError(f"{text} (the path came to {last:.6g}: {error.message})", hint)
 
 
@@ -91,7 +93,7 @@ def _mechanism(scene: Scene, limit: LimitLoad) -> tuple[str, str]:
     text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
     several = len(names) > 1
     if limit.rubbed > RUBBED:
-        how = "slide" if several else "slides"
+        how = SLIDES if several else f"{SLIDES}s"
     elif turns and limit.pressed:
         how = "tip over" if several else "tips over"
     else:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
+from mlsanm_cli.contact.laws.complementary_path import admissible_sets
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, primal_dual_active_set
-from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges
 from mlsanm_cli.continuation import Branch
 
 SAMPLES = 17
@@ -171,16 +171,16 @@ def continued(
     watch = AdmissibleChanges(anywhere, anywhere, at_limit, side)
     now = problem.stick_coordinate(x, lam)
 
-    def solve(sets: ContactStatus) -> tuple[RegularizedFriction, ContactState, FloatArray]:
-        stick_reference = np.where(sets.stuck & ~before.stuck, now, problem.stick_reference)
-        system = RegularizedFriction(
-            problem.coupling, problem.start, problem.end, sets, stick_reference, problem.tally
-        )
-        try:
-            rates, slipped = system.rates(x, lam)
-        except np.linalg.LinAlgError as error:
-            raise SingularSystemError from error
-        return system, rates, slipped
+    softened, known = problem.softened(x), None
 
-    _, system, _, _ = primal_dual_active_set(c, _expected(problem, x, lam, hits), watch, solve)
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
+        nonlocal known
+        known, rates = problem.rates(softened, sets, known)
+        return known, rates, rates.slip
+
+    sets, *_ = admissible_sets(c, _expected(problem, x, lam, hits), watch, solve, softened)
+    stick_reference = np.where(sets.stuck & ~before.stuck, now, problem.stick_reference)
+    system = RegularizedFriction(
+        problem.coupling, problem.start, problem.end, sets, stick_reference, problem.tally
+    )
     return system, system.on_limits(x)

@@ -49,7 +49,7 @@ class HalfPlanes:
         return np.asarray(-self.friction * self.peak * (arc[0] - stick / self.half * arc[1]))
 
 
-def strip_compliance(x: FloatArray, width: float) -> FloatArray:
+def strip_compliance(x: FloatArray, width: FloatArray | float) -> FloatArray:
     """Surface displacement of half-planes (E* = 1) along a force on strips (Flamant), up to a constant."""
     apart = x[:, None] - x[None, :]
 
@@ -59,17 +59,23 @@ def strip_compliance(x: FloatArray, width: float) -> FloatArray:
     return np.asarray(-2.0 / np.pi * (primitive(apart + 0.5 * width) - primitive(apart - 0.5 * width)))
 
 
-def strip_coupling(x: FloatArray, width: float) -> FloatArray:
+def strip_coupling(x: FloatArray, width: FloatArray | float) -> FloatArray:
     """What pressure strips do across their direction for Dundurs' beta = 1: sums of sign functions."""
     apart = x[:, None] - x[None, :]
     return np.asarray(np.abs(apart + 0.5 * width) - np.abs(apart - 0.5 * width))
 
 
-def half_planes(m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: float = 0.0) -> HalfPlanes:
-    """Two platen motions, down and along; ``shift`` moves the nodes off the symmetric places."""
+def half_planes(
+    m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: float = 0.0, finest: float | None = None
+) -> HalfPlanes:
+    """Two platen motions, down and along; ``shift`` moves the nodes off the symmetric places; the ``finest``
+    strip, about the middle, is so much finer than those at the ends."""
     half, span = 0.05, 1.5
-    width = 2.0 * span * half / m
+    width: FloatArray = np.full(m, 2.0 * span * half / m)
     x: FloatArray = (np.arange(m, dtype=np.float64) + 0.5) * width - span * half + shift
+    if finest is not None:
+        edges = span * half * finest * np.sinh(np.arcsinh(1.0 / finest) * np.linspace(-1.0, 1.0, m + 1))
+        width, x = np.diff(edges), 0.5 * (edges[1:] + edges[:-1]) + shift
     force = 0.25 * np.pi * half**2
     normal, coupling = strip_compliance(x, width), beta * strip_coupling(x, width)
     columns = Columns(2, 2, m, m)
@@ -81,7 +87,7 @@ def half_planes(m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: fl
     base = synthetic(normal, gap)
     condensed = replace(
         base,
-        weight=np.full(m, width),
+        weight=width,
         tangential={"contact": slice(0, m)},
         friction_nodes=np.arange(m),
         friction=np.full(m, friction),

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.event_driven import event_driven_path, start
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, primal_dual_active_set
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -85,6 +86,6 @@ def test_a_body_that_slips_both_ways_rests_somewhere() -> None:
         rates = system.rate(np.array([1.0, 0.0]))
         return system, rates, rates.slip
 
-    sets, *_ = primal_dual_active_set(c, ContactStatus(~never, never, slip_sign), watch, solve)
+    sets, *_ = admissible_sets(c, ContactStatus(~never, never, slip_sign), watch, solve)
     assert sets.stuck.any()
     assert not slides_freely(c, sets)

@@ -6,7 +6,7 @@ s = anchor; slipping ones carry t = d mu p with the sense d = +-1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,10 @@ class ContactStatus:
         """Equal for equal sets."""
         return self.closed.tobytes() + self.stuck.tobytes() + self.slip_sign.tobytes()
 
+    def resting(self, friction_nodes: IntArray) -> ContactStatus:
+        """The same with all closed nodes that have friction at rest."""
+        return ContactStatus(self.closed, self.closed[friction_nodes], np.zeros_like(self.slip_sign))
+
     def status(self, friction_nodes: IntArray) -> NDArray[np.int8]:
         """What every node (m,) does; closed nodes without friction slip."""
         status = np.where(self.closed, SLIP, OPEN).astype(np.int8)
@@ -55,6 +59,30 @@ class ContactState:
     motion: FloatArray
     gap: FloatArray
     slip: FloatArray
+
+    def times(self, factor: float) -> ContactState:
+        """All of it by a ``factor``."""
+        return ContactState(*(factor * getattr(self, one.name) for one in fields(self)))
+
+    def advanced(self, step: float, rates: ContactState) -> ContactState:
+        """The state a ``step`` further along its ``rates``."""
+        return ContactState(
+            *(getattr(self, one.name) + step * getattr(rates, one.name) for one in fields(self))
+        )
+
+    def obeying(self, condensed: Condensed, sets: ContactStatus, stick_reference: FloatArray) -> ContactState:
+        """The state with what ``sets`` prescribe exact to the last digit: no pressure where nodes are open,
+        no gap where they are closed, sticking ones at their ``stick_reference`` (n,), slipping ones at the
+        limit."""
+        pressure = np.where(sets.closed, self.pressure, 0.0)
+        limit = condensed.friction * pressure[condensed.friction_nodes]
+        return replace(
+            self,
+            pressure=pressure,
+            traction=np.where(sets.stuck, self.traction, sets.slip_sign * limit),
+            gap=np.where(sets.closed, 0.0, self.gap),
+            slip=np.where(sets.stuck, stick_reference, self.slip),
+        )
 
 
 class SetSystem:
@@ -103,6 +131,10 @@ class SetSystem:
         c = self._condensed
         still = np.zeros(len(c.slip.constant))
         return self._solve(c.gap.load @ change, c.slip.load @ change, c.balance.load @ change, still)
+
+    def response(self, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactState:
+        """What gaps (m,), slips (n,) and an imbalance (k,) bring about."""
+        return self._solve(gap, slip, imbalance, np.zeros(len(slip)))
 
     def _solve(
         self, free_gap: FloatArray, free_slip: FloatArray, imbalance: FloatArray, stick_reference: FloatArray

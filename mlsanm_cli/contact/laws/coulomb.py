@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.set_search import (
     AdmissibleChanges,
     FloatingError,
     moving,
-    primal_dual_active_set,
 )
 from mlsanm_cli.contact.response.condensed import Condensed
 
@@ -87,10 +87,9 @@ def increment(
     factors: FloatArray,
     slipping: bool = True,
     guess: ContactStatus | None = None,
-    passes: int | None = None,
 ) -> tuple[CoulombState, int]:
     """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
-    solved, the search beginning with a ``guess`` if there is one, ending after so many ``passes``. Without
+    solved, the search beginning with a ``guess`` if there is one. Without
     ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with ``slipping``
     FloatingError where surfaces that were apart would touch without pressure."""
     before = state.values.slip
@@ -109,7 +108,7 @@ def increment(
         return system, values, values.slip - before
 
     first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
-    sets, _, values, count = primal_dual_active_set(condensed, first, watch, solve, passes)
+    sets, _, values, count = admissible_sets(condensed, first, watch, solve)
     pressed = values.pressure.max() > NOTHING * moving(condensed, values.motion)
     if floating and slipping and not pressed and acts(condensed, factors - state.factors):
         raise FloatingError

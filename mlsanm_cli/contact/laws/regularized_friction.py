@@ -22,14 +22,15 @@ Equation (14) of docs/method.md.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling, GapTangent, Local
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 from mlsanm_cli.startup import dgetrf, dgetrs
@@ -269,23 +270,31 @@ class RegularizedFriction:
         moved = self.coupling.load[rows] @ self.change + self.coupling.slips @ np.concatenate([p, t, q])
         return np.asarray(moved * self.law.slip)
 
-    def rates(self, x: FloatArray, lam: float) -> tuple[ContactState, FloatArray]:
-        """Rates of the state and of s + c t (n,), in the form in which :func:`primal_dual_active_set` judges
-        them.
+    def softened(self, x: FloatArray) -> Condensed:
+        """The compliance that rates at x know: hyperbola and asperities give way too."""
+        c, law = self.condensed, self.law
+        p, h, _, _ = self.split(x)
+        gap = replace(c.gap, pressure=c.gap.pressure + np.diag(h / (p + law.eta)))
+        slip = replace(c.slip, traction=c.slip.traction + np.diag(law.stick_compliance))
+        return replace(c, gap=gap, slip=slip)
+
+    def rates(
+        self, softened: Condensed, sets: ContactStatus, near: SetSystem | None = None
+    ) -> tuple[SetSystem, ContactState]:
+        """A system of some ``sets``, and the rates of the state and of s + c t, in the form in which
+        :func:`admissible_sets` judges them.
 
         An open node closes where its pressure grows, which is expressed as the gap that its own compliance
         needs for that. Raises SingularSystemError where nothing resists the load.
         """
-        slope = -self.tangent(x, lam).solve(self._load_derivative)
-        p, _, q, t = self.split(slope)
-        base, rows = self.coupling, slice(self.m, self.m + self.n)
-        slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
-        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
+        system = SetSystem(softened, replace(sets, closed=np.ones_like(sets.closed)), near)
+        rates = system.rate(self.change)
+        largest = np.abs(rates.pressure).max() / self.law.pressure, np.abs(rates.slip).max() / self.law.slip
+        if not max(largest) <= UNBOUNDED:
             raise SingularSystemError
-        gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(self.condensed.gap.pressure))
-        platens, _ = base.split_motions(q)
-        values = ContactState(np.where(self.sets.closed, p, 0.0), t, platens, gap, slipped * self.law.slip)
-        return values, slipped * self.law.slip
+        p = rates.pressure
+        gap = np.where(sets.closed, 0.0, -p * self.condensed.own[0])
+        return system, replace(rates, pressure=np.where(sets.closed, p, 0.0), gap=gap)
 
     def within_cone(self, x: FloatArray) -> FloatArray:
         """The unknowns with sticking nodes' tractions within their limits, which round-off and residual of an

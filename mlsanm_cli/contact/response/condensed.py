@@ -121,6 +121,14 @@ class Condensed:
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
 
     @cached_property
+    def own(self) -> tuple[FloatArray, FloatArray]:
+        """About what gap (m,) and slip (n,) a unit pressure and traction make where they act: without sign,
+        as those of bodies that contact alone holds depend on where their motions count from."""
+        sizes = np.abs(np.diagonal(self.whole))
+        m, n = len(self.gap.constant), len(self.slip.constant)
+        return sizes[:m], sizes[m : m + n]
+
+    @cached_property
     def largest_compliance(self) -> float:
         """The largest gap that a unit pressure makes anywhere, 0 without candidates."""
         return float(np.abs(self.gap.pressure).max(initial=0.0))

@@ -1,0 +1,304 @@
+"""Sets that obey all rules, along a path of one artificial load (Lemke 1965, doi:10.1287/mnsc.11.7.681).
+
+From any sets a state is made that obeys their rules, but for what it leaves in the equations. This rest is a
+load that brings the state about. It is taken away: the state changes linearly between events, at each of
+which one node changes what it does, and where the load must grow for that the path goes on with a growing
+load. So no sets recur, however sets and rules depend on each other through friction.
+
+An open node closes as one that slips against its motion; one that sticks first slips, then opens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.set_search import (
+    AdmissibleChanges,
+    EndlessError,
+    NoStateError,
+    exchange,
+    moving,
+)
+from mlsanm_cli.contact.laws.sliding import slides_freely
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.dense import SingularSystemError
+
+ROUND_OFF = 1e-10
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+QUICK, STARTS = 30, 6
+"""Exchanges of all nodes that break rules, before single ones; sets from which these may begin."""
+OPENS, CLOSES, SLIPS, BACKWARD, RESTS = range(5)
+"""What a node may come to: it opens, closes, slips with friction 1 or -1, or rests."""
+
+
+class NoPathError(ArithmeticError):
+    """The path goes on for ever in these ``sets``, after so many systems."""
+
+    def __init__(self, sets: ContactStatus, count: int) -> None:
+        super().__init__()
+        self.sets, self.count = sets, count
+
+
+def admissible_sets(
+    condensed: Condensed,
+    first: ContactStatus,
+    watch: AdmissibleChanges,
+    solve: Callable[[ContactStatus], tuple[SetSystem, ContactState, FloatArray]],
+    softened: Condensed | None = None,
+) -> tuple[ContactStatus, SetSystem, ContactState, int]:
+    """Sets that obey every watched rule, their system and values, and how many systems it took.
+
+    ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
+    signs must be against friction; SingularSystemError where there are none. All nodes that break rules are
+    exchanged at once as long as that leads to new sets; from the best of these the path is followed. Of
+    smooth laws, with gaps everywhere, the compliance is the ``softened`` one, and open nodes are those
+    without friction, whose pressure falls; their values are told as gaps. Raises NoStateError.
+    """
+    sets, last, seen, count = first, first, set[bytes](), 0
+    starts = list[tuple[int, ContactStatus, ContactState, FloatArray]]()
+    while sets.key not in seen and count < QUICK:
+        seen.add(sets.key)
+        count += 1
+        try:
+            system, values, slipped = solve(sets)
+        except SingularSystemError:
+            if starts:
+                break
+            # What slips as a whole may come to rest somewhere.
+            last, sets = sets, sets.resting(condensed.friction_nodes)
+            continue
+        better, wrong = exchange(condensed, sets, watch, values, slipped)
+        if not wrong.any():
+            return sets, system, values, count
+        starts.append((int(wrong.sum()), sets, values, slipped))
+        sets = better
+    starts.sort(key=lambda one: one[0])
+    for _, sets, values, slipped in starts[:STARTS]:
+        try:
+            sets, made = complementary_path(condensed, sets, watch, values, slipped, softened)
+        except NoPathError as error:
+            last, count = error.sets, count + error.count
+            continue
+        system, values, slipped = solve(sets)
+        count += made
+        if not exchange(condensed, sets, watch, values, slipped)[1].any():
+            return sets, system, values, count
+        raise EndlessError(count)
+    raise NoStateError(sliding=slides_freely(condensed, last))
+
+
+@dataclass(frozen=True, eq=False)
+class _Event:
+    """What a ``node`` comes to."""
+
+    kind: int
+    node: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Rules:
+    """What is left until a rule is broken, of every event and node (5, m), infinite where there is none."""
+
+    condensed: Condensed
+    watch: AdmissibleChanges
+    reference: FloatArray
+    smooth: bool
+
+    def equations(self, sets: ContactStatus) -> ContactStatus:
+        """The sets whose equations hold: those of gaps at all nodes of smooth laws."""
+        return replace(sets, closed=np.ones_like(sets.closed)) if self.smooth else sets
+
+    def left(self, sets: ContactStatus, v: ContactState) -> FloatArray:
+        """In a state, or the rates of it with a reference of zero."""
+        c, w = self.condensed, self.watch
+        nodes, m = c.friction_nodes, len(sets.closed)
+        found = np.full((5, m), np.inf)
+        rubs = np.zeros(m, dtype=bool)
+        rubs[nodes] = sets.stuck & w.slipping
+        opens, closes = sets.closed & w.opening & ~rubs, ~sets.closed & w.closing
+        found[OPENS, opens] = v.pressure[opens]
+        found[CLOSES, closes] = -v.pressure[closes] if self.smooth else v.gap[closes]
+        for event, side in ((SLIPS, 1.0), (BACKWARD, -1.0)):
+            may = sets.stuck & w.slipping & (w.side != -side)
+            found[event, nodes[may]] = (c.friction * v.pressure[nodes] - side * v.traction)[may]
+        slides = sets.slip_sign != 0.0
+        found[RESTS, nodes[slides]] = (-sets.slip_sign * (v.slip - self.reference))[slides]
+        return found
+
+    def obeying(self, sets: ContactStatus, v: ContactState) -> ContactState:
+        """A state near ``v`` that obeys the rules of the sets."""
+        c, w = self.condensed, self.watch
+        nodes, m = c.friction_nodes, len(sets.closed)
+        # Uneven, so that what is symmetric does not change all at once.
+        uneven = 1.0 + 0.5 * np.mod(GOLDEN * np.arange(m), 1.0)
+        pressure = np.where(sets.closed & w.opening & (v.pressure < 0.0), -uneven * v.pressure, v.pressure)
+        opened = ~sets.closed & w.closing
+        gap = np.where(opened & (v.gap < 0.0), -uneven * v.gap, v.gap)
+        if self.smooth:
+            pressure = np.where(opened & (pressure > 0.0), -uneven * pressure, pressure)
+        limit, traction = c.friction * pressure[nodes], v.traction
+        for side in (1.0, -1.0):
+            over = side * traction - limit
+            may = sets.stuck & w.slipping & (w.side != -side) & (over > 0.0)
+            within = np.where(w.side == 0.0, limit * limit / np.maximum(limit + over, 1e-300), limit - over)
+            traction = np.where(may, side * within, traction)
+        traction = np.where(sets.slip_sign != 0.0, sets.slip_sign * limit, traction)
+        slipped = v.slip - self.reference
+        against = sets.slip_sign * slipped > 0.0
+        slip = np.where(against, self.reference - uneven[nodes] * slipped, v.slip)
+        return replace(v, pressure=pressure, traction=traction, gap=gap, slip=slip)
+
+    def next_event(
+        self, sets: ContactStatus, v: ContactState, rates: ContactState
+    ) -> tuple[float, _Event | None]:
+        """How far it is at these ``rates`` until a rule is at its limit, and what comes then."""
+        left = self.left(sets, v)
+        falls = -replace(self, reference=np.zeros_like(self.reference)).left(sets, rates)
+        force = max(np.abs(rates.pressure).max(initial=0.0), np.abs(rates.traction).max(initial=0.0))
+        force = max(force, moving(self.condensed, rates.motion))
+        length = max(np.abs(rates.gap).max(initial=0.0), np.abs(rates.slip).max(initial=0.0))
+        least = ROUND_OFF * np.array([force, force if self.smooth else length, force, force, length])
+        falling = np.isfinite(left) & (falls > least[:, None])
+        steps = np.full(left.shape, np.inf)
+        steps[falling] = np.maximum(left[falling], 0.0) / falls[falling]
+        kind, node = np.unravel_index(int(np.argmin(steps)), steps.shape)
+        step = float(steps[kind, node])
+        return step, _Event(int(kind), int(node)) if np.isfinite(step) else None
+
+    def after(self, sets: ContactStatus, at: _Event, v: ContactState) -> ContactStatus:
+        """The sets beyond an event."""
+        event, node = at.kind, at.node
+        closed, stuck, slip_sign = sets.closed.copy(), sets.stuck.copy(), sets.slip_sign.copy()
+        closed[node] = event != OPENS
+        own = np.flatnonzero(self.condensed.friction_nodes == node)
+        stuck[own], slip_sign[own] = event == RESTS, 0.0
+        if event in (SLIPS, BACKWARD):
+            slip_sign[own] = 1.0 if event == SLIPS else -1.0
+        if event == CLOSES:
+            slides = self.watch.slipping[own]
+            sign = np.where(v.slip[own] > self.reference[own], -1.0, 1.0)
+            stuck[own], slip_sign[own] = ~slides, np.where(slides, sign, 0.0)
+        return ContactStatus(closed, stuck, slip_sign)
+
+
+def complementary_path(
+    condensed: Condensed,
+    sets: ContactStatus,
+    watch: AdmissibleChanges,
+    values: ContactState,
+    slipped: FloatArray,
+    softened: Condensed | None = None,
+) -> tuple[ContactStatus, int]:
+    """Sets that obey the watched rules, and how many systems it took, from ``sets`` with their ``values``.
+
+    Raises NoPathError.
+    """
+    rules = _Rules(condensed, watch, values.slip - slipped, softened is not None)
+    if softened is not None:
+        values = replace(
+            values, pressure=values.pressure - values.gap / condensed.own[0], gap=np.zeros_like(values.gap)
+        )
+    solved = softened or condensed
+    v, system = rules.obeying(sets, values), SetSystem(solved, rules.equations(sets))
+    rest = _rest(solved, v, values)
+    load, way, response = 1.0, -1.0, system.response(*rest)
+    limit = 60 + 12 * len(sets.closed)
+    for count in range(1, limit + 1):
+        rates = response.times(way)
+        step, event = rules.next_event(sets, v, rates)
+        if way < 0.0 and step >= load:
+            return sets, count
+        if event is None:
+            raise NoPathError(sets, count)
+        v, load, before = v.advanced(step, rates), load + way * step, sets
+        sets = rules.after(before, event, v)
+        v = v.obeying(condensed, rules.equations(sets), rules.reference)
+        try:
+            system = SetSystem(solved, rules.equations(sets), system)
+        except SingularSystemError:
+            # The load stays while what the node has come to grows by itself.
+            rates = _by_itself(solved, system, before, sets, event, rules.smooth)
+            step, event = rules.next_event(sets, v, rates)
+            if event is None:
+                raise NoPathError(sets, count) from None
+            v, before = v.advanced(step, rates), sets
+            sets = rules.after(before, event, v)
+            v = v.obeying(condensed, rules.equations(sets), rules.reference)
+            try:
+                system = SetSystem(solved, rules.equations(sets), system)
+            except SingularSystemError:
+                raise NoPathError(sets, count) from None
+        response = system.response(*rest)
+        way = 1.0 if _onward(condensed, response, event, before, sets, rules.smooth) > 0.0 else -1.0
+    raise NoPathError(sets, limit)
+
+
+def _rest(
+    condensed: Condensed, v: ContactState, values: ContactState
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What the equations lack in a state v near the ``values`` that obey them."""
+    m, n = len(v.pressure), len(v.traction)
+    moved = np.concatenate(
+        [v.pressure - values.pressure, v.traction - values.traction, np.zeros(len(v.motion))]
+    )
+    caused = condensed.whole @ moved
+    return v.gap - values.gap - caused[:m], v.slip - values.slip - caused[m : m + n], -caused[m + n :]
+
+
+def _by_itself(
+    condensed: Condensed,
+    system: SetSystem,
+    before: ContactStatus,
+    sets: ContactStatus,
+    event: _Event,
+    smooth: bool,
+) -> ContactState:
+    """Rates of a state in which only what a node has come to, beyond its event, drives the others."""
+    node, m, n = event.node, len(sets.closed), len(sets.stuck)
+    own = np.flatnonzero(condensed.friction_nodes == node)
+    gap, slip, pressure, traction = np.zeros(m), np.zeros(n), np.zeros(m), np.zeros(n)
+    if smooth and event.kind in (OPENS, CLOSES):
+        traction[own] = (before if event.kind == OPENS else sets).slip_sign[own]
+    elif event.kind == OPENS:
+        gap[node] = 1.0
+    elif event.kind == CLOSES:
+        pressure[node], traction[own] = 1.0, sets.slip_sign[own] * condensed.friction[own]
+    elif event.kind == RESTS:
+        traction[own] = -before.slip_sign[own]
+    else:
+        slip[own] = -sets.slip_sign[own]
+    caused = condensed.whole @ np.concatenate([pressure, traction, np.zeros(len(condensed.whole) - m - n)])
+    found = system.response(caused[:m] - gap, caused[m : m + n] - slip, caused[m + n :])
+    return replace(
+        found,
+        pressure=found.pressure + pressure,
+        traction=found.traction + traction,
+        gap=found.gap + gap,
+        slip=found.slip + slip,
+    )
+
+
+def _onward(
+    condensed: Condensed,
+    rates: ContactState,
+    event: _Event,
+    before: ContactStatus,
+    sets: ContactStatus,
+    smooth: bool,
+) -> float:
+    """How fast, with the load, the node leaves the rule that it was at the limit of: as it opens by its gap,
+    as it closes by its pressure, as it slips by its slip, as it rests by what friction has left."""
+    if event.kind == OPENS:
+        return float(-rates.pressure[event.node] if smooth else rates.gap[event.node])
+    if event.kind == CLOSES:
+        return float(rates.pressure[event.node])
+    own = int(np.flatnonzero(condensed.friction_nodes == event.node)[0])
+    if event.kind == RESTS:
+        sign, limit = before.slip_sign[own], condensed.friction[own] * rates.pressure[event.node]
+        return float(limit - sign * rates.traction[own])
+    return float(-sets.slip_sign[own] * rates.slip[own])
