@@ -287,3 +287,22 @@ def test_a_flat_pad_with_rounded_corners_stays_where_nothing_drives_it(tmp_path:
     assert any("pad: ux is fixed at 0" in note for note in console.notes)
     assert summary["force_balance"] < 1e-6
     assert summary["contacts"]["face"]["force"] == pytest.approx([0.0, 600.0], abs=0.01)
+
+
+def test_a_disk_as_far_from_its_hole_all_around_is_pushed_to_its_wall(tmp_path: Path) -> None:
+    # No place of the gap is nearer than others, and closing all of it takes tension.
+    text = (
+        head("strain")
+        + material("steel", E=1.0, nu=0.3)
+        + body("disk", "steel", 0.25, disk([0.0, 0.0], 1.0))
+        + load("push", None, "body-force", body="disk", body_force=[-2e-3, -1e-3])
+        + contact(
+            "hole",
+            "disk.arc",
+            obstacle={**disk([0.0, 0.0], 1.01), "inside": True},
+            **PRECISION,
+        )
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["hole"]["force"] == pytest.approx([2e-3 * np.pi, 1e-3 * np.pi], rel=1e-4)

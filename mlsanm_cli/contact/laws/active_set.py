@@ -14,6 +14,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
+from mlsanm_cli.contact.laws.limit_load import resting_nodes
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError, smallest_solution
@@ -46,9 +47,23 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
 
     Raises NumericalError where no state balances the loads.
     """
+    free_gap = condensed.gap.constant + condensed.gap.load @ factors
+    first = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
+    try:
+        return _searched(condensed, factors, free_gap, first)
+    except UnbalancedError:
+        # From gaps that are alike all around, as of a pin in its hole, the search lets go of all nodes.
+        rest = resting_nodes(condensed, factors, free_gap)
+        if rest is None:
+            raise
+        return _searched(condensed, factors, free_gap, rest)
+
+
+def _searched(
+    condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray
+) -> ExactState:
+    """The exact state, searched from a set (m,)."""
     gap_map, m = condensed.gap, len(condensed.weight)
-    free_gap = gap_map.constant + gap_map.load @ factors
-    active = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
     seen: set[bytes] = set()
     one_by_one = False
     limit = 50 * (m + 1)
