@@ -116,7 +116,7 @@ class Solid:
 
 
 def plane_moduli(material: Table, plane: str) -> Array:
-    """Matrix (3, 3) from strains xx, yy, 2xy to stresses, by inverting compliances along the material's axes."""
+    """Matrix (3, 3) from strains xx, yy, 2xy to stresses, from compliances along the material's axes."""
     if "E" in material:
         E, nu = material["E"], material["nu"]
         one = two = three = E

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
 ALL = 1.0 - 1e-9
@@ -71,29 +71,3 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
     return LimitLoad(
         part, motion, min(rubbed / work, 1.0) if work else 1.0, bool(touching.max(initial=0.0) > 1e-9)
     )
-
-
-def resting_nodes(condensed: Condensed, factors: FloatArray, gap: FloatArray) -> BoolArray | None:
-    """The nodes (m,) on which rigid bodies with ``gap`` (m,) come to rest without friction under load factors
-    (L,); None where no pressures balance these.
-
-    It is where the loads can do no more work: a linear program, whose multipliers are the motion.
-    """
-    balance, m = condensed.balance, len(condensed.weight)
-    force = balance.constant + balance.load @ factors
-    size = float(np.abs(force).max(initial=0.0))
-    if not size or not m:
-        return None
-    rows = np.hstack([balance.pressure * (size / condensed.weight), balance.motion])
-    known = np.abs(rows[:, :m]).max(axis=1)
-    scale = np.where(known > 0.0, known, size)
-    far = float(np.abs(gap).max()) or 1.0
-    from scipy.optimize import linprog  # for bodies that have to travel before they touch only
-
-    found = linprog(
-        np.concatenate([np.maximum(gap, 0.0) / far, np.zeros(len(force))]),
-        A_eq=rows / scale[:, None],
-        b_eq=-force / scale,
-        bounds=[(0.0, None)] * m + [(None, None)] * len(force),
-    )
-    return None if found.status != 0 or found.x is None else np.asarray(found.x[:m] > 0.0)
