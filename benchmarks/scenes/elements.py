@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from skfem import Basis, ElementTriP2, ElementVector, LinearForm, MeshTri
-from skfem.models.elasticity import linear_elasticity
+from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, LinearForm, MeshTri
 
 from benchmarks.scenes.scene import Array, Table
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -69,12 +68,9 @@ class Solid:
         self.cloud, self.first = cloud, first
         self.mesh = _mesh(cloud)
         self.basis = Basis(self.mesh, ElementVector(ElementTriP2()), intorder=3)
-        E, nu = material["E"], material["nu"]
-        shear, lame = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
-        if plane == "stress":
-            lame = 2 * lame * shear / (lame + 2 * shear)
-        self.young = E
-        self.stiffness = linear_elasticity(lame, shear).assemble(self.basis)
+        moduli = plane_moduli(material, plane)
+        self.young = float(moduli[0, 0])
+        self.stiffness = elasticity(moduli).assemble(self.basis)
         self.size = self.basis.N
         self.mass = self._weights()
         self.sides = {name: self._side(surface) for name, surface in cloud.surfaces.items()}
@@ -117,6 +113,45 @@ class Solid:
                 return np.asarray(side.shapes(t)[0] @ values[side.dofs[edge[0]]])
         own = values[self.first : self.first + self.size]
         return np.asarray(self.basis.probes(place.T) @ own).ravel()
+
+
+def plane_moduli(material: Table, plane: str) -> Array:
+    """Matrix (3, 3) from strains xx, yy, 2xy to stresses, from compliances along the material's axes."""
+    if "E" in material:
+        E, nu = material["E"], material["nu"]
+        one = two = three = E
+        nu12 = nu13 = nu23 = nu
+        shear = E / (2 * (1 + nu))
+    else:
+        one, two, shear, nu12 = (material[key] for key in ("E1", "E2", "G12", "nu12"))
+        three, nu13, nu23 = (material.get(key, 1.0) for key in ("E3", "nu13", "nu23"))
+    compliance = np.array(
+        [
+            [1 / one, -nu12 / one, -nu13 / one],
+            [-nu12 / one, 1 / two, -nu23 / two],
+            [-nu13 / one, -nu23 / two, 1 / three],
+        ]
+    )
+    full = np.zeros((3, 3))
+    full[:2, :2] = np.linalg.inv(compliance[:2, :2] if plane == "stress" else compliance)[:2, :2]
+    full[2, 2] = shear
+    c, s = (f(math.radians(material.get("angle", 0.0))) for f in (math.cos, math.sin))
+    turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
+    return np.asarray(turn.T @ full @ turn)
+
+
+def elasticity(moduli: Array) -> BilinearForm:
+    """Twice the strain energy."""
+
+    def strains(grad: Array) -> list[Array]:
+        return [grad[0, 0], grad[1, 1], grad[0, 1] + grad[1, 0]]
+
+    @BilinearForm
+    def form(u, v, w):  # type: ignore[no-untyped-def]
+        of_u, of_v = strains(u.grad), strains(v.grad)
+        return sum(moduli[i, j] * of_u[j] * of_v[i] for i in range(3) for j in range(3))
+
+    return form
 
 
 def _mesh(cloud: Cloud) -> MeshTri:

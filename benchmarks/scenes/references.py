@@ -153,6 +153,15 @@ class Model:
                     vectors = np.zeros((len(edge), 2))
                     vectors[:, axis] = 1.0
                     self.load += side.rows(edge, t, vectors, self.dofs).T @ (weight * traction[:, axis])
+            elif kind == "displacement":
+                solid, side = self.side(one["boundary"])
+                places = solid.basis.doflocs.T
+                given = one.get("displacement", [one.get("ux"), one.get("uy")])
+                for axis, value in enumerate(given):
+                    dofs = np.unique(side.dofs[:, :, axis])
+                    if value is not None:
+                        for dof, u in zip(dofs, value_of(value, places[dofs - solid.first]), strict=True):
+                            self.fixed[int(dof)] = (float(u), None, 0.0)
             elif kind == "body-force":
                 solid = self.solids[one["body"]]
                 self.load[solid.first : solid.first + solid.size] += solid.uniform(
@@ -440,6 +449,30 @@ def floating(told: Table) -> Table:
     }
 
 
+def first_touches(given: Table, outlines: dict[str, Outline]) -> dict[str, Zones]:
+    """Fine zones where gaps of curved surfaces are least, which a coarse mesh may not see."""
+    zones: dict[str, Zones] = {}
+    for one in given.get("contact", []):
+        name, _, side = one["slave"].partition(".")
+        curve = outlines[name].curves[outlines[name].names.index(side)]
+        places = curve.points(np.linspace(0.0, curve.length, 2001))
+        owners = [name]
+        if "master" in one:
+            owner, _, other_side = one["master"].partition(".")
+            other = outlines[owner].curves[outlines[owner].names.index(other_side)]
+            to = other.points(other.closest(places))
+            owners.append(owner)
+        else:
+            to, _ = _obstacle(one["obstacle"], places)
+        gaps = np.hypot(*(places - to).T)
+        near = np.flatnonzero(gaps <= gaps.min() + 1e-6 * curve.length)
+        if len(near) < 40:
+            for owner in owners:
+                h = 0.02 * min(_thickness(outlines[o]) for o in owners)
+                zones.setdefault(owner, []).append((places[gaps.argmin()], h, 2.0 * h))
+    return zones
+
+
 def joined(*several: dict[str, Zones]) -> dict[str, Zones]:
     return {
         name: [zone for each in several for zone in each.get(name, [])] for each in several for name in each
@@ -456,7 +489,7 @@ def reference(scene: Scene) -> Table:
         case = load_case(folder / "case.toml", inspect_geometry_file=inspect_geometry_file).case
         outlines = {body.name: outline_of(case, body) for body in case.body}
     began = time.process_time()
-    zones = corners(scene.case, outlines, 0.1)
+    zones = joined(corners(scene.case, outlines, 0.1), first_touches(scene.case, outlines))
     results = []
     for level, (base, edge, share) in enumerate(LEVELS):
         model = Model(scene.case, outlines, base, zones, scene.straight_walls)

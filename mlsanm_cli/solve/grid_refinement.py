@@ -28,6 +28,8 @@ singular there but for the contact, and clouds resolve that no further."""
 PLENTY = 300
 """Grids of more intervals are refined to less, by the cube of how many more: obstacles of many corners, or
 of many patches, would cost minutes otherwise."""
+NOTHING = 1e-6
+"""Pressures below this part of the largest in the scene are those of contacts that carry nothing."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 
@@ -89,11 +91,12 @@ def grid_errors(
     for state in states:
         pressure = state.pressure[condensed.spans[name]]
         size = hats.norm(pressure)
+        if np.abs(pressure).max(initial=0.0) <= NOTHING * np.abs(state.pressure).max(initial=0.0):
+            continue
         parts = [hats.errors(pressure)]
         if pairing.friction and tractions:
             parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
-        if size > 0.0:
-            worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
+        worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
     worst[hats.steps <= _shortest(pairing.grid)] = 0.0
     return worst
 

@@ -287,3 +287,44 @@ def test_a_flat_pad_with_rounded_corners_stays_where_nothing_drives_it(tmp_path:
     assert any("pad: ux is fixed at 0" in note for note in console.notes)
     assert summary["force_balance"] < 1e-6
     assert summary["contacts"]["face"]["force"] == pytest.approx([0.0, 600.0], abs=0.01)
+
+
+def test_a_disk_as_far_from_its_hole_all_around_is_pushed_to_its_wall(tmp_path: Path) -> None:
+    # No place of the gap is nearer than others, and closing all of it takes tension.
+    text = (
+        head("strain")
+        + material("steel", E=1.0, nu=0.3)
+        + body("disk", "steel", 0.25, disk([0.0, 0.0], 1.0))
+        + load("push", None, "body-force", body="disk", body_force=[-2e-3, -1e-3])
+        + contact(
+            "hole",
+            "disk.arc",
+            obstacle={**disk([0.0, 0.0], 1.01), "inside": True},
+            **PRECISION,
+        )
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["hole"]["force"] == pytest.approx([2e-3 * np.pi, 1e-3 * np.pi], rel=1e-4)
+
+
+def test_a_smaller_disk_between_plates_stays_where_it_is_drawn(tmp_path: Path) -> None:
+    # Nothing presses on it, and what presses on the others is in balance wherever it is.
+    text = (
+        head("strain")
+        + material("steel", E=1.0, nu=0.3)
+        + body("lid", "steel", 0.5, box([-1.5, 6.5], [2, 3]))
+    )
+    text += load("press", "lid.top", "platen", ux=0.0, fy=-0.006)
+    for name, x, radius in (("left", 0.0, 1.0), ("small", 2.5, 0.9), ("right", 5.0, 1.0)):
+        text += body(name, "steel", 0.5, disk([x, radius], radius))
+        text += contact(f"{name}-lid", f"{name}.arc", "lid.bottom", **PRECISION)
+        text += contact(f"{name}-floor", f"{name}.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), **PRECISION)
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    forces = {name: one["force"][1] for name, one in summary["contacts"].items()}
+    assert forces["left-floor"] == pytest.approx(0.003, rel=1e-3)
+    assert forces["right-lid"] == pytest.approx(-0.003, rel=1e-3)
+    assert (forces["small-lid"], forces["small-floor"]) == (0.0, 0.0)
+    small = read_run(tmp_path / "run").states[-1].bodies["small"]["displacement"]
+    assert np.abs(small).max() < 1e-9

@@ -14,9 +14,10 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
+from mlsanm_cli.contact.laws.loose_bodies import NOTHING, SOFTER, at_rest, springs
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError, smallest_solution
+from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 
 ROUND_OFF = 1e-11
 
@@ -46,40 +47,95 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
 
     Raises NumericalError where no state balances the loads.
     """
+    free_gap = condensed.gap.constant + condensed.gap.load @ factors
+    first = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
+    try:
+        solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0)))
+    except SingularSystemError:
+        solved = _at_rest(condensed, factors, free_gap, first)
+    return _state(condensed, factors, free_gap, solved)
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Springs (k,) on the motions, and where they let them be (k,); none without."""
+
+    springs: FloatArray
+    place: FloatArray
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """The closed nodes (m,), pressures (m,) and motions (k,), and how many systems these took."""
+
+    active: BoolArray
+    pressure: FloatArray
+    motion: FloatArray
+    solves: int
+
+
+def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray) -> _Solved:
+    """The state in which bodies that some sets of closed nodes leave loose are at rest, searched from a set
+    (m,)."""
+    stiff, solves = springs(condensed), 0
+    place = np.zeros(len(stiff))
+    for share in SOFTER:
+        solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place))
+        solves += solved.solves
+        pull = share * stiff * (solved.motion - place)
+        active, place = solved.active, solved.motion
+        if at_rest(condensed, factors, solved.pressure, pull):
+            if not solved.pressure.any():
+                break
+            # What is left of the springs' pull presses on nothing.
+            loaded = solved.pressure > NOTHING * solved.pressure.max()
+            pressure = np.where(loaded, solved.pressure, 0.0)
+            return _Solved(active & loaded, pressure, solved.motion, solves)
+    raise _unbalanced()
+
+
+def _searched(
+    condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray, held: _Held
+) -> _Solved:
+    """The sets that obey all conditions, searched from a set (m,). Raises SingularSystemError where a set
+    leaves bodies loose that nothing holds."""
     gap_map, m = condensed.gap, len(condensed.weight)
-    free_gap = gap_map.constant + gap_map.load @ factors
-    active = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
     seen: set[bytes] = set()
     one_by_one = False
     limit = 50 * (m + 1)
     for count in range(1, limit + 1):
-        pressure, motion, floating = _solve_active(condensed, free_gap, factors, active)
+        pressure, motion = _solve_active(condensed, free_gap, factors, active, held)
         gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
         gap[active] = 0.0
         wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion))
         if not wrong.any():
-            if floating:
-                raise _unbalanced()
-            nothing = np.zeros(len(condensed.friction_nodes))
-            unknowns = (factors, motion, pressure, nothing)
-            residual = kkt_residual(condensed, unknowns, active, np.full(len(nothing), np.nan))
-            return ExactState(
-                factors,
-                pressure,
-                gap,
-                motion,
-                nothing,
-                active,
-                np.zeros_like(active),
-                count,
-                residual,
-            )
+            return _Solved(active, pressure, motion, count)
         one_by_one |= active.tobytes() in seen
         if one_by_one:
             wrong[np.flatnonzero(wrong)[0] + 1 :] = False
         seen.add(active.tobytes())
         active = active ^ wrong
     raise EndlessError(limit)
+
+
+def _state(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, solved: _Solved) -> ExactState:
+    """What was found, with its gaps and residual."""
+    gap = free_gap + condensed.gap.motion @ solved.motion + condensed.gap.pressure @ solved.pressure
+    gap[solved.active] = 0.0
+    nothing = np.zeros(len(condensed.friction_nodes))
+    unknowns = (factors, solved.motion, solved.pressure, nothing)
+    residual = kkt_residual(condensed, unknowns, solved.active, np.full(len(nothing), np.nan))
+    return ExactState(
+        factors,
+        solved.pressure,
+        gap,
+        solved.motion,
+        nothing,
+        solved.active,
+        np.zeros_like(solved.active),
+        solved.solves,
+        residual,
+    )
 
 
 def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
@@ -89,33 +145,30 @@ def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
 
 
 def _solve_active(
-    condensed: Condensed, free_gap: FloatArray, factors: FloatArray, active: BoolArray
-) -> tuple[FloatArray, FloatArray, bool]:
-    """Pressures (m,) that close the active nodes' gaps, motions (k,) that balance the platens, and whether
-    bodies are loose with these nodes alone: where no force drives them they stay, until others touch."""
+    condensed: Condensed, free_gap: FloatArray, factors: FloatArray, active: BoolArray, held: _Held
+) -> tuple[FloatArray, FloatArray]:
+    """Pressures (m,) that close the active nodes' gaps, and motions (k,) that balance the platens.
+
+    Raises SingularSystemError where bodies are loose with these nodes alone.
+    """
     closed = np.flatnonzero(active)
     balance = condensed.balance
     a, k = len(closed), len(balance.constant)
     pressure = np.zeros(len(active))
     if a + k == 0:
-        return pressure, np.zeros(0), False
+        return pressure, np.zeros(0)
     matrix = np.empty((a + k, a + k))
     matrix[:a, :a] = condensed.gap.pressure[np.ix_(closed, closed)]
     matrix[:a, a:] = condensed.gap.motion[closed]
     matrix[a:, :a] = balance.pressure[:, closed]
     matrix[a:, a:] = balance.motion
     rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
-    floating = False
-    try:
-        solution = DenseSystem(matrix, a).solve(rhs)
-    except SingularSystemError:
-        floating = True
-        try:
-            solution = smallest_solution(matrix, a, rhs)
-        except SingularSystemError as error:
-            raise _unbalanced() from error
+    if len(held.springs):
+        matrix[a:, a:] += np.diag(held.springs)
+        rhs[a:] += held.springs * held.place
+    solution = DenseSystem(matrix, a).solve(rhs)
     pressure[closed] = solution[:a]
-    return pressure, solution[a:], floating
+    return pressure, solution[a:]
 
 
 def _unbalanced() -> UnbalancedError:

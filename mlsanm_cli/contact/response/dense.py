@@ -8,11 +8,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.startup import dgecon, dgetrf, dgetrs
 
 SINGULAR = 1e-15
-NOTHING = 1e-12
-"""Singular values below this part of the largest are none."""
-UNSOLVED = 1e-9
-HUGE = 1e200
-"""Factors on rows and columns without any entry are larger."""
 
 
 class SingularSystemError(ArithmeticError):
@@ -79,18 +74,3 @@ class DenseSystem:
             rhs * self._rows.reshape(shape)
         )
         return result
-
-
-def smallest_solution(matrix: FloatArray, lengths: int, rhs: FloatArray) -> FloatArray:
-    """The smallest solution (r,) of a singular system, scaled as others.
-
-    Raises SingularSystemError where it has none.
-    """
-    rows, columns = (np.where(one < HUGE, one, 1.0) for one in scales(matrix, lengths))
-    left, values, right = np.linalg.svd(rows[:, None] * (matrix * columns))
-    kept = values > NOTHING * values[0]
-    wanted = left.T @ (rows * rhs)
-    if np.abs(wanted[~kept]).max(initial=0.0) > UNSOLVED * np.abs(wanted).max():
-        raise SingularSystemError
-    solution: FloatArray = columns * (right[kept].T @ (wanted[kept] / values[kept]))
-    return solution
