@@ -177,16 +177,24 @@ class LeastSquares:
         relatively: (c,)."""
         scaled = self.scaled(sources)
         wanted = self._sums(scaled) - self.conditions.rows @ solutions
-        # What holds the conditions is no error, and the factor alone would take part of it for one.
-        turned, holding = self._holding
-        missing = self._gather(scaled - self._apply(solutions)) + turned @ (holding @ scaled)
-        update = self.conditions.met(self.factor.solve(missing), wanted)
+        update = self._solve_once(scaled - self._apply(solutions), wanted)
         return relative(np.linalg.norm(update, axis=0), solutions)
 
     def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
         """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows, and what the
         conditions want (s, c)."""
-        return self.conditions.met(self.factor.solve(self._gather(misfit)), wanted)
+        return self._roughly.met(self.factor.solve(self._gather(misfit)), wanted)
+
+    @cached_property
+    def _roughly(self) -> Conditions:
+        """The conditions as the factor alone answers to them: what it misses of long thin bodies' bending, it
+        misses of both alike."""
+        rows = self.conditions.rows
+        if not rows.shape[0]:
+            return self.conditions
+        answer = self.factor.solve(rows.T.toarray())
+        stiffness = np.linalg.inv(rows @ answer)
+        return Conditions(rows, answer @ stiffness, stiffness)
 
     def _sums(self, scaled: FloatArray) -> FloatArray:
         """What the conditions want (s, c) for right-hand sides (e + g, c) as the rows are scaled."""

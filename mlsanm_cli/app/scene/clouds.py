@@ -13,6 +13,7 @@ from mlsanm_cli.app.scene.default_spacing import (
     GROWTH,
     arc_zones,
     automatic_spacing,
+    bends,
     bond_zones,
     clamped_zones,
     contact_zone,
@@ -45,7 +46,9 @@ def spacing_of(case: Case, body: Body) -> Spacing:
     if isinstance(far, str):
         finer = _finer(case, body)
         far = automatic_spacing(outline) / finer
-        sides = _clamped(case, body.name)
+        # Under a contact the far ends of a bulky body matter little.
+        alone = all(side.body != body.name for contact in case.contact for side in contact.sides)
+        sides = _clamped(case, body.name) if alone or bends(outline) else ()
         clamped = [curve_at(case, place, "support")[0] for place in sides]
         zones = [
             *arc_zones(outline, far, finer),

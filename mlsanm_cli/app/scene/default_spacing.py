@@ -60,6 +60,17 @@ FLAT = 1e-6
 
 def automatic_spacing(outline: Outline) -> float:
     """The spacing far from everything."""
+    return min(_sizes(outline))
+
+
+def bends(outline: Outline) -> bool:
+    """Whether a body is so thin that its spacing is that across it."""
+    along, across = _sizes(outline)
+    return across < along
+
+
+def _sizes(outline: Outline) -> tuple[float, float]:
+    """The spacings that a body's size and its thickness ask for."""
     area = length = 0.0
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for curve in outline.curves:
@@ -68,7 +79,7 @@ def automatic_spacing(outline: Outline) -> float:
         (x, y), (ahead_x, ahead_y) = points[:-1].T, points[1:].T
         area += 0.5 * float((x * ahead_y - ahead_x * y).sum())
         length += curve.length
-    return min(float((high - low).max()) / ALONG, 2.0 * area / length / ACROSS)
+    return float((high - low).max()) / ALONG, 2.0 * area / length / ACROSS
 
 
 def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone]:
