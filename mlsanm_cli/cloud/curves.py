@@ -17,32 +17,25 @@ class Curve(Protocol):
     @property
     def length(self) -> float:
         """Total arc length."""
-        ...
 
     @property
     def closed(self) -> bool:
         """Whether the end is the start again."""
-        ...
 
     def points(self, s: FloatArray) -> FloatArray:
         """Positions (n, 2) at arc lengths ``s`` (n,)."""
-        ...
 
     def normals(self, s: FloatArray) -> FloatArray:
         """Unit outward normals (n, 2)."""
-        ...
 
     def closest(self, points: FloatArray) -> FloatArray:
         """Arc lengths (n,) of the curve's points closest to ``points`` (n, 2); ends included."""
-        ...
 
     def curvature(self, s: FloatArray) -> FloatArray:
         """Curvature (n,), positive where the material is convex."""
-        ...
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """The lines and arcs, of six numbers each, by which the spacing kernel knows the curve."""
-        ...
 
 
 @dataclass(frozen=True)

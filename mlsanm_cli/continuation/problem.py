@@ -28,7 +28,6 @@ class Tangent(Protocol):
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return w, shape (size,), with dR/dx w = rhs. ``rhs``, shape (size,), must be left as it is."""
-        ...
 
 
 class Problem(Protocol):
@@ -41,16 +40,13 @@ class Problem(Protocol):
     @property
     def size(self) -> int:
         """Number of unknowns and of equations."""
-        ...
 
     @property
     def scale(self) -> FloatArray:
         """Typical magnitude of each unknown, shape (size,), all > 0; must not change along a path."""
-        ...
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """Return R(x, lam), shape (size,), dimensionless."""
-        ...
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
         """Return dR/dx at (x, lam), factorised.
@@ -60,11 +56,9 @@ class Problem(Protocol):
         SingularTangentError
             When the factorisation breaks down (``numpy.linalg.LinAlgError`` is understood as well).
         """
-        ...
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """Return dR/dlam at (x, lam), shape (size,)."""
-        ...
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         """Return the right-hand side of order k, shape (size,), from the coefficients of orders below k.
@@ -72,8 +66,6 @@ class Problem(Protocol):
         ``x`` has shape (k, size) and ``lam`` shape (k,), k >= 2. The result is minus the coefficient of
         order k of R(sum_j a^j x_j, sum_j a^j lam_j), with x_k and lam_k taken as zero.
         """
-        ...
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
         """Whether (x, lam) lies on the meaningful side of every constraint (gaps > 0, for instance)."""
-        ...

@@ -138,11 +138,9 @@ def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
 
 
 def _text(value: Any) -> str:
-    return value.decode() if isinstance(value, bytes) else "" if _is_nan(value) else str(value)
-
-
-def _is_nan(value: Any) -> bool:
-    return isinstance(value, float) and math.isnan(value)
+    if isinstance(value, bytes):
+        return value.decode()
+    return "" if isinstance(value, float) and math.isnan(value) else str(value)
 
 
 def _check_columns(names: Sequence[str], where: str) -> None:

@@ -24,7 +24,6 @@ class Field(Protocol):
 
     def at(self, points: FloatArray) -> FloatArray:
         """Values (e,) at ``points`` (e, 2) of the body."""
-        ...
 
 
 @dataclass(frozen=True)

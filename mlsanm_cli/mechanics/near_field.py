@@ -37,21 +37,17 @@ class Kernel(Protocol):
     def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
         """Displacements (..., 2, 2) at ``w`` (...), of which angles count from ``base`` (...): a cut runs
         from the force along -base."""
-        ...
 
     def stress(self, w: ComplexArray) -> FloatArray:
         """Stresses (..., 3, 2) at ``w`` (...)."""
-        ...
 
     def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
         """Force (..., 2, 2) that the stresses send through any line from ``first`` to ``last`` (...) seen
         under less than two right angles, to its right; it has no moment about the origin."""
-        ...
 
     def along(self, tangent: ComplexArray) -> FloatArray:
         """Traction (..., 2, 2) on the surface next to the force, over the surface's curvature there, which is
         positive where the material is convex; ``tangent`` (...) are unit vectors."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -194,11 +194,11 @@ class Pieces:
         """Entries (row, column, value) of :meth:`loads` by the rows of one surface, from the ``first`` on."""
         halves, size = Halves.of(surface), len(surface.index)
         points, normal = surface.curve.points(halves.arc), surface.curve.normals(halves.arc)
-        parts = []
+        parts, straight = [], np.broadcast_to(np.eye(2), (len(halves.own), 2, 2))
         for level in self.levels:
             owner = level[surface.index[halves.own]]
             for who, share in ((halves.own, halves.share), (halves.other, 1.0 - halves.share)):
-                turn = turned_along(surface.normal[who], normal) if not any(held) else _identity(len(who))
+                turn = turned_along(surface.normal[who], normal) if not any(held) else straight
                 for axis in (0, 1):
                     if held[axis]:
                         continue
@@ -313,10 +313,6 @@ def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
     cosine = (start * end).sum(axis=1)
     sine = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
     return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
-
-
-def _identity(count: int) -> FloatArray:
-    return np.broadcast_to(np.eye(2), (count, 2, 2))
 
 
 def reaction_rows(

@@ -28,7 +28,6 @@ class LinearSystem(Protocol):
 
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
-        ...
 
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
@@ -36,17 +35,14 @@ class LinearSystem(Protocol):
         """Solutions (n, c) for ``sources`` (r, c), and what the last update changed of each (c,), relatively:
         what solving once more was worth. From a multiple of a ``start`` (n, 1) they take fewer updates, if
         there is one near them."""
-        ...
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone; :meth:`residual` estimates their error."""
-        ...
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """What a step of refinement adds to a ``solution`` (n, 1) for the right-hand side ``source`` (r, 1),
         and solutions for another one, ``more`` (r, 1), by the factor alone: (n, 2), in one pass through the
         factor."""
-        ...
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -56,7 +52,6 @@ class LinearSystem(Protocol):
 
         Much less work than the solutions themselves, if the sources have few entries.
         """
-        ...
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
         """What one more refinement would change of each of the ``solutions`` (n, c), relatively: (c,).
@@ -64,26 +59,20 @@ class LinearSystem(Protocol):
         The residual itself means little: nearly incompressible materials have rows so large that a useless
         solution leaves one at round-off.
         """
-        ...
 
     @property
     def note(self) -> str:
         """What users should know of how the equations were factorised, usually nothing."""
-        ...
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """(S^T S)^-1 times ``vectors`` (n, c), S the equations as they are scaled."""
-        ...
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         """Right-hand sides (r, c) as the equations are scaled, on request without the ``strong`` ones."""
-        ...
 
     def equations(self, sources: sparse.csc_array) -> Equations:
         """The equations for right-hand sides ``sources`` (r, c), to be factorised together with others."""
-        ...
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """What ``solution`` (n,) has too much in each equation (n,) for a right-hand side ``source`` (r,),
         to more digits than the matrix of :meth:`equations` would give."""
-        ...

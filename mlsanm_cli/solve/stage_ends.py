@@ -61,7 +61,8 @@ def searched_ends(
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
         start = next(iter(starts[number:]), None)
-        first = _last(ends) if start is None else start.closed
+        last = ends[-1].active if ends else None
+        first = last if start is None else start.closed
         try:
             ends.append(_solved_exactly(condensed, wanted, first))
         except UnbalancedError as error:
@@ -80,10 +81,6 @@ def _solved_exactly(condensed: Condensed, factors: FloatArray, first: BoolArray 
         return solve_exact(condensed, factors, first)
     except NumericalError:
         return solve_exact(condensed, factors)
-
-
-def _last(ends: Sequence[ExactState]) -> BoolArray | None:
-    return ends[-1].active if ends else None
 
 
 def exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:

@@ -213,7 +213,7 @@ def test_block_slides_both_ways(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_wedge(tmp_path: Path, friction: float) -> None:
     summary, data = solve("wedge", tmp_path / "wedge", f"contact.interface.friction={friction}")
     ratio = summary["forces"]["push"][0] / 100.0

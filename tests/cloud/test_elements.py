@@ -101,7 +101,7 @@ def test_elements_that_are_no_body_are_refused(
 
 def test_marks_that_do_not_fit_are_refused() -> None:
     points, quads = grid(2, 1)
-    with pytest.raises(GeometryError, match=r"line element near \(0.5, 0.5\) is no edge"):
+    with pytest.raises(GeometryError, match=r"line element near \(0.5, 0.5\) is not an edge"):
         boundary_loops(points, (quads,), Marks(np.array([[0, 4]]), ("a",), {}))
     with pytest.raises(GeometryError, match=r'groups "a" and "b" share the edge near \(0.5, 0\)'):
         boundary_loops(points, (quads,), Marks(np.array([[0, 1], [1, 0]]), ("a", "b"), {}))

@@ -17,7 +17,6 @@ import numpy as np
 from mlsanm_cli.app.assessment.deformed import ROUND_OFF, Outline, distances, outline_of
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.case import Contact
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
@@ -297,8 +296,8 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
                 changes.append(f"contact.{contact.name}.{role} = [{listed}]")
                 meant |= any(name in more for name in (worst.boundary, worst.other))
     for contact in built.case.contact:
-        names = {worst.boundary, worst.other}
-        if contact.ends is not None and names & set(contact.sides[0].boundaries) and names <= _both(contact):
+        names, both = {worst.boundary, worst.other}, {*contact.boundaries, _obstacle(contact.name)}
+        if contact.ends is not None and names & set(contact.sides[0].boundaries) and names <= both:
             return (
                 f"contact.{contact.name}.from and to leave it out: take them away, or put them farther apart"
             )
@@ -309,11 +308,6 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
         f'give it a [[contact]] of its own with slave = "{worst.boundary}" and {whom}, '
         f"or draw it further apart"
     )
-
-
-def _both(contact: Contact) -> set[str]:
-    """The boundaries of a contact, and its obstacle."""
-    return {*contact.boundaries, _obstacle(contact.name)}
 
 
 def _outside(overlap: Overlap, boundaries: Sequence[str], built: CondensedScene) -> list[str]:

@@ -48,9 +48,10 @@ def check_reference(loaded: LoadedCase) -> None:
     solution = case.reference.solution
     problems = [] if case.contact else ["needs a [[contact]]"]
     for contact in case.contact:
-        unknown = [b for b in contact.boundaries if _without_radius(case, b)]
+        # Curves, boundaries of several pieces and those in files have none.
+        unknown = [b for b in contact.boundaries if not isinstance(_curve(case, b), Arc | Segment)]
         if unknown:
-            problems.append(f"needs radii that the case states, as it does not of {unknown[0]}")
+            problems.append(f"needs radii, and the case gives none for {unknown[0]}")
             continue
         curved = _relative(case, contact) > 0.0
         if curved != (solution == "hertz-line"):
@@ -123,11 +124,6 @@ def _middle(
         line = centers[0] - centers[1]
         axis = line / np.hypot(*line)
     return (centers[0] if centers else 0.5 * (points[0] + points[-1])), axis
-
-
-def _without_radius(case: Case, boundary: str) -> bool:
-    """Whether the case states no radius of a boundary: of curves, boundaries of several pieces, and files."""
-    return not isinstance(_curve(case, boundary), Arc | Segment)
 
 
 def _curve(case: Case, boundary: str) -> Curve | None:

@@ -25,7 +25,8 @@ def line_of(case: Case) -> Line | None:
         return None
     if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None
-    boxes = np.array([_box(_points(case, body)) for body in case.body])
+    points = [_points(case, body) for body in case.body]
+    boxes = np.array([[some.min(axis=0), some.max(axis=0)] for some in points])
     size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
@@ -51,8 +52,3 @@ def _points(case: Case, body: Body) -> FloatArray:
     fractions = np.linspace(0.0, 1.0, SAMPLES)
     curves = outline_of(case, body).curves
     return np.concatenate([curve.points(curve.length * fractions) for curve in curves])
-
-
-def _box(points: FloatArray) -> FloatArray:
-    """Lowest and highest coordinates (2, 2)."""
-    return np.array([points.min(axis=0), points.max(axis=0)])

@@ -101,14 +101,11 @@ def _check_materials(sound: Sound, report: Report) -> None:
             report.add(("body", index, "material"), f'there is no material "{name}"', hint)
     for name in defined:
         if name not in [other for _, other in used]:
-            report.add(("material", name), "no body uses this material", _use_hint(name))
+            hint = f'remove it, or write material = "{name}" in a body'
+            report.add(("material", name), "no body uses this material", hint)
     plane = sound.model.plane if sound.model else None
     for name, material in sound.case.material.items():
         check_material(material, ("material", name), plane, report)
-
-
-def _use_hint(name: str) -> str:
-    return f'remove it, or write material = "{name}" in a body'
 
 
 def _check_spacing(body: Body, index: int, report: Report) -> None:

@@ -39,7 +39,6 @@ class Shape(Protocol):
 
         The points belong to a surface with the normals ``outward`` (n, 2).
         """
-        ...
 
 
 @dataclass(frozen=True)

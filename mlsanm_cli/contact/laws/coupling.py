@@ -45,7 +45,6 @@ class CoupledTangent(Protocol):
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (r,)."""
-        ...
 
 
 class Coupling(Protocol):
@@ -72,19 +71,15 @@ class Coupling(Protocol):
 
     def __call__(self, f: FloatArray, y: FloatArray) -> FloatArray:
         """All rows (r,) in one state."""
-        ...
 
     def with_thresholds(self, threshold: FloatArray) -> Coupling:
         """With a law whose friction begins at other pressures (n,)."""
-        ...
 
     def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The platens' motions and, if they are unknowns too, the bodies' displacements among all motions."""
-        ...
 
     def tangent(self, local: Local) -> CoupledTangent:
         """Factorise; numpy's LinAlgError where that is singular."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,18 +21,15 @@ class Factor(Protocol):
     @property
     def note(self) -> str:
         """What users should know of how it came about, usually nothing."""
-        ...
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for one right-hand side (n,) or several (n, c), on request with the transposed matrix."""
-        ...
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times the solutions for ``right`` (n, c), as a matrix (g, c).
 
         By halves of solutions where the method has them, else by :func:`products_of_solutions`.
         """
-        ...
 
 
 class DirectSolver(Protocol):
@@ -43,7 +40,6 @@ class DirectSolver(Protocol):
     def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
         """Factorise a symmetric matrix (2n, 2n), positive definite in all but its last ``negative`` points'
         unknowns and negative definite in these; NumericalError for a singular one."""
-        ...
 
 
 def products_of_solutions(factor: Factor, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
