@@ -12,7 +12,6 @@ from typing import Any, ClassVar, Self
 
 from mlsanm_cli.system import STOPPING
 
-
 HEARD = "stopping after this step; Ctrl-C again stops at once"
 
 
