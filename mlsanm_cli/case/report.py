@@ -109,6 +109,10 @@ class Report:
         key = shortened(dotted(self.data, path)) or "(file)"
         self._found.setdefault((path, message), CaseProblem(key, message, line, source, hint))
 
+    def has(self, path: KeyPath) -> bool:
+        """Whether there is a problem of this very key."""
+        return any(place == path for place, _ in self._found)
+
     def _is_set(self, path: KeyPath) -> bool:
         if any(path[: len(changed)] == changed for changed in self.changed):
             return True

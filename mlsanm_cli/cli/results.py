@@ -124,7 +124,9 @@ def _worst(method: Mapping[str, Any]) -> str:
 def _headline(summary: Mapping[str, Any]) -> str:
     status = str(summary.get("status", "unknown"))
     reason = summary.get("stop_reason")
-    return f"{status}: {reason}" if reason and str(reason) != status else status
+    if reason and str(reason).startswith(status):
+        return str(reason)
+    return f"{status}: {reason}" if reason else status
 
 
 def _outcome(summary: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -291,6 +291,12 @@ def test_hints_for_units_and_misplaced_keys(change: tuple[str, str], told: str) 
     assert any(told in str(problem) for problem in found), found
 
 
+@pytest.mark.parametrize("text", ["", "body = 1\n", "body = []\n"])
+def test_missing_bodies_are_told_once(text: str) -> None:
+    found, _ = outcome(f'format = 1\n{text}[model]\nplane = "strain"\n')
+    assert len([problem for problem in found if problem.key == "body"]) == 1
+
+
 def test_a_bad_modulus_hides_no_bad_ratio() -> None:
     found, _ = outcome(HERTZ.replace("E = 210e3", "E = -1.0").replace("nu = 0.3", "nu = 0.6"))
     assert [problem.key for problem in found] == ["material.steel.E", "material.steel.nu"]

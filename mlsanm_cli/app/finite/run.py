@@ -69,7 +69,9 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
         recorder.failure(error, scene)
         return Ending("failed", error.message, error.hint)
     except KeyboardInterrupt as stop:
-        return Ending("stopped", str(stop))
+        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
+        context.console.note(ending.hint)
+        return ending
     return Ending("done", "end of the last stage")
 
 

@@ -64,7 +64,7 @@ def run_checks(sound: Sound, inspect_geometry_file: GeometryInspector | None, re
 def _geometries(
     sound: Sound, inspect_geometry_file: GeometryInspector | None, report: Report
 ) -> dict[int, Geometry]:
-    if not sound.count("body"):
+    if not sound.count("body") and not report.has(("body",)):
         report.add(("body",), "the list is empty, at least one item is required", "add [[body]]")
     found: dict[int, Geometry] = {}
     for index, body in sound.bodies.items():
@@ -233,7 +233,8 @@ def _check_stages(sound: Sound, report: Report) -> None:
         if contact.interference is not None and contact.name in loads:
             message = f'a load is called "{contact.name}" too, which is ambiguous in stages'
             report.add(("contact", index, "name"), message)
-    if not loads and not fits and not sound.count("load") and len(sound.contacts) == sound.count("contact"):
+    complete = not sound.count("load") and len(sound.contacts) == sound.count("contact")
+    if not loads and not fits and complete and not report.has(("load",)):
         report.add(("load",), "no loads", "add [[load]], or interference in a contact")
     if "stage" not in sound.data:
         return
