@@ -115,7 +115,8 @@ def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
     assert summary["stability"] >= 0.8
     seen = probe_contact(directory, [1.0], "under")[0]
     assert set(seen) >= {"pressure", "gap"}
-    assert (np.array(seen["pressure"]) * np.array(seen["gap"])).max() <= 1e-12
+    # Within the solver's tolerance of the typical displacement, 0.3.
+    assert (np.array(seen["pressure"]) * np.array(seen["gap"])).max() <= 1e-8 * 0.3
     assert {file.name for file in plot(directory)} >= {"plot_pressure_under.png", "plot_force.png"}
     with pytest.raises(RunError, match=r"one method only"):
         compare(

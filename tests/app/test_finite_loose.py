@@ -7,7 +7,20 @@ from pathlib import Path
 import numpy as np
 
 from tests.app.scenes import solve
-from tests.case_text import body, box, contact, disk, head, item, material, pin, plane, pushed
+from tests.case_text import (
+    annulus,
+    body,
+    box,
+    contact,
+    disk,
+    head,
+    item,
+    material,
+    pin,
+    plane,
+    pushed,
+    support,
+)
 
 
 def test_a_lever_rests_about_its_hinge(tmp_path: Path) -> None:
@@ -47,3 +60,23 @@ def test_a_wheel_rolls_by_more_than_a_right_angle(tmp_path: Path) -> None:
     angle = np.arctan2(-x, 1.0 + y) % (2.0 * np.pi)
     np.testing.assert_allclose(angle, 2.0, rtol=0.04)
     assert abs(summary["contacts"]["road"]["force"][0]) < 0.05 * summary["contacts"]["road"]["force"][1]
+
+
+def test_a_loose_pin_falls_into_its_hole(tmp_path: Path) -> None:
+    """Nothing holds it until it touches: its weight carries it no further than that."""
+    text = (
+        head("strain", strain="finite")
+        + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
+        + material("hard", E=30.0, nu=0.3, law="neo-hookean")
+        + body("bush", "rubber", 0.2, annulus([0.0, 0.0], [1.0, 1.5]))
+        + body("pin", "hard", 0.2, disk([0.0, 0.0], 0.9))
+        + support("bush.outer", ux=0.0, uy=0.0)
+        + item("load", name="weight", kind="body-force", body="pin", **{"body-force": [0.0, -0.3]})
+        + contact("bore", "pin.arc", "bush.inner")
+        + item("probe", name="middle", body="pin", point=[0.0, 0.0])
+    )
+    summary = solve(text, tmp_path / "run")
+    np.testing.assert_allclose(
+        summary["contacts"]["bore"]["force"], [0.0, 0.3 * np.pi * 0.81], rtol=2e-3, atol=1e-6
+    )
+    assert -0.2 < summary["probes"]["middle"]["displacement"][1] < -0.1

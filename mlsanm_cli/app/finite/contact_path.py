@@ -29,7 +29,8 @@ FIRST = 0.25
 STRETCHED = 1.4
 """An increment that comes so near to a wanted state goes there."""
 MOST = 14
-"""Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
+"""Iterations after which an increment is halved; one that took factors of a third of them makes the next one
+longer."""
 SHORTEST = 1e-5
 FARTHEST = 0.2
 """With friction nodes slide by no more than this part of the contact's width in an increment, unless all of
@@ -38,6 +39,11 @@ them slide the same way before and after it: that has no memory."""
 TURNED = 0.5
 """Equations turn with a body that has turned by about this angle against the state that they are of: with
 those of the reference a wheel cannot roll by more than a right angle."""
+FARTHEST_STRETCH = 1.6
+"""An increment stretches no node by more than this against the state that its equations are of: 1.7 took the
+stability of half a disk under a plate from 0.84 to -0.03."""
+NOTHING = 1e-6
+"""Pressures below this part of the contact's largest are none."""
 STRIDE = 0.5
 """No node moves further against what it may touch in an increment than its gap and this part of the thinner
 body or disk: else it might be beyond what it should have met. No body moves further than this part of the
@@ -171,14 +177,22 @@ class _Path:
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
             far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))
-            if found is not None and far <= 1.0:
+            if found is not None and far <= 1.0 and self._stretched(found) <= FARTHEST_STRETCH:
                 self._rub(found)
                 self.now = found
-                longer = 1.6 if 3 * found.iterations <= MOST else 1.0
+                longer = 1.6 if 3 * found.factorizations <= MOST * len(self._projectors) else 1.0
                 return reached, size * min(longer, 0.9 / far if far else longer)
             size = 0.5 * (reached - position)
             if size < SHORTEST:
                 self._failed(position)
+
+    def _stretched(self, found: Pressed) -> float:
+        """By how much a node is stretched at most against the state that its equations are of."""
+        parts = self._scene.parts(found.displacement)
+        return max(
+            most_stretched(body, parts[name], self._projectors[name].station)
+            for name, body in self._scene.bodies.items()
+        )
 
     def _slid(self, found: Pressed) -> float:
         """How far nodes with friction have slid in an increment, over what they may: a part of the width of
@@ -221,10 +235,11 @@ class _Path:
 
     def _slides(self, found: Pressed, here: slice) -> bool:
         """Whether all closed nodes of a contact slide in one sense, now and in the state that was found."""
-        senses = []
-        for sets in (self.now.sets, found.sets):
-            closed, sense = sets.closed[here], sets.slip_sign[here]
-            senses += np.where(sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
+        senses, least = [], NOTHING * float(found.pressure[here].max())
+        for state in (self.now, found):
+            # What only just touches has no memory.
+            closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]
+            senses += np.where(state.sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
         return len(set(senses)) == 1 and senses[0] != 0.0
 
     def _rub(self, found: Pressed) -> None:

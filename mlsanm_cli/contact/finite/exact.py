@@ -35,9 +35,9 @@ LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
 PATIENCE = 3
 """Iterations without a smaller update after which an increment is given up, from twice as many on."""
-CLOSE = 1e-3
+CLOSE, SLOW = 1e-3, 0.1
 """Derivatives of the bodies before an update of at most this part of the typical displacement are good enough
-behind it: the next updates shrink by about as much."""
+behind it: the next updates shrink by about as much, or else by less than this factor."""
 SLIGHT = 1e-3
 """What falls on something is first let into it by this part of the typical displacement."""
 NOTHING = 1e-12
@@ -164,7 +164,9 @@ class Pressing:
             surface = closer.moved(u[self.numbers], traction)
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
-            close = used if updates[-1] <= CLOSE else None
+            # Thin bodies that turn may not forgive it.
+            slow = len(updates) > 2 and updates[-1] > SLOW * updates[-2]
+            close = used if updates[-1] <= CLOSE and not slow else None
             done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
             solves, used = solves + done.solves, done.used
