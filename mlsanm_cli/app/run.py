@@ -164,7 +164,8 @@ def carry_out(
                 accuracy = with_friction(built, adapted.accuracy, recorder.last)
             adapted = replace(adapted, accuracy=accuracy)
         estimates = adapted.accuracy.figures(built, recorder.last)
-        for warning in check_estimates(built, estimates["pressure"], estimates["displacement"]):
+        figures = estimates["pressure"], estimates["displacement"], adapted.accuracy.from_law
+        for warning in check_estimates(built, *figures):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None

@@ -152,6 +152,26 @@ def test_nothing_resists_is_told() -> None:
         problem.rates(free, problem.sets)
 
 
+def test_faces_have_a_limit_without_pressure_until_they_are_pressed() -> None:
+    """Kept later, it let tractions leave Coulomb's cone."""
+    problem = random_problem(6, 1, 3)
+    nodes, eta = problem.condensed.friction_nodes, problem.law.eta
+    floating = RegularizedFriction(
+        problem.coupling.with_thresholds(np.full(problem.n, -0.05)),
+        problem.start,
+        problem.start + problem.change,
+        problem.sets,
+        problem.stick_reference,
+    )
+    x = state(floating, 3)
+    x[: problem.m] = 0.0
+    assert floating.by_pressure_alone(x) is floating
+    x[nodes[:2]] = 2.0 * eta[nodes[:2]]
+    after = floating.by_pressure_alone(x)
+    assert after.law.threshold == pytest.approx([0.0, 0.0, -0.05, -0.05, -0.05])
+    assert after.pressed(x[: problem.m])[:2] == pytest.approx(2.0 * eta[nodes[:2]])
+
+
 @given(**sizes)
 def test_units_change_no_digit(m: int, k: int, seed: int, smooth: int) -> None:
     problem = random_problem(m, k, seed, smooth)

@@ -37,7 +37,8 @@ class Accuracy:
     None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees than those
     that an estimate is known for. ``largest`` is the largest displacement, looked for where
     the clouds may be refined or the errors are reported. ``solutions`` (2N, 1) are the bodies' own in that
-    state, none where they are not known.
+    state, none where they are not known. ``from_law`` is the part of ``displacement`` that a smooth law with
+    friction leaves.
     """
 
     displacement: float | None
@@ -47,6 +48,7 @@ class Accuracy:
     largest: float | None
     defects: Mapping[str, Defect]
     solutions: Mapping[str, FloatArray]
+    from_law: float = 0.0
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """As in summary.json, of ``state`` where its pressures may lie away from the exact ones.

@@ -262,13 +262,26 @@ def check_polish(levels: Sequence[Polish]) -> str:
     )
 
 
+LAW_WARNING = 0.03
+"""Displacements that a smooth law leaves larger than this part of all are warned of."""
+
+
 def check_estimates(
-    built: CondensedScene, pressures: Mapping[str, float | None], displacement: float | None
+    built: CondensedScene,
+    pressures: Mapping[str, float | None],
+    displacement: float | None,
+    from_law: float = 0.0,
 ) -> list[str]:
     """Warnings of displacements and pressures with large estimated errors; of frictionless contacts on
     grids of their own whose bodies are too coarse for their pressures, smaller ones count."""
     texts = []
-    if displacement is not None and displacement > LARGE_ERROR:
+    if displacement is not None and from_law > LAW_WARNING:
+        texts.append(
+            f"the smooth contact law moves bodies by {100 * from_law:.2g} % of their displacements, as they "
+            f'float where little presses them: use contact.regularization.law = "exact", or a lower '
+            f"contact.regularization.eta"
+        )
+    elif displacement is not None and displacement > LARGE_ERROR:
         coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
         texts.append(
             f"displacements are estimated to be off by {100 * displacement:.2g} %; make {coarse} smaller, "

@@ -12,7 +12,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.frozen import Change, frozen_change
 from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.contact_status import STICK
+from mlsanm_cli.contact.laws.contact_status import STICK, ContactState, ContactStatus
+from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, Corrected, correct
@@ -60,9 +61,16 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
             from_contact[pair.name] = float(np.linalg.norm(grid_errors(condensed, pair.name, [last])))
         else:
             from_contact[pair.name] = None if halved is None else distance(built, pair, last, halved)
-    displacement = float(np.sqrt(error / size)) if size > 0.0 else None
+    smooth = built.case.touching[0].regularization.law != "exact"
+    by_law = _smoothed(built, state) if smooth else 0.0
+    displacement = float(np.sqrt((error + by_law) / size)) if size > 0.0 else None
     return replace(
-        accuracy, displacement=displacement, from_bulk=from_bulk, from_contact=from_contact, state=last
+        accuracy,
+        displacement=displacement,
+        from_bulk=from_bulk,
+        from_contact=from_contact,
+        from_law=float(np.sqrt(by_law / size)) if size > 0.0 else 0.0,
+        state=last,
     )
 
 
@@ -86,6 +94,30 @@ def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: Chang
         total = total + condensed.contact_fields(scene, name, moved)[0].ravel()
         error += float((total**2).sum())
     return error
+
+
+def _smoothed(built: CondensedScene, state: State) -> float:
+    """Sum of squares of what the exact laws would change of all displacements, in one increment from the
+    ``state`` at its load: bodies that bend float above each other by the smooth law's gap where little
+    presses them. 0 where there is no such state."""
+    condensed = built.condensed
+    stuck = state.status[condensed.friction_nodes] == STICK
+    slides = state.closed[condensed.friction_nodes] & ~stuck
+    sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
+    values = ContactState(state.pressure, state.traction, state.motion, state.gap, state.slip)
+    before = CoulombState(state.factors, values, sets, state.slip, state.work)
+    try:
+        exact = increment(condensed, before, state.factors)[0].values
+    except NumericalError:
+        return 0.0
+    moved = (
+        np.zeros(len(state.factors)),
+        exact.motion - state.motion,
+        exact.pressure - state.pressure,
+        exact.traction - state.traction,
+    )
+    changes = (condensed.displacement(built.scene, name, moved) for name in built.scene.bodies)
+    return float(sum((change**2).sum() for change in changes))
 
 
 def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:

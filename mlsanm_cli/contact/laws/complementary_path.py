@@ -145,7 +145,8 @@ class _Rules:
         for side in (1.0, -1.0):
             over = side * traction - limit
             may = sets.stuck & w.slipping & (w.side != -side) & (over > 0.0)
-            within = np.where(w.side == 0.0, limit * limit / np.maximum(limit + over, 1e-300), limit - over)
+            above = np.where(may, limit + over, 1.0)
+            within = np.where(w.side == 0.0, limit * limit / above, limit - over)
             traction = np.where(may, side * within, traction)
         traction = np.where(sets.slip_sign != 0.0, sets.slip_sign * limit, traction)
         slipped = v.slip - self.reference
