@@ -31,7 +31,8 @@ def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
     """Whether some motion of force-controlled platens runs along slipping contacts alone.
 
     It may be any combination of their unknown motions, so that directions of axes mean nothing. It moves no
-    sticking node and hardly opens or closes closed ones, in the mean over a contact still less; contacts that it does not move have no say.
+    sticking node and hardly opens or closes closed ones, in the mean over a contact still less; contacts that
+    it does not move have no say.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping = sets.slip_sign != 0.0
