@@ -106,7 +106,7 @@ def _scaled(given: Table) -> Table:
     """Lengths by LENGTH, stresses by STRESS, forces per thickness by both."""
     made = copy.deepcopy(given)
     for one in made["material"].values():
-        one["E"] *= STRESS
+        one.update({key: one[key] * STRESS for key in ("E", "E1", "E2", "E3", "G12") if key in one})
     for one in made["body"]:
         shape = one["shape"]
         for key in ("x", "y", "center", "radius", "radii", "points", "rounding"):
@@ -160,6 +160,9 @@ def _moved(given: Table, matrix: Array, how: str) -> Table:
     """Places, directions and names of sides."""
     made = copy.deepcopy(given)
     shapes = {one["name"]: one["shape"]["kind"] for one in made["body"]}
+    for one in made["material"].values():
+        if "angle" in one:
+            one["angle"] = one["angle"] + 90.0 if how == "turned" else 180.0 - one["angle"]
     for one in made["body"]:
         _shape(one["shape"], matrix, how)
     for one in made.get("support", []):

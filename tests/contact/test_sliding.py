@@ -51,6 +51,22 @@ def test_a_surface_that_rises_holds() -> None:
         assert slides_freely(replace(c, gap=replace(c.gap, motion=motion)), all_slip(c)) == slides
 
 
+@pytest.mark.parametrize(("degrees", "slides"), [(0.0, True), (2.0, False), (8.0, False)])
+def test_a_slender_wedge_does_not_slide_through(degrees: float, slides: bool) -> None:
+    one = half_planes(20)
+    c = side_by_side(one.condensed, one.condensed)
+    up, along = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    # Both flanks of one body, whose motions are along its axis and across it.
+    motions = np.array([[up, along], [along, -up], [up, -along], [along, up]])
+    c = replace(
+        c,
+        gap=replace(c.gap, motion=c.gap.motion @ motions),
+        slip=replace(c.slip, motion=c.slip.motion @ motions),
+        balance=replace(c.balance, motion=np.zeros((2, 2))),
+    )
+    assert slides_freely(c, all_slip(c)) == slides
+
+
 def test_a_prescribed_displacement_holds() -> None:
     c = half_planes(20).condensed
     stiff = replace(c.balance, motion=np.eye(2))

@@ -11,6 +11,8 @@ from mlsanm_cli.errors import NumericalError
 
 TILT = 0.2
 """A platen whose motion opens or closes the contact by less than this part of it is resisted by friction."""
+TAPER = 0.02
+"""One that closes all of a contact by this part of it drives a wedge: round patches have both sides of it."""
 ROUND_OFF = 1e-9
 
 
@@ -29,7 +31,8 @@ def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
     """Whether some motion of force-controlled platens runs along slipping contacts alone.
 
     It may be any combination of their unknown motions, so that directions of axes mean nothing. It moves no
-    sticking node and hardly opens or closes closed ones; contacts that it does not move have no say.
+    sticking node and hardly opens or closes closed ones, in the mean over a contact still less; contacts that
+    it does not move have no say.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping = sets.slip_sign != 0.0
@@ -46,10 +49,25 @@ def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
     both = np.vstack([across, tangential[slipping]]) @ motions
     left, values, _ = np.linalg.svd(both, full_matrices=False)
     moving = left[: len(across), values > ROUND_OFF]
+    if not len(moving):
+        return bool(moving.shape[1])
     # The singular values are the parts of orthonormal motions that go across.
-    return bool(
-        moving.shape[1] and (np.linalg.svd(moving, compute_uv=False).min() if len(moving) else 0.0) < TILT
-    )
+    _, parts, right = np.linalg.svd(moving)
+    little = right[np.concatenate([parts, np.zeros(len(right) - len(parts))]) < TILT].T
+    if not little.size:
+        return False
+    means = np.linalg.qr(_closed_of_each(condensed, sets) @ (moving @ little), mode="r")
+    return means.shape[0] < means.shape[1] or float(np.linalg.svd(means, compute_uv=False).min()) < TAPER
+
+
+def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:
+    """Rows of unit size (c, closed) that take the mean over the closed nodes of each contact."""
+    root = np.sqrt(condensed.weight)
+    rows = np.zeros((len(condensed.spans), len(root)))
+    for row, span in zip(rows, condensed.spans.values(), strict=True):
+        own = np.where(sets.closed[span], root[span], 0.0)
+        row[span] = own / (np.linalg.norm(own) or 1.0)
+    return rows[:, sets.closed]
 
 
 def _unmoved(rows: FloatArray) -> FloatArray:
