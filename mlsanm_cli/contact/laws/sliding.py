@@ -56,7 +56,7 @@ def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
     little = right[np.concatenate([parts, np.zeros(len(right) - len(parts))]) < TILT].T
     if not little.size:
         return False
-    means = np.linalg.qr(_closed_of_each(condensed, sets) @ (moving @ little), mode="r")
+    means = _closed_of_each(condensed, sets) @ (moving @ little)
     return means.shape[0] < means.shape[1] or float(np.linalg.svd(means, compute_uv=False).min()) < TAPER
 
 
