@@ -122,9 +122,8 @@ def cam(count: int) -> Array:
     """Places (count, 2) around a cam in metres, its nose at 50 degrees."""
     angle = 2.0 * np.pi * np.arange(count) / count
     radius = 0.03 + 0.008 * np.cos(angle) + 0.002 * np.cos(2.0 * angle)
-    return radius[:, None] * np.column_stack(
-        [np.cos(angle + np.radians(50.0)), np.sin(angle + np.radians(50.0))]
-    )
+    angle = angle + np.radians(50.0)
+    return np.asarray(radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 @scene

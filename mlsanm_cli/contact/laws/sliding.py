@@ -51,12 +51,12 @@ def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
     moving = left[: len(across), values > ROUND_OFF]
     if not len(moving):
         return bool(moving.shape[1])
-    # The singular values are the parts of orthonormal motions that go across.
-    _, parts, right = np.linalg.svd(moving)
-    little = right[np.concatenate([parts, np.zeros(len(right) - len(parts))]) < TILT].T
+    # The eigenvalues are squares of the parts of orthonormal motions that go across.
+    parts, motions = np.linalg.eigh(moving.T @ moving)
+    little = motions[:, parts < TILT**2]
     if not little.size:
         return False
-    means = np.asarray(np.linalg.qr(_closed_of_each(condensed, sets) @ (moving @ little), mode="r"))
+    means = _closed_of_each(condensed, sets) @ (moving @ little)
     return means.shape[0] < means.shape[1] or float(np.linalg.svd(means, compute_uv=False).min()) < TAPER
 
 
