@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, exchange
+from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.continuation import Branch
 
 SAMPLES = 17
@@ -171,6 +173,18 @@ def continued(
     watch = AdmissibleChanges(anywhere, anywhere, at_limit, side)
     now = problem.stick_coordinate(x, lam)
 
+    def over(sets: ContactStatus) -> RegularizedFriction:
+        stick_reference = np.where(sets.stuck & ~before.stuck, now, problem.stick_reference)
+        return RegularizedFriction(
+            problem.coupling, problem.start, problem.end, sets, stick_reference, problem.tally
+        )
+
+    expected = _expected(problem, x, lam, hits)
+    system = over(expected)
+    with suppress(SingularSystemError):
+        rates = system.slope(x, lam)
+        if not exchange(c, expected, watch, rates, rates.slip)[1].any():
+            return system, system.on_limits(x)
     softened, known = problem.softened(x), None
 
     def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
@@ -178,9 +192,5 @@ def continued(
         known, rates = problem.rates(softened, sets, known)
         return known, rates, rates.slip
 
-    sets, *_ = admissible_sets(c, _expected(problem, x, lam, hits), watch, solve, softened)
-    stick_reference = np.where(sets.stuck & ~before.stuck, now, problem.stick_reference)
-    system = RegularizedFriction(
-        problem.coupling, problem.start, problem.end, sets, stick_reference, problem.tally
-    )
+    system = over(admissible_sets(c, expected, watch, solve, softened)[0])
     return system, system.on_limits(x)

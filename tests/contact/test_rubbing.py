@@ -133,7 +133,9 @@ def test_rates_are_the_slope_of_the_path() -> None:
     problem = random_problem(6, 1, 4)
     x = state(problem, 4)
     slope = -problem.tangent(x, 0.0).solve(problem.load_derivative(x, 0.0))
-    rates = problem.rates(problem.softened(x), problem.sets)[1]
+    rates, own = problem.rates(problem.softened(x), problem.sets)[1], problem.slope(x, 0.0)
+    for name in ("pressure", "traction", "motion", "gap", "slip"):
+        assert getattr(own, name) == pytest.approx(getattr(rates, name))
     p, _, _, t = problem.split(slope)
     assert rates.pressure == pytest.approx(np.where(problem.sets.closed, p, 0.0))
     assert rates.traction == pytest.approx(t)

@@ -270,6 +270,23 @@ class RegularizedFriction:
         moved = self.coupling.load[rows] @ self.change + self.coupling.slips @ np.concatenate([p, t, q])
         return np.asarray(moved * self.law.slip)
 
+    def slope(self, x: FloatArray, lam: float) -> ContactState:
+        """The same as :meth:`rates` of the own sets, by the tangent that the path goes on with.
+
+        Raises SingularSystemError."""
+        try:
+            slope = -self.tangent(x, lam).solve(self._load_derivative)
+        except np.linalg.LinAlgError as error:
+            raise SingularSystemError from error
+        p, _, q, t = self.split(slope)
+        base, rows = self.coupling, slice(self.m, self.m + self.n)
+        slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
+        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
+            raise SingularSystemError
+        gap = np.where(self.sets.closed, 0.0, -p * self.condensed.own[0])
+        motion = base.split_motions(q)[0]
+        return ContactState(np.where(self.sets.closed, p, 0.0), t, motion, gap, slipped * self.law.slip)
+
     def softened(self, x: FloatArray) -> Condensed:
         """The compliance that rates at x know: hyperbola and asperities give way too."""
         c, law = self.condensed, self.law
