@@ -29,8 +29,7 @@ FIRST = 0.25
 STRETCHED = 1.4
 """An increment that comes so near to a wanted state goes there."""
 MOST = 14
-"""Iterations after which an increment is halved; one that took factors of a third of them makes the next one
-longer."""
+"""Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 SHORTEST = 1e-5
 FARTHEST = 0.2
 """With friction nodes slide by no more than this part of the contact's width in an increment, unless all of
@@ -180,7 +179,7 @@ class _Path:
             if found is not None and far <= 1.0 and self._stretched(found) <= FARTHEST_STRETCH:
                 self._rub(found)
                 self.now = found
-                longer = 1.6 if 3 * found.factorizations <= MOST * len(self._projectors) else 1.0
+                longer = 1.6 if 3 * found.iterations <= MOST else 1.0
                 return reached, size * min(longer, 0.9 / far if far else longer)
             size = 0.5 * (reached - position)
             if size < SHORTEST:
