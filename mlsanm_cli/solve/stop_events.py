@@ -68,7 +68,7 @@ class Stoppable:
             self.reached = stops[begin.ended_by]
             return
         for step in self._follow(self._built, begin):
-            values = np.array([residual_vector(self._built, stop, step.state) for stop in stops])
+            values = np.array([excess(self._built, stop, step.state) for stop in stops])
             passed = [k for k in range(len(stops)) if armed[k] and values[k] >= 0.0]
             passed += [k for k, stop in enumerate(stops) if stop.what == "fold" and turning(step) is not None]
             if passed:
@@ -90,17 +90,17 @@ class Stoppable:
             highest = turning(step)
             assert highest is not None
             return self._to(begin, highest - CLOSE * max(1.0, highest)) or _ended(step)
-        value = residual_vector(self._built, stop, step.state)
+        value = excess(self._built, stop, step.state)
         found = {last: (value, step)}
         first = last if before is None else before.position
 
         def beyond(place: float) -> float:
             if place in (first, last):
-                return residual_vector(self._built, stop, before) if before and place == first else value
+                return excess(self._built, stop, before) if before and place == first else value
             end = self._to(begin, place)
             if end is None:
                 raise _Unknown
-            found[place] = residual_vector(self._built, stop, end.state), end
+            found[place] = excess(self._built, stop, end.state), end
             return found[place][0]
 
         if last - first > CLOSE * max(1.0, last) and value > 0.0:
@@ -129,7 +129,7 @@ class Stoppable:
         return None
 
 
-def residual_vector(built: CondensedScene, stop: Stop, state: State) -> float:
+def excess(built: CondensedScene, stop: Stop, state: State) -> float:
     """By how much a state is beyond a stop's limit; negative before it, -1 of a fold."""
     if stop.what == "fold":
         return -1.0
@@ -157,7 +157,11 @@ def value_of(built: CondensedScene, stop: Stop, state: State) -> float:
         return float(condensed.weight[span] @ state.closed[span])
     if stop.what == "slip":
         own = condensed.tangential.get(stop.of)
-        return 0.0 if own is None else float(np.abs(state.slip[own]).max(initial=0.0))
+        if own is None:
+            return 0.0
+        # Open nodes, of which there are as many as the grid goes beyond the contact, do not slip.
+        closed = state.closed[condensed.friction_nodes[own]]
+        return float(np.abs(state.slip[own][closed]).max(initial=0.0))
     return float(state.pressure[span].max(initial=0.0))
 
 

@@ -221,5 +221,5 @@ def test_a_reference_needs_radii_that_the_case_states(tmp_path: Path) -> None:
     text = text.replace("plate.right", "plate.top").replace("[[support]]", block + "[[support]]", 1)
     text += '[[contact]]\nname = "c"\nslave = "plate.right"\nmaster = "block.left"\n'
     case = write(tmp_path, text + '[reference]\nsolution = "uniform-pressure"\n')
-    with pytest.raises(CaseError, match=r"as it does not of plate\.right"):
+    with pytest.raises(CaseError, match=r"the case gives none for plate\.right"):
         run(case, out=tmp_path / "out", console=Quiet())

@@ -95,13 +95,15 @@ def rough() -> str:
 
 @pytest.mark.parametrize("law", ["exact", "hyperbolic"])
 def test_slip_is_reached_where_the_history_has_it(rough: str, law: str, tmp_path: Path) -> None:
-    text = rough + sheared(slip=1.5e-4, area=1e3)
+    text = rough + sheared(slip=5e-5, area=1e3)
     summary = solve(text, tmp_path / "run", f"contact.*.regularization.law={law}")
-    position = stopped(summary, "slip of interface above 0.00015")
+    position = stopped(summary, "slip of interface above 5e-05")
     assert 1.0 < position < 2.0
-    slip = np.abs(read_run(tmp_path / "run").contacts["interface"].slip)
-    assert slip[-1].max() == pytest.approx(1.5e-4, rel=1e-8)
-    assert (slip[:-1].max(axis=1) < 1.5e-4).all()
+    contact = read_run(tmp_path / "run").contacts["interface"]
+    # Open places beside the contact do not slip, however much they move.
+    slip = np.abs(contact.slip) * (contact.status != 0)
+    assert slip[-1].max() == pytest.approx(5e-5, rel=1e-8)
+    assert (slip[:-1].max(axis=1) < 5e-5).all()
 
 
 def test_of_several_stops_the_first_one_ends_the_path(rough: str, tmp_path: Path) -> None:

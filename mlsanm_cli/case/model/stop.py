@@ -17,8 +17,8 @@ class Stop(Section):
 
     what: Literal["force", "displacement", "pressure", "area", "slip", "von_mises", "fold"]
     """Force of a load, support or contact; displacement of a platen, obstacle or probe; largest pressure,
-    length in contact (area) or largest slip of a contact; von Mises stress at a probe; or a fold (limit
-    point)."""
+    length in contact (area) or largest slip of what is closed of a contact; von Mises stress at a probe; or a
+    fold (limit point)."""
     of: str = ""
     """Name of the load, contact or probe, or boundary of the support; empty for a fold."""
     component: Literal["x", "y", "size"] = "size"
