@@ -8,6 +8,11 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
 
+CLOSE = 0.1
+"""Centers are no nearer to the outline than this part of the places' extent, if others can be seen."""
+HALVES = 0.5 ** np.arange(6)
+GRAZING = 1e-9
+"""Chords that directions differ from by less are not seen: walls at right angles at the end of a face."""
 CHORDS = 200
 """Every boundary is looked at as so many chords."""
 
@@ -19,8 +24,14 @@ def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list
     if np.isinf(free).all():
         return [None]
     middle = len(place) // 2
-    center = complex(place[middle] - 0.5 * float(free.min()) * inward[middle])
-    return [center] if all_see(cloud, place, inward, center) else []
+    away, wide = 0.5 * float(free.min()), float(np.abs(place - place[middle]).max())
+    # Where a wall leans over one end of the places, that end is near to it, and the middle need not be: a
+    # center close to a surface makes fields there that its nodes do not resolve.
+    for size in min(0.5 * float(free[middle]), wide) * HALVES if away < CLOSE * wide else (away,):
+        center = complex(place[middle] - size * inward[middle])
+        if all_see(cloud, place, inward, center):
+            return [center]
+    return []
 
 
 def all_see(cloud: Cloud, place: ComplexArray, inward: ComplexArray, center: complex | None) -> bool:
@@ -47,5 +58,10 @@ def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = (np.conj(apart) * way).imag / across
         share = -(np.conj(ahead)[:, None] * apart).imag / across
-    hit = (across != 0.0) & (share >= 0.0) & (share <= 1.0) & (distance > np.abs(way).max())
+    hit = (
+        (np.abs(across) > GRAZING * np.abs(way))
+        & (share >= 0.0)
+        & (share <= 1.0)
+        & (distance > np.abs(way).max())
+    )
     return np.asarray(np.where(hit, distance, np.inf).min(axis=1))
