@@ -233,7 +233,7 @@ class _StagePath:
 
     def _pieces(self) -> Iterator[PathStep]:
         while self.point.lam < 1.0:
-            if self._loosened() and self._slides():
+            if self._loosened() and self._is_sliding():
                 raise _slides(self._stage, self.point.lam)
             self._began = self.point.lam
             yield from self._piece()
@@ -279,7 +279,7 @@ class _StagePath:
             return True
         return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
 
-    def _slides(self) -> bool:
+    def _is_sliding(self) -> bool:
         """Whether nothing but friction resists some motion, nor anything that it brings into contact."""
         friction = self.point.friction
         if friction is None or not slides_freely(friction.condensed, friction.sets):

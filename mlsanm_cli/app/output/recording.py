@@ -146,10 +146,11 @@ def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> di
             "closed_nodes": len(record.pressure),
             "stick_nodes": len(record.pressure),
         }
+    arc = slave_arc(pairing)
     return {
         "peak_pressure": float(record.pressure.max(initial=0.0)),
-        "half_width": half_width(slave_arc(pairing), record.pressure),
-        "singular_ends": is_singular(slave_arc(pairing), record.pressure),
+        "half_width": half_width(arc, record.pressure),
+        "singular_ends": is_singular(arc, record.pressure),
         "force": force.tolist(),
         "closed_nodes": int((record.status != OPEN).sum()),
         "stick_nodes": int((record.status == STICK).sum()),
