@@ -84,8 +84,11 @@ def admissible_sets(
         except NoPathError as error:
             last, count = error.sets, count + error.count
             continue
-        system, values, slipped = solve(sets)
-        count += made
+        last, count = sets, count + made
+        try:
+            system, values, slipped = solve(sets)
+        except SingularSystemError:  # sets that slide as a whole, to within round-off
+            continue
         if not exchange(condensed, sets, watch, values, slipped)[1].any():
             return sets, system, values, count
         raise EndlessError(count)
