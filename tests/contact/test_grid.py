@@ -78,7 +78,7 @@ def test_pairs_against_quadrature(sign: bool) -> None:
 
 
 def test_pairs_along_turning_directions() -> None:
-    """The normals of a circle over hats that turn by 14 degrees: with their mean directions where hats overlap
+    """The normals of a circle over hats that turn by 14 degrees: with mean directions where these overlap
     a press fit's pressure had rippled by 0.3 %."""
     hats = Hats(np.linspace(0.0, 3.0, 13))
     normal = np.stack([np.sin(hats.points), -np.cos(hats.points)], axis=1)
