@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.joined import part_of, points_of
+from mlsanm_cli.cloud.joined import Joined, part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SHARP
 from mlsanm_cli.contact.geometry.obstacles import Shape
@@ -194,14 +194,18 @@ def contact_zone(
 
 
 def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zone]:
-    """Finer nodes along short faces that make a corner with a surface in contact: lips and edges bend."""
-    for arc in (0.0, own.length):
-        point, normal = own.points(np.array([arc]))[0], own.normals(np.array([arc]))[0]
-        for curve in rest:
+    """Finer nodes along short faces that make a corner with a surface in contact, or with another one of its
+    own pieces: lips and edges bend."""
+    pieces = own.pieces if isinstance(own, Joined) else (own,)
+    for piece in pieces:
+        point, normal = (of(np.array([0.0, piece.length])) for of in (piece.points, piece.normals))
+        for curve in [*rest, *(one for one in pieces if one is not piece)]:
+            if curve.length >= BESIDE * far:
+                continue
             ends = np.array([0.0, curve.length])
-            places, normals = curve.points(ends), curve.normals(ends)
-            meets = np.hypot(*(places - point).T) <= FLAT * own.length
-            if (meets & (normals @ normal < SMOOTH)).any() and curve.length < BESIDE * far:
+            apart = np.hypot(*(curve.points(ends) - point[:, None]).transpose(2, 0, 1))
+            corner = (apart <= FLAT * own.length) & (normal @ curve.normals(ends).T < SMOOTH)
+            if corner.any():
                 yield Zone(curve, curve.length / BESIDE, 0.0, GROWTH)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange, logarithm
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
@@ -83,7 +84,9 @@ class Facing:
             assert self.obstacle is not None
             return points, *self.obstacle.closest(points, outward), outward
         there = self.other.closest(points)
-        return points, self.other.points(there), self.other.normals(there), outward
+        # At corners within the curves those of the sides that face each other.
+        normals = normals_towards(self.other, there, outward)
+        return points, self.other.points(there), normals, normals_towards(self.base, arc, normals)
 
     def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
