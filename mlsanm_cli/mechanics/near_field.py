@@ -27,9 +27,6 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 
 ComplexArray = NDArray[np.complex128]
 
-FEW = 8
-"""Columns of forces up to which fields are added up as they are found; of more, tables of all fields are
-multiplied."""
 ALL = np.zeros((0, 0), dtype=bool)
 """Every pair of points and forces counts."""
 ALIKE = 1e-8
@@ -216,18 +213,19 @@ class SurfaceForces:
     def displacement_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
         """Displacements (e, 2, c) at places ``z`` (e,) by all forces (k, 2, c), but for pairs that are
         ``left_out`` (e, k)."""
-        if not isinstance(self.kernel, Isotropic) or force.shape[2] > FEW:
+        if not isinstance(self.kernel, Isotropic):
             return _added(self.displacement(z), force, left_out)
+        places, bases, force = as_real(self.place), as_real(self.inward), np.ascontiguousarray(force)
         kappa, shear = self.kernel.kappa, self.kernel.shear
-        places, bases = as_real(self.place), as_real(self.inward)
         found = radial_displacements(as_real(z), places, bases, self._center, force, kappa, left_out)
         return found / (4.0 * np.pi * shear)
 
     def stress_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
         """Stresses (e, 3, c) of the same."""
-        if not isinstance(self.kernel, Isotropic) or force.shape[2] > FEW:
+        if not isinstance(self.kernel, Isotropic):
             return _added(self.stress(z), force, left_out)
-        found = radial_stresses(as_real(z), as_real(self.place), self._center, force, left_out)
+        places, force = as_real(self.place), np.ascontiguousarray(force)
+        found = radial_stresses(as_real(z), places, self._center, force, left_out)
         return -2.0 / np.pi * found
 
     @property
