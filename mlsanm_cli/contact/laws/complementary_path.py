@@ -250,7 +250,7 @@ def _rest(
     moved = np.concatenate(
         [v.pressure - values.pressure, v.traction - values.traction, np.zeros(len(v.motion))]
     )
-    caused = condensed.whole @ moved
+    caused = condensed.blocks @ moved
     return v.gap - values.gap - caused[:m], v.slip - values.slip - caused[m : m + n], -caused[m + n :]
 
 
@@ -276,7 +276,7 @@ def _by_itself(
         traction[own] = -before.slip_sign[own]
     else:
         slip[own] = -sets.slip_sign[own]
-    caused = condensed.whole @ np.concatenate([pressure, traction, np.zeros(len(condensed.whole) - m - n)])
+    caused = condensed.blocks @ np.concatenate([pressure, traction, np.zeros(len(condensed.whole) - m - n)])
     found = system.response(caused[:m] - gap, caused[m : m + n] - slip, caused[m + n :])
     return replace(
         found,

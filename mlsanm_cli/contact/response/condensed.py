@@ -37,7 +37,7 @@ from mlsanm_cli.contact.response.balance import (
 )
 from mlsanm_cli.contact.response.bonds import Bonds, bind
 from mlsanm_cli.contact.response.contact_fields import fields_of
-from mlsanm_cli.contact.response.dense import scales
+from mlsanm_cli.contact.response.dense import Blocks, scales
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors
@@ -119,6 +119,13 @@ class Condensed:
         """Gaps, slips and force imbalance (m + n + k) per pressure, traction and motion."""
         parts = (self.gap, self.slip, self.balance)
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """:attr:`whole` for products: contacts without a body in common do nothing to each other."""
+        m, n = len(self.gap.constant), len(self.slip.constant)
+        tangential = (m + span.start for span in self.tangential.values())
+        return Blocks(self.whole, [*(span.start for span in self.spans.values()), *tangential, m, m + n])
 
     @cached_property
     def own(self) -> tuple[FloatArray, FloatArray]:
