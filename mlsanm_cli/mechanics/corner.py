@@ -40,6 +40,8 @@ ON_NORMAL = 1e-2
 """Places at the tip belong to the face whose normal differs from theirs by less, as 1 less the cosine."""
 NONE = 1e-12
 """Distances from the tip are taken as at least this part of the length: fields at the tip have no value."""
+ROUND_OFF = 1e-12
+"""Densities below are none."""
 NEAR_SURFACE = 0.2
 """Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
 INNER, OUTER = 0.2, 1.6
@@ -187,6 +189,8 @@ class Corner:
         kept = 1.0 - _step((np.log(self.span) - logarithm) / FADING)
         found = []
         for face, table in zip(self.faces, self.wedge.densities, strict=True):
+            if np.abs(table).max() <= ROUND_OFF:
+                continue  # walls at right angles need images alone
             by = interpolated(table, logarithm[:, None] - np.log(source))
             for row, more in ((0, before), (-1, after)):
                 by[row] += interpolated(table, more[:, None] - np.log(source)).sum(axis=0)
