@@ -201,7 +201,7 @@ def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zon
     pieces = own.pieces if isinstance(own, Joined) else (own,)
     for number, piece in enumerate(pieces):
         point, normal = (of(np.array([0.0, piece.length])) for of in (piece.points, piece.normals))
-        others = [one for k, one in enumerate(pieces) if abs(k - number) == 1 or own.closed and k != number]
+        others = [one for k, one in enumerate(pieces) if abs(k - number) == 1 or (own.closed and k != number)]
         for curve in [*others, *(rest if number in (0, len(pieces) - 1) else ())]:
             if curve.length >= BESIDE * far:
                 continue
