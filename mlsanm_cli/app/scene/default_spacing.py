@@ -176,6 +176,8 @@ def contact_zone(
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
+        # Where short pieces of a surface touch at last, both sides need like spacings.
+        yield from _beside_zones(other, (), min(far, others_far))
     else:
         assert obstacle is not None
         partner, _ = obstacle.closest(points, own.normals(_places(own)))
@@ -197,9 +199,10 @@ def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zon
     """Finer nodes along short faces that make a corner with a surface in contact, or with another one of its
     own pieces: lips and edges bend."""
     pieces = own.pieces if isinstance(own, Joined) else (own,)
-    for piece in pieces:
+    for number, piece in enumerate(pieces):
         point, normal = (of(np.array([0.0, piece.length])) for of in (piece.points, piece.normals))
-        for curve in [*rest, *(one for one in pieces if one is not piece)]:
+        others = [one for k, one in enumerate(pieces) if abs(k - number) == 1 or (own.closed and k != number)]
+        for curve in [*others, *(rest if number in (0, len(pieces) - 1) else ())]:
             if curve.length >= BESIDE * far:
                 continue
             ends = np.array([0.0, curve.length])
