@@ -281,13 +281,19 @@ class BodyResponses:
 
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> BodyResponses:
-        """Solve for them, with the fields in closed form added."""
-        observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
-        sources = {name: body_load_vectors(scene, name, pairings, drivers.columns) for name in scene.bodies}
-        observed, solutions = observe(observation, sources, drivers.columns, memo)
-        if any(pairing.grid is not None for pairing in pairings):
-            observed += near_field_response(observation, drivers)
-        return cls(observation, sources, observed, solutions)
+        """Solve for them, with the fields in closed form added; for all coefficients of friction above 0
+        once, as in :func:`condense`."""
+
+        def made() -> BodyResponses:
+            observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
+            columns = drivers.columns
+            sources = {name: body_load_vectors(scene, name, pairings, columns) for name in scene.bodies}
+            observed, solutions = observe(observation, sources, columns, memo)
+            if any(pairing.grid is not None for pairing in pairings):
+                observed += near_field_response(observation, drivers)
+            return cls(observation, sources, observed, solutions)
+
+        return memo.value("responses", digest(scene, _split_motions(pairings)), made)
 
     def smooth(self, pairing: Pairing) -> FloatArray:
         """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
