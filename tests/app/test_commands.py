@@ -290,9 +290,9 @@ def test_colour_of_the_bodies(bar_run: Path) -> None:
 
 
 def test_a_failed_run_keeps_what_it_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    afterwards.chdir(tmp_path)
     write(tmp_path, hertz())
     assert main(["run", "case.toml", "--set", "solver.max_steps=4", "--json"]) == 3
     out, err = capsys.readouterr()

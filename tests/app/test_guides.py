@@ -26,9 +26,9 @@ def summary(place: str) -> dict[str, Any]:
 
 
 def test_every_command_of_the_tutorial_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    afterwards.chdir(tmp_path)
     first, more = blocks(TUTORIAL, "toml")
     (tmp_path / "clamp.toml").write_text(first)
     (tmp_path / "pulled.toml").write_text(first + more)
