@@ -83,7 +83,7 @@ def test_nodes_know_the_gap_as_grids_do(tmp_path: Path) -> None:
     full = np.pi * modulus * height
     text = HEAD + CLAMP + press(-0.5 * full)
     for part, edge in ((UPPER, "bottom"), (LOWER, "top")):
-        fine = f"refine = [{{ along = '{edge}', spacing = 0.06, radius = 0.0 }}]\nshape"
+        fine = f"refine = [{{ along = '{edge}', spacing = 0.08, radius = 0.0 }}]\nshape"
         text += part.replace("shape", fine)
     text += contact("c", "upper.bottom", "lower.top", gap=f"{height}*(1 - cos(2*pi*x - pi))")
     found = contact_of(text, tmp_path / "run", "solver.formulation=monolithic")
