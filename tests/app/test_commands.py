@@ -174,9 +174,8 @@ def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
         info(damaged)
 
 
-def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path, patch_run: Path) -> None:
+def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
     common = {"plot_force.png", "plot_peak.png", "plot_bodies.png"}
-    assert {f.name for f in plot(patch_run)} == common | {"plot_pressure_interface.png"}
     under = {"plot_pressure_under-left.png", "plot_pressure_under-right.png"}
     assert {f.name for f in plot(punches_run)} == common | under
     files = plot(bar_run, formats=("svg", "pdf"))

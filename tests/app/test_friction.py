@@ -23,7 +23,7 @@ SHEARED = (
     hertz()
     .replace('[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n', "")
     .replace("fy = -226.0", "force = [0.0, -226.0]")
-    .replace("accuracy = 0.01", "friction = 0.4\naccuracy = 0.03")
+    .replace("accuracy = 0.01", "friction = 0.4\naccuracy = 0.1")
     .replace(
         '[reference]\nsolution = "hertz-line"',
         (

@@ -22,7 +22,6 @@ PATIENCE = 120.0
 
 
 QUICK = hertz().replace("accuracy = 0.01", "accuracy = 0.1")
-SHEARED = SHEARED.replace("accuracy = 0.03", "accuracy = 0.1")
 RUN = ("run", "case.toml", "--out", "run")
 
 

@@ -78,21 +78,19 @@ def assert_alone(page: Reader, path: Path) -> None:
     assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
 
 
-def test_three_runs_in_one_small_file(
-    hertz_run: Path, punches_run: Path, bar_run: Path, tmp_path: Path
-) -> None:
-    path = report([hertz_run, punches_run, bar_run], tmp_path / "all.html")
+def test_two_runs_in_one_small_file(punches_run: Path, bar_run: Path, tmp_path: Path) -> None:
+    path = report([punches_run, bar_run], tmp_path / "all.html")
     assert path.stat().st_size < 3e6
     page = read(path)
     assert_accessible(page)
     assert_alone(page, path)
-    assert len(page.of("img")) == 4 + 5 + 2
+    assert len(page.of("img")) == 5 + 2
     for image in page.of("img"):
         data = base64.b64decode((image["src"] or "").partition(",")[2])
         assert data.startswith(b"\x89PNG")
     text = " ".join(page.text)
     for words in (
-        "3 runs",
+        "2 runs",
         "side by side",
         "Provenance",
         "under-left: peak pressure",
