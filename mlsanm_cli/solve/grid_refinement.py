@@ -11,7 +11,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.condensed import BodyResponses, Condensed
+from mlsanm_cli.contact.response.condensation import BodyResponses
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.grid_ranges import summits
 
