@@ -396,7 +396,8 @@ def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -
     )
     summary = solve(text, tmp_path / "run")
     assert summary["status"] == "done"
-    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.005)
+    # With half of the spacing, and at degree 4.
+    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.01)
 
 
 @pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "only 1 of the nodes")])
