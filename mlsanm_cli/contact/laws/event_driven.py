@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, NoStateError
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
@@ -112,6 +112,8 @@ def event_driven_path(
         except NoStateError as error:
             try:
                 state, fraction, solves = _jump(condensed, state, begin, change, fraction, pending[0])
+            except FloatingError:
+                raise
             except NoStateError as failure:
                 if error.sliding or failure.sliding or slides_freely(condensed, state.sets):
                     raise SlidingError(fraction) from error
@@ -238,7 +240,12 @@ def _jump(
     fraction: float,
     ceiling: float,
 ) -> tuple[CoulombState, float, int]:
-    """The first state found a finite way ahead, and where it is."""
+    """The first state found a finite way ahead, and where it is.
+
+    Raises NoStateError; FloatingError where surfaces would touch without pressure, however much sliding would
+    be found farther ahead.
+    """
+    failure: NoStateError | None = None
     if not state.sets.closed.any():
         touching = _touch_down(condensed, state, begin, change, fraction, ceiling)
         if touching is not None:
@@ -248,9 +255,10 @@ def _jump(
         try:
             found, solves = increment(condensed, state, begin + ahead * change)
         except NoStateError as error:
-            failure = error
+            failure = failure if isinstance(failure, FloatingError) else error
             continue
         return found, ahead, solves
+    assert failure is not None
     raise failure
 
 
