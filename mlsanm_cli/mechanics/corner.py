@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
@@ -40,6 +40,8 @@ ON_NORMAL = 1e-2
 """Places at the tip belong to the face whose normal differs from theirs by less, as 1 less the cosine."""
 NONE = 1e-12
 """Distances from the tip are taken as at least this part of the length: fields at the tip have no value."""
+ROUND_OFF = 1e-12
+"""Densities below are none."""
 NEAR_SURFACE = 0.2
 """Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
 INNER, OUTER = 0.2, 1.6
@@ -91,11 +93,11 @@ class Images:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,)."""
-        return np.asarray(np.einsum("ekcd,kdm->ecm", self.places.displacement(z), self.force, optimize=True))
+        return self.places.displacement_by(self.force, z)
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, 3, c) at ``z`` (e,)."""
-        return np.asarray(np.einsum("ekcd,kdm->ecm", self.places.stress(z), self.force, optimize=True))
+        return self.places.stress_by(self.force, z)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at ``z`` (e,) on outward ``normal`` vectors (e,)."""
@@ -162,9 +164,20 @@ class Corner:
             z = np.where(at, self.tip + place[0], z)
         return z
 
-    def lines(self, source: FloatArray, force: FloatArray) -> tuple[Line | Images, ...]:
-        """What acts besides forces (k, 2, c) at the distances ``source`` (k,); nothing where there are no
-        forces."""
+    def images(self, source: FloatArray, force: FloatArray) -> tuple[Images, ...]:
+        """The images behind a wall of forces (k, 2, c) at the distances ``source`` (k,)."""
+        acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
+        if not (self.wedge.sliding and acting.any()):
+            return ()
+        source, force = source[acting], force[acting]
+        place = np.asarray(self.tip + source * self.wedge.second, dtype=np.complex128)
+        inward = np.full(len(source), self.wedge.inward[1])
+        image = np.einsum("fd,kdc->kfc", self.wedge.image, force)
+        return (Images(SurfaceForces(self.wedge.kernel, place, inward), image),)
+
+    def lines(self, source: FloatArray, force: FloatArray) -> tuple[Line, ...]:
+        """The forces along both faces that go with forces (k, 2, c) at the distances ``source`` (k,); nothing
+        where there are no forces."""
         acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
         if not acting.any():
             return ()
@@ -176,20 +189,14 @@ class Corner:
         kept = 1.0 - _step((np.log(self.span) - logarithm) / FADING)
         found = []
         for face, table in zip(self.faces, self.wedge.densities, strict=True):
+            if np.abs(table).max() <= ROUND_OFF:
+                continue  # walls at right angles need images alone
             by = interpolated(table, logarithm[:, None] - np.log(source))
             for row, more in ((0, before), (-1, after)):
                 by[row] += interpolated(table, more[:, None] - np.log(source)).sum(axis=0)
             density = np.einsum("p,pkdf,kfc->pdc", STEP * kept, by, force, optimize=True)
             found.append(Line(self.wedge.kernel, face, logarithm, density, self.center))
-        return (*found, *self._images(source, force))
-
-    def _images(self, source: FloatArray, force: FloatArray) -> Iterator[Images]:
-        """The images of forces behind a wall."""
-        if self.wedge.sliding:
-            place = np.asarray(self.tip + source * self.wedge.second, dtype=np.complex128)
-            inward = np.full(len(source), self.wedge.inward[1])
-            image = np.einsum("fd,kdc->kfc", self.wedge.image, force)
-            yield Images(SurfaceForces(self.wedge.kernel, place, inward), image)
+        return tuple(found)
 
     def beyond_wedge(self, z: ComplexArray) -> FloatArray:
         """By how much unit forces at places ``z`` (k,) of the first face move these (k, k, 2, 2) otherwise
@@ -216,11 +223,13 @@ class Line:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,), however near."""
-        return self._field(z, SurfaceForces.displacement, SurfaceForces.displacement_of_each)
+        forces = SurfaceForces
+        return self._field(z, forces.displacement_by, forces.displacement, forces.displacement_of_each)
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, 3, c) at ``z`` (e,), however near; on the face those inside."""
-        return self._field(z, SurfaceForces.stress, SurfaceForces.stress_of_each)
+        forces = SurfaceForces
+        return self._field(z, forces.stress_by, forces.stress, forces.stress_of_each)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at places ``z`` (e,) of the surface with outward ``normal`` and ``curvature``
@@ -246,7 +255,13 @@ class Line:
         place, inward = self.face.places(np.exp(self.logarithm))
         return SurfaceForces(self.kernel, self.face.tip + place, inward, self.center)
 
-    def _field(self, z: ComplexArray, field: Field, field_of_each: Field) -> FloatArray:
+    def _field(
+        self,
+        z: ComplexArray,
+        by_all: Callable[[SurfaceForces, FloatArray, ComplexArray], FloatArray],
+        field: Field,
+        field_of_each: Field,
+    ) -> FloatArray:
         x = self.face.distance(z)
         place, inward = self.face.places(x)
         w = (z - self.face.tip - place) * np.conj(inward)
@@ -256,10 +271,12 @@ class Line:
         slope = np.maximum(deep[near] / x[near], LEAST_ANGLE)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
-        by = field(self._forces, inside)
-        by[near] *= (1.0 - _window(apart))[..., None, None]
-        by[near] += self._near_face(x[near], slope, field_of_each)
-        return np.asarray(np.einsum("epcd,pdm->ecm", by, self.density, optimize=True))
+        total = by_all(self._forces, self.density, inside)
+        if len(near):
+            by = field(self._forces, inside[near]) * (1.0 - _window(apart))[..., None, None]
+            by += self._near_face(x[near], slope, field_of_each)
+            total[near] = np.einsum("epcd,pdm->ecm", by, self.density, optimize=True)
+        return total
 
     def _near_face(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
         """What forces (e, p, c, 2) around distances ``x`` (e,) along the face do, seen from ``slope`` (e,)
@@ -305,7 +322,8 @@ class CorneredForces:
         """Corner by corner the forces along its faces."""
         count = len(self.place)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
-        return tuple(corner.lines(corner.distance(self.place), unit) for corner in self.corners)
+        away = [(corner, corner.distance(self.place)) for corner in self.corners]
+        return tuple((*corner.lines(x, unit), *corner.images(x, unit)) for corner, x in away)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at places ``z`` (e,), none of which is a force's."""

@@ -77,8 +77,10 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """Exact contact at the stages' ends and wherever fields are wanted, each from the set before."""
+    """Exact contact at the stages' ends, which are known, and wherever fields are wanted, each from the set
+    before."""
     wanted = output_positions(built)
+    ends = {float(number): one for number, one in enumerate(built.ends, start=1)}
     state = unloaded_state(built) if start is None else start.state
     if start is None:
         yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
@@ -86,7 +88,9 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
         if position <= state.position:
             continue
         active = state.closed if state.position > 0.0 else None
-        step = exact_step(solve_exact(built.condensed, factors_at(built.stages, position), active), position)
+        factors = factors_at(built.stages, position)
+        exact = ends[position] if position in ends else solve_exact(built.condensed, factors, active)
+        step = exact_step(exact, position)
         state = step.state
         yield replace(step, saved=(state,) if position in wanted else (), checkpoint=Checkpoint(state))
 

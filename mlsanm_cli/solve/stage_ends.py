@@ -22,6 +22,9 @@ from mlsanm_cli.solve.load_factors import factors_at
 
 MOST_LEVELS = 40
 """Of more levels with fields some decide how fine contact grids have to be."""
+FEW_LEVELS = 8
+"""Of more stages some decide how fine grids are at first; those that are fine enough for these are looked at
+in all of them."""
 
 
 FIRST_PARTS = (0.5, 0.1, 0.01)
@@ -36,20 +39,26 @@ def searched_ends(
     starts: Sequence[ContactStatus],
     which: Wanted,
 ) -> tuple[ExactState, ...]:
-    """Exact states at the ends of the stages, with friction only of the ``starts`` if no more are to be
-    ``known``, or every state that counts with those where fields are wanted;
+    """Exact states at the ends of the stages, with friction only of the ``starts``, without it of some, if no
+    more are to be ``known``, or every state that counts with those where fields are wanted;
     or some between the ends, but for friction, whose path would have to be followed."""
     factors, every = stages, which not in ("ends", "known")
+    rubbing = len(condensed.friction_nodes) > 0
     if which == "between":
-        if len(condensed.friction_nodes):
+        if rubbing:
             return ()
-        inner = (np.arange(len(stages) - 1)[:, None] + np.arange(1, BETWEEN) / BETWEEN).ravel()
+        parts = max(2, min(BETWEEN, MOST_LEVELS // (len(stages) - 1)))
+        inner = (np.arange(len(stages) - 1)[:, None] + np.arange(1, parts) / parts).ravel()
         factors = np.stack([factors_at(stages, float(position)) for position in (0.0, *inner)])
     elif every:
         every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
-    if len(condensed.friction_nodes):
+    elif which == "known" and not rubbing and len(stages) - 1 > FEW_LEVELS:
+        chosen = np.unique(np.linspace(0, len(stages) - 1, FEW_LEVELS + 1).round().astype(int))
+        factors = stages[chosen]
+        starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
+    if rubbing:
         # Where friction let go at a stage's end, it takes all guesses to find that out anew.
         known = factors[: len(starts) + 1] if which == "known" else factors
         try:
@@ -58,6 +67,8 @@ def searched_ends(
             raise
         except NoStateError as error:
             raise beyond_limit(scene, condensed, stages[:2], error) from error
+    if len(starts) not in (1, len(factors) - 1):
+        starts = ()  # of other states
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
         start = next(iter(starts[number:]), None)
@@ -166,5 +177,5 @@ def reach_error(contact: str, gap: float) -> NumericalError:
 
 
 BETWEEN = 8
-"""Between the ends of a stage contacts are looked at so many times less one, whether they pass beyond the
-ranges of their grids."""
+"""Between the ends of a stage contacts are looked at so many times less one, or less often where there are
+many stages, whether they pass beyond the ranges of their grids."""

@@ -23,7 +23,8 @@ NODAL = (
     + table(
         "body.shape",
         kind="polygon",
-        points=[[-2.0, 0.0], [-2.0, -2.0], [2.0, -2.0], [2.0, 0.0], [0.075, 0.0], [-0.075, 0.0]],
+        # Of corners so blunt no fields are known.
+        points=[[-2.0, -0.2], [-2.0, -2.0], [2.0, -2.0], [2.0, -0.2], [0.075, 0.0], [-0.075, 0.0]],
         names=["left", "bottom", "right", "beside", "top", "beyond"],
     )
     + item("body.refine", at=[0.0, 0.0], spacing=0.012, radius=0.06, growth=0.12)

@@ -120,6 +120,33 @@ def test_a_contact_reaches_a_clamped_side(tmp_path: Path) -> None:
     assert summary["contacts"]["floor"]["peak_pressure"] == pytest.approx(10.2, rel=0.02)
 
 
+def pad(*sides: str) -> str:
+    """A chamfered pad on a block."""
+    points = [[-8.0, 0.0], [8.0, 0.0], [10.0, 2.0], [10.0, 10.0], [-10.0, 10.0], [-10.0, 2.0]]
+    names = ["bottom", "right_edge", "right", "top", "left", "left_edge"]
+    return (
+        head("strain")
+        + material("one", E=1.0, nu=0.3)
+        + body("pad", "one", shape={"kind": "polygon", "points": points, "names": names})
+        + body("base", "one", shape=box([-30.0, 30.0], [-30.0, 0.0]))
+        + support("base.bottom", ux=0.0, uy=0.0)
+        + load("press", "pad.top", "platen", force=[0.0, -0.01])
+        + contact("foot", [f"pad.{side}" for side in sides], "base.top", regularization=EXACT)
+    )
+
+
+def test_pressures_up_to_corners_within_a_surface(tmp_path: Path) -> None:
+    """Chamfers that stay open are watched: they had taken the pressures to the nodes, 30 % off."""
+    chamfered = pad("left_edge", "bottom", "right_edge")
+    solve(chamfered, tmp_path / "chamfered")
+    solve(pad("bottom"), tmp_path / "flat")
+    solve(chamfered, tmp_path / "fine", "body.pad.spacing=0.4", "body.base.spacing=1.5")
+    at = [-7.9, -6.0, -3.0, 0.0, 2.0, 5.0, 7.5]
+    found = pressures(tmp_path / "chamfered", at)
+    assert found == pytest.approx(pressures(tmp_path / "flat", at), rel=1e-5)
+    assert found == pytest.approx(pressures(tmp_path / "fine", at), rel=0.01)
+
+
 @pytest.mark.parametrize("lean", [0.0, 2.0])
 def test_fields_in_a_hook_end_well_off_its_faces(tmp_path: Path, lean: float) -> None:
     """A beam with a nose that is upright, or leans over the pin that lifts it: fields had ended 0.12 below

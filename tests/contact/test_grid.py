@@ -30,8 +30,8 @@ def hat(hats: Hats, which: int, s: FloatArray) -> FloatArray:
     return np.asarray(np.interp(s, hats.nodes, peak))
 
 
-def by_quadrature(hats: Hats, one: int, other: int, sign: bool = False) -> float:
-    """Integral of ln|s - s'| (sgn(s - s') with ``sign``) with two hats.
+def by_quadrature(hats: Hats, one: int, other: int, sign: bool = False, turn: float = 0.0) -> float:
+    """Integral of ln|s - s'| (sgn(s - s') with ``sign``) cos(turn (s - s')) with two hats.
 
     Gauss's points that cluster at every node for s, and at s on both of its sides for s'.
     """
@@ -51,7 +51,7 @@ def by_quadrature(hats: Hats, one: int, other: int, sign: bool = False) -> float
                 near, far = (c, d) if abs(c - s) < abs(d - s) else (d, c)
                 way = (far - near) * u**3
                 apart, t = (s - near) - way, near + way
-                kernel = np.sign(apart) if sign else np.log(np.abs(apart))
+                kernel = (np.sign(apart) if sign else np.log(np.abs(apart))) * np.cos(turn * apart)
                 inner += float((kernel * hat(hats, other, t) * 3.0 * u * u * v).sum()) * abs(d - c)
             total += weight * inner * float(hat(hats, one, np.array([s]))[0])
     return total
@@ -78,17 +78,15 @@ def test_pairs_against_quadrature(sign: bool) -> None:
 
 
 def test_pairs_along_turning_directions() -> None:
-    # The normals of a circle: what is not one constant table goes by Gauss's points.
-    hats = Hats(np.linspace(0.0, 1.2, 25))
-    angle = hats.points
-    normal = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    """The normals of a circle over hats that turn by 14 degrees: with mean directions where these overlap
+    a press fit's pressure had rippled by 0.3 %."""
+    hats = Hats(np.linspace(0.0, 3.0, 13))
+    normal = np.stack([np.sin(hats.points), -np.cos(hats.points)], axis=1)
     found = hats.pairs(LOG, NONE, normal, normal)
     scale = np.outer(hats.weight, hats.weight)
-    for i, j in ((0, 0), (4, 5), (7, 9), (2, 20)):
-        cosine = np.cos(hats.place[i] - hats.place[j])
-        # Exact but for how the cosine changes over the hats.
-        expected = cosine * by_quadrature(hats, i, j)
-        assert found[i, j] / scale[i, j] == pytest.approx(expected / scale[i, j], abs=2e-3)
+    for i, j in ((0, 0), (4, 5), (7, 9), (2, 10)):
+        expected = by_quadrature(hats, i, j, turn=1.0)
+        assert found[i, j] / scale[i, j] == pytest.approx(expected / scale[i, j], abs=2e-4)
 
 
 def test_pairs_are_symmetric() -> None:

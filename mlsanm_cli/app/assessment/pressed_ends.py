@@ -6,7 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mlsanm_cli.app.scene.contact_pairs import shape_of
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Contact
 from mlsanm_cli.cloud.cloud import continuations
+from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
@@ -33,16 +37,25 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
             places = (pairing.points if slave else pairing.partner)[pairing.candidate]
             surface = pairing.surface_of(slave)
             for place, name in continuations(cloud, surface):
-                if elastic.held.get(name) == (True, True):
-                    continue
                 node, beyond = surface.index[place], name.partition("/")[0]
                 end = cloud.points[node]
+                if elastic.held.get(name) == (True, True) or _ends_with(contact, end, cloud.spacing[node]):
+                    continue
                 near = np.hypot(*(places - end).T) <= NEAR * cloud.spacing[node]
                 if (closed & near & (pressure > PRESSED * mean)).any():
                     listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
                     yield (
                         f"contact {pairing.name} is pressed up to the end of {side.label} near "
                         f"({end[0]:.6g}, {end[1]:.6g}), where {body}.{beyond} continues without a corner, "
-                        f"so that a single node carries the pressure there: add it to the contact, as in "
+                        f"so that the end carries what belongs beyond it: add it to the contact, as in "
                         f"contact.{pairing.name}.{'slave' if slave else 'master'} = [{listed}]"
                     )
+
+
+def _ends_with(contact: Contact, end: FloatArray, spacing: float) -> bool:
+    """Whether an obstacle has a corner at the ``end`` (2,) of a surface, as a punch does."""
+    shape = None if contact.obstacle is None else shape_of(contact.obstacle)
+    if not isinstance(shape, Chain):
+        return False
+    corners = shape.points[~shape.smooth]
+    return bool((np.hypot(*(corners - end).T) <= NEAR * spacing).any())

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
-from mlsanm_cli.app.scene.corners import CLEAR, Ends, Restraints, ends_of
+from mlsanm_cli.app.scene.corners import CLEAR, Restraints, Stretch, stretches_of
 from mlsanm_cli.app.scene.default_spacing import valleys
 from mlsanm_cli.app.scene.void import void_center
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import corners_of, points_of
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.contact.geometry.contact_grid import Facing
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.obstacles import Chain
@@ -47,8 +45,12 @@ def contact_ranges(
     or have springs."""
     if case.mls.scheme != "least-squares" or case.solver.formulation != "condensed":
         return {}
+    touching: dict[str, set[str]] = {name: set() for name in models}
+    for pairing in pairings:
+        for body, slave, _ in pairing.sides:
+            touching[body] |= {part.name for part, _ in pairing.surface_of(slave).members}
     found = {
-        pairing.name: _clear(case, models, pairing, held)
+        pairing.name: _clear(case, models, pairing, held, touching)
         for pairing in pairings
         if pairing.slave.name not in held[pairing.slave_body]
         and (pairing.master is None or pairing.master.name not in held[str(pairing.master_body)])
@@ -68,7 +70,11 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -
 
 
 def _clear(
-    case: Case, models: Mapping[str, BodyModel], pairing: Pairing, held: Mapping[str, Restraints]
+    case: Case,
+    models: Mapping[str, BodyModel],
+    pairing: Pairing,
+    held: Mapping[str, Restraints],
+    touching: Mapping[str, Collection[str]],
 ) -> ContactRange | None:
     if pairing.master_body == pairing.slave_body or pairing.bonded:
         return None
@@ -87,16 +93,23 @@ def _clear(
     faces = (across < OPPOSED) & (offset <= TOUCHING * base.length)
     if not faces.any():
         return None
-    ends = [ends_of(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
-    off = faces & _off_corners(pairing, models, facing, sign * s, ends)
+    sides = [
+        _Side.of(models[body], pairing, slave, stretches, as_real(facing.side(sign * s, slave)[0]))
+        for body, slave, _ in pairing.sides
+        for stretches in [stretches_of(models[body], pairing.surface_of(slave), held[body], touching[body])]
+    ]
+    off = np.logical_and.reduce([faces, *(side.off for side in sides)])
     slack = TOUCHING * base.length
     if facing.profile is not None:
         slack = min(slack, SHALLOW * float(np.ptp(gap[faces])))
     least = gap[faces].min() + slack
-    touching = np.flatnonzero(off & (gap <= least))
-    if not len(touching):
+    close = np.flatnonzero(off & (gap <= least))
+    if not len(close):
         return None
-    nearest = int(touching[len(touching) // 2])
+    nearest = int(close[len(close) // 2])
+    for side in sides:
+        off &= side.number == side.number[nearest]
+    chosen = [side.stretches[side.number[nearest]] for side in sides]
     if base.closed and not off.all():
         # The row of places begins where none faces.
         turn = int(np.flatnonzero(~off)[0])
@@ -113,8 +126,8 @@ def _clear(
         return None
     around = base.closed and bool(off.all())
     first, last = float(s[stretch[0]]), float(s[0] + base.length if around else s[stretch[1]])
-    corners = [tuple(one for one in both if one is not None) for both in ends]
-    tips = [corner.tip for both in corners for corner in both]
+    corners = [tuple(one for one in stretch.corners if one is not None) for stretch in chosen]
+    tips = [tip for side, stretch in zip(sides, chosen, strict=True) for tip in side.ends_of(stretch)]
     if isinstance(facing.obstacle, Chain):
         tips += as_complex(facing.obstacle.points[~facing.obstacle.smooth]).tolist()
     exact_ends = base.closest(as_real(np.array(tips, dtype=np.complex128))).tolist()
@@ -122,7 +135,8 @@ def _clear(
     snapped = [_snapped(one, exact_ends, step) for one in (first, last)]
     whole = around or snapped[0] is not None, around or snapped[1] is not None
     first, last = (one if exact is None else exact for one, exact in zip((first, last), snapped, strict=True))
-    rays = np.linspace(first, last, RAYS)
+    inset = ALIKE * base.length  # at a corner the way outwards is that of the stretch
+    rays = np.linspace(first + inset, last - inset, RAYS)
     centers: list[complex | None] = []
     for body, slave in zip(pairing.bodies, (True, False), strict=False):
         found = void_center(models[body].cloud, *facing.side(sign * rays, slave))
@@ -171,40 +185,51 @@ def _curved(curve: Curve, points: FloatArray, touching: BoolArray) -> tuple[floa
     return float(curvature[touching].min()), float(curvature.mean())
 
 
-def _off_corners(
-    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray, ends: Sequence[Ends]
-) -> BoolArray:
-    """Whether places (e,) are off those ends of both surfaces that fields do not know."""
-    off = np.ones(len(s), dtype=bool)
-    for (body, slave, _), known in zip(pairing.sides, ends, strict=True):
+@dataclass(frozen=True)
+class _Side:
+    """One of the two surfaces of a contact, its ``curve`` and its ``stretches``, as seen from places (e,):
+    the ``number`` (e,) of the stretch that each is on, and whether it is ``off`` (e,) the ends that fields do
+    not know."""
+
+    curve: Curve
+    stretches: tuple[Stretch, ...]
+    number: IntArray
+    off: BoolArray
+
+    @classmethod
+    def of(
+        cls,
+        model: BodyModel,
+        pairing: Pairing,
+        slave: bool,
+        stretches: tuple[Stretch, ...],
+        points: FloatArray,
+    ) -> _Side:
+        """The slave's or the master's side, at ``points`` (e, 2) on it."""
         surface = pairing.surface_of(slave)
-        curve, spacing = surface.curve, models[body].cloud.spacing[surface.index]
-        arc = curve.closest(as_real(facing.side(s, slave)[0]))
-        corners = list(corners_of(curve))
-        if not curve.closed:
-            smooth = _continues(models[body].cloud, surface)
-            ends_of = zip((0.0, curve.length), known, smooth, strict=True)
-            corners += [end for end, one, on in ends_of if one is None and not on]
-        for corner, near in zip(corners, np.interp(corners, surface.arc_length, spacing), strict=True):
-            apart = np.abs(arc - corner)
-            if curve.closed:
-                apart = np.minimum(apart, curve.length - apart)
-            off &= apart >= CLEAR * near
-    return off
+        curve, spacing = surface.curve, model.cloud.spacing[surface.index]
+        arc = curve.closest(points)
+        starts = np.array([one.first for one in stretches])
+        if curve.closed:
+            arc = starts[0] + np.mod(arc - starts[0], curve.length)
+        number = np.searchsorted(starts, arc, side="right") - 1
+        off = np.ones(len(arc), dtype=bool)
+        for at, one in enumerate(stretches):
+            for end, corner, on in zip((one.first, one.last), one.corners, one.continues, strict=True):
+                if corner is None and not on:
+                    place = np.mod(end, curve.length) if curve.closed else end
+                    near = np.interp(place, surface.arc_length, spacing)
+                    off &= (number != at) | (np.abs(arc - end) >= CLEAR * near)
+                elif curve.closed and not on:
+                    off[np.argmin(np.abs(arc - end))] = False  # or ranges would go on around it
+        return cls(curve, stretches, number, off)
 
-
-def _continues(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
-    """Whether the outline continues smoothly where an open surface begins, and where it ends, as it does
-    where a part of a boundary is in contact, or, under any name, behind a rounded edge, which faces away
-    there."""
-    stems = {part.name.partition("/")[0] for part, _ in surface.members}
-    rounded = surface.curve.curvature(np.array([0.0, surface.curve.length])) > 0.0
-    found = {
-        place
-        for place, name in continuations(cloud, surface)
-        if rounded[place] or name.partition("/")[0] in stems
-    }
-    return 0 in found, -1 in found
+    def ends_of(self, stretch: Stretch) -> list[complex]:
+        """The ends of a stretch that pressures may reach."""
+        ends = np.array([stretch.first, stretch.last])[list(stretch.ended)]
+        if self.curve.closed:
+            ends = np.mod(ends, self.curve.length)
+        return [complex(x, y) for x, y in self.curve.points(ends)]
 
 
 def _minimum(facing: Facing, first: float, last: float) -> float:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from mlsanm_cli.app.scene.void import all_see
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import corners_of
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corner import Corner, Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
@@ -40,20 +40,88 @@ BETWEEN = 0.5
 
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
 """The surfaces of a body that are held, and which of their components; None where springs have a part."""
-Ends: TypeAlias = tuple[Corner | None, Corner | None]
-"""The corners at the beginning and the end of a surface, where fields know them."""
 
 
-def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
-    return _corner(model, surface, False, held), _corner(model, surface, True, held)
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of a surface without a corner, from arc length ``first`` to ``last``: at both of its ends the
+    corner, where fields know it, and whether the outline ``continues`` there without one.
+
+    ``ended`` says whether pressures may reach the end: at known corners, and where the outline continues
+    without a contact.
+    """
+
+    first: float
+    last: float
+    corners: tuple[Corner | None, Corner | None] = (None, None)
+    continues: tuple[bool, bool] = (False, False)
+    ended: tuple[bool, bool] = (False, False)
 
 
-def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
+def stretches_of(
+    model: BodyModel, surface: Surface, held: Restraints, touching: Collection[str]
+) -> tuple[Stretch, ...]:
+    """The stretches of a surface between its corners; ``touching`` are the body's surfaces in contact."""
+    curve = surface.curve
+    if curve.closed and not len(corners_of(curve)):
+        return (Stretch(0.0, curve.length, continues=(True, True)),)
+    found = []
+    for parts, first in _between_corners(surface):
+        own = joined_surface(surface.name, parts, False)
+        names = {part.name for part in parts}
+        beyond = dict(continuations(model.cloud, own))
+        corners, continues, ended = [], [], []
+        for at_end, place in ((False, 0), (True, -1)):
+            # Where a side that continues straight on is held, there is a corner of 180 degrees.
+            smooth = place in beyond and beyond[place] not in held
+            corner = None if smooth else _corner(model, own, names, at_end, held)
+            corners.append(corner)
+            continues.append(smooth)
+            ended.append(corner is not None or (smooth and beyond[place] not in touching))
+        found.append(
+            Stretch(
+                first,
+                first + own.curve.length,
+                (corners[0], corners[1]),
+                (continues[0], continues[1]),
+                (ended[0], ended[1]),
+            )
+        )
+    return tuple(found)
+
+
+def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> tuple[Corner | None, Corner | None]:
+    """The corners at both ends of a surface, where their fields are known; none of a closed one."""
+    if surface.curve.closed:
+        return None, None
+    own = {part.name for part, _ in surface.members}
+    return _corner(model, surface, own, False, held), _corner(model, surface, own, True, held)
+
+
+def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
+    """The parts of a surface from corner to corner, and the arc length at which they begin; those that pass
+    the start of a closed one come last and begin before its end."""
+    parts = [part for part, _ in surface.members]
+    starts = np.cumsum([0.0, *(part.curve.length for part in parts)])
+    corners = corners_of(surface.curve)
+    small = ALIKE * surface.curve.length
+    cut = [bool((np.abs(corners - start) <= small).any()) for start in starts[:-1]]
+    if surface.curve.closed and not cut[0]:
+        turn = cut.index(True)
+        parts, cut = parts[turn:] + parts[:turn], cut[turn:] + cut[:turn]
+        starts = np.concatenate([starts[turn:-1], starts[:turn] + starts[-1]])
+    cut[0] = True
+    places = [k for k, one in enumerate(cut) if one]
+    for k, after in zip(places, [*places[1:], len(parts)], strict=True):
+        yield parts[k:after], float(starts[k])
+
+
+def _corner(
+    model: BodyModel, surface: Surface, own: Collection[str], at_end: bool, held: Restraints
+) -> Corner | None:
     """The corner at one end of a surface, if the face next to is free or clamped, or both are straight and
     that of an isotropic body slides along a wall; and neither blunt nor very sharp."""
-    if surface.curve.closed:
-        return None
-    face, own = _face(surface.curve, at_end), {part.name for part, _ in surface.members}
+    face = _face(surface.curve, at_end)
     for name, adjacent in model.cloud.surfaces.items():
         if name in own or adjacent.curve.closed:
             continue

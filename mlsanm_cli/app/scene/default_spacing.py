@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.joined import part_of, points_of
+from mlsanm_cli.cloud.joined import Joined, part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SHARP
 from mlsanm_cli.contact.geometry.obstacles import Shape
@@ -176,6 +176,8 @@ def contact_zone(
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
+        # Where short pieces of a surface touch at last, both sides need like spacings.
+        yield from _beside_zones(other, (), min(far, others_far))
     else:
         assert obstacle is not None
         partner, _ = obstacle.closest(points, own.normals(_places(own)))
@@ -194,14 +196,19 @@ def contact_zone(
 
 
 def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zone]:
-    """Finer nodes along short faces that make a corner with a surface in contact: lips and edges bend."""
-    for arc in (0.0, own.length):
-        point, normal = own.points(np.array([arc]))[0], own.normals(np.array([arc]))[0]
-        for curve in rest:
+    """Finer nodes along short faces that make a corner with a surface in contact, or with another one of its
+    own pieces: lips and edges bend."""
+    pieces = own.pieces if isinstance(own, Joined) else (own,)
+    for number, piece in enumerate(pieces):
+        point, normal = (of(np.array([0.0, piece.length])) for of in (piece.points, piece.normals))
+        others = [one for k, one in enumerate(pieces) if abs(k - number) == 1 or (own.closed and k != number)]
+        for curve in [*others, *(rest if number in (0, len(pieces) - 1) else ())]:
+            if curve.length >= BESIDE * far:
+                continue
             ends = np.array([0.0, curve.length])
-            places, normals = curve.points(ends), curve.normals(ends)
-            meets = np.hypot(*(places - point).T) <= FLAT * own.length
-            if (meets & (normals @ normal < SMOOTH)).any() and curve.length < BESIDE * far:
+            apart = np.hypot(*(curve.points(ends) - point[:, None]).transpose(2, 0, 1))
+            corner = (apart <= FLAT * own.length) & (normal @ curve.normals(ends).T < SMOOTH)
+            if corner.any():
                 yield Zone(curve, curve.length / BESIDE, 0.0, GROWTH)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange, logarithm
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
@@ -41,6 +42,8 @@ NOTHING = 1e-14
 """Components of directions that are none."""
 LEAST = 1e-12
 """Pressures are no nearer to a corner than this part of its faces."""
+KEPT = 1000
+"""What corners add is kept for grids of up to so many nodes: of more it would take memory."""
 
 
 def turned(normal: FloatArray) -> FloatArray:
@@ -83,7 +86,9 @@ class Facing:
             assert self.obstacle is not None
             return points, *self.obstacle.closest(points, outward), outward
         there = self.other.closest(points)
-        return points, self.other.points(there), self.other.normals(there), outward
+        # At corners within the curves those of the sides that face each other.
+        normals = normals_towards(self.other, there, outward)
+        return points, self.other.points(there), normals, normals_towards(self.base, arc, normals)
 
     def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
@@ -306,6 +311,20 @@ class ContactGrid:
     def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
         """Integrals (m, m) with both hats of what corners of one of the two bodies add to its displacements
         along pressures (``which`` 0) or tractions (1), by pressures or tractions."""
+        kept, key = self._by_corners, (slave, which, by)
+        if key in kept:
+            return kept[key]
+        found = self._cornered(slave, which, by)
+        if len(found) <= KEPT:
+            kept[key] = found
+        return found
+
+    @cached_property
+    def _by_corners(self) -> dict[tuple[bool, int, int], FloatArray]:
+        """What :meth:`cornered` has found: grids are condensed again while others are refined."""
+        return {}
+
+    def _cornered(self, slave: bool, which: int, by: int) -> FloatArray:
         hats = self.hats
         total = np.zeros((len(hats.place), len(hats.place)))
         if not self.corners_of(slave):

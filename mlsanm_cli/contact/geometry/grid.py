@@ -36,12 +36,13 @@ STEEPEST = 2.5
 @dataclass(frozen=True)
 class PairKernel:
     """A kernel's ``values`` at all pairs of points (g, g), and its ``exact`` integrals (e,) with both hats of
-    near pairs, the ``first`` and the ``second`` (e,)."""
+    near pairs, the ``first`` and the ``second`` (e,), of which some ``overlap`` (e,)."""
 
     values: FloatArray
     first: IntArray
     second: IntArray
     exact: FloatArray
+    overlap: BoolArray
 
 
 @dataclass(frozen=True)
@@ -159,9 +160,9 @@ class Hats:
             exact += np.einsum("ea,eab,eb->e", impulses[one], third(t), doublets[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], third(t), impulses[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t), doublets[other])
-        return PairKernel(
-            values(self.points[:, None] + shift - self.points), one, other, exact.astype(np.float64)
-        )
+        overlap = apart[one, other] < wide[one] + wide[other]
+        seen = values(self.points[:, None] + shift - self.points)
+        return PairKernel(seen, one, other, exact.astype(np.float64), overlap)
 
     @cached_property
     def logarithms(self) -> tuple[PairKernel, ...]:
@@ -206,13 +207,16 @@ class Hats:
         middle = [self.at_places(values) for values in (one, turned)]
         if np.abs(middle[0] @ middle[1].T).max(initial=0.0) <= NOTHING * np.abs(table).max():
             return total
+        own = self.at_places((one * turned).sum(axis=1, keepdims=True))[:, 0]
         for kernel in kernels():
             for component in (0, 1):
                 right = (self.integrals * turned[:, component]) @ kernel.values.T
                 total += (self.integrals * one[:, component]) @ right.T
-            # What is lost of the near pairs by Gauss's points, for the directions at the peaks.
+            # What is lost of the near pairs by Gauss's points, for their mean directions, and where they
+            # overlap, as it is lost there, for directions at one place.
             first, second = kernel.first, kernel.second
             product = (middle[0][first] * middle[1][second]).sum(axis=1)
+            product = np.where(kernel.overlap, 0.5 * (own[first] + own[second]), product)
             total[first, second] += product * (kernel.exact - self._rough(kernel.values)[first, second])
         return total
 
