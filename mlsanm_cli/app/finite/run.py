@@ -14,6 +14,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import interrupted_run
 from mlsanm_cli.app.finite.contact_path import contact_path
+from mlsanm_cli.app.finite.end import few_nodes, held_at_points
 from mlsanm_cli.app.finite.fields import (
     SceneForces,
     contact_summary,
@@ -25,7 +26,7 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.verdict import FEW_WAVES, few_nodes
+from mlsanm_cli.app.finite.verdict import FEW_WAVES
 from mlsanm_cli.app.output.summary import Ending, head, probe_figures
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.case import LoadedCase
@@ -93,6 +94,8 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
     if recorder.last.pressed is not None:
         for text in few_nodes(scene, recorder.last.pressed):
             recorder.warn(text)
+    for text in held_at_points(scene, recorder.last):
+        recorder.warn(text)
     # What single nodes hold a body with is not known from its stress.
     single = any(body.elastic.held_nodes for body in scene.bodies.values())
     if recorder.balance > BALANCE_LIMIT and not single:

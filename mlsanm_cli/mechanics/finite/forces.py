@@ -36,10 +36,14 @@ class Forces:
         return np.asarray(sum((self.reactions.get(name, np.zeros(2)) for name in surfaces), np.zeros(2)))
 
     @property
+    def total(self) -> FloatArray:
+        """What all forces add up to (2,); those of single held nodes are not among them."""
+        return np.asarray(np.array([*self.loads, *self.reactions.values()]).reshape(-1, 2).sum(axis=0))
+
+    @property
     def rest(self) -> float:
         """What all forces together leave; forces of single held nodes are not among them."""
-        every = np.array([*self.loads, *self.reactions.values()]).reshape(-1, 2)
-        return float(np.abs(every.sum(axis=0)).max())
+        return float(np.abs(self.total).max())
 
 
 def _of_loads(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:

@@ -1,0 +1,91 @@
+"""What a run at finite strain warns of in its last state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlsanm_cli.app.assessment.checks import ENERGY_WARNING
+from mlsanm_cli.app.assessment.energy import SHIFTED
+from mlsanm_cli.app.finite.fields import SceneForces
+from mlsanm_cli.app.finite.path import FiniteState
+from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.finite.exact import Pressed
+from mlsanm_cli.contact.finite.pair import BodyContact
+
+FEWEST = 4
+"""Nodes over a contact below which its pressures are hardly known."""
+SHARP = 20
+"""Nodes over a contact with which half of a spacing at its ends matters."""
+
+
+def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
+    """Warnings of contacts whose nodes are too far apart for what touches, or might touch between them."""
+    first = 0
+    for contact in scene.contacts:
+        side, here = contact.slave, slice(first, first + contact.slave.count)
+        first = here.stop
+        name = f"{side.body}.{side.members[0][0].partition('/')[0]}"
+        closed, gap = pressed.sets.closed[here], pressed.gap[here]
+        near = int(np.argmin(gap))
+        spacing = float(side.weight[near])
+        if not closed.any():
+            turned = np.abs(np.diff(side.outward[max(near - 1, 0) : near + 2], axis=0)).max(initial=0.0)
+            if gap[near] < turned * spacing / 8.0:
+                yield (
+                    f"contact {contact.name}: no node of {name} touches, but between its nodes, "
+                    f"{spacing:.3g} apart, it may: give {name} finer nodes there"
+                )
+        elif closed.sum() < FEWEST:
+            yield (
+                f"contact {contact.name}: only {closed.sum()} of the nodes of {name} touch, {spacing:.3g} "
+                f"apart: pressures depend on that; give {name} finer nodes there"
+            )
+        elif isinstance(contact, BodyContact) and closed.sum() < SHARP:
+            yield from _ends(contact, closed, pressed.place[here])
+
+
+def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterator[str]:
+    """Warnings of ends of the master that press between nodes of the slave."""
+    slave, master = contact.slave, contact.master
+    if master.around is not None:
+        return
+    for number, end in ((0, master.arc[0]), (-1, master.arc[-1])):
+        beside = np.flatnonzero(closed & (np.abs(place - end) < slave.weight))
+        beside = beside[(beside > 0) & (beside < slave.count - 1)] if slave.around is None else beside
+        free = beside[~closed[beside - 1] | ~closed[(beside + 1) % slave.count]]
+        if len(free):
+            x, y = master.places[number]
+            one, other = (side.members[0][0].partition("/")[0] for side in (slave, master))
+            yield (
+                f"contact {contact.name}: the end of {master.body}.{other} at ({x:.6g}, {y:.6g}) presses "
+                f"between nodes of {slave.body}.{one}, {slave.weight[free[0]]:.3g} apart: where is known to "
+                f"half of that; give {slave.body}.{one} finer nodes there"
+            )
+
+
+def held_at_points(scene: FiniteScene, state: FiniteState) -> Iterator[str]:
+    """Warnings of bodies that single nodes hold against so much that the spacing decides where they are."""
+    forces, parts = SceneForces.of(scene, state), scene.parts(state.displacement)
+    for name, body in scene.bodies.items():
+        nodes = body.elastic.held_nodes[: len(body.elastic.held_nodes) - body.pins]
+        counts = np.array([sum(axis == one for _, one in nodes) for axis in (0, 1)])
+        if not counts.any():
+            continue
+        cloud, own = body.elastic.model.cloud, parts[name]
+        force = np.where(counts, forces.bodies[name].total / np.maximum(counts, 1), 0.0)
+        soft = body.elastic.model.material.contact_compliance(np.eye(2))
+        angle = body.turn(own)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        bent = cloud.points + own.reshape(-1, 2) - cloud.points @ turn.T
+        bent = np.abs(bent - cloud.areas @ bent / cloud.areas.sum()).max()
+        part = float((SHIFTED * soft * np.abs(force)).max() / bent) if bent else 0.0
+        if part > ENERGY_WARNING:
+            yield (
+                f"body {name} is held at single nodes: displacements next to a point force are unbounded, "
+                f"and grow by up to {100 * part:.2g} % of how far it is bent when body.{name}.spacing is "
+                f"halved; "
+                "support a part of a boundary, with from and to, or a small hole"
+            )
