@@ -15,7 +15,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # What is written need not outlive a loss of power, and waiting for the disk is a twentieth of all tests.
 os.fsync = lambda fd: None
 
-KEPT = 150
+KEPT = 400
 """So many results are kept for other tests."""
 
 settings.register_profile("mlsanm", deadline=None, derandomize=True, max_examples=60)

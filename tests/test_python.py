@@ -15,7 +15,7 @@ import pytest
 
 import mlsanm_cli as mlsanm
 from mlsanm_cli import api
-from tests.app.scenes import BAR, PATCH, hertz
+from tests.app.scenes import BAR, hertz
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "python.md").read_text()
@@ -120,13 +120,13 @@ def test_errors_are_those_of_the_commands(case: Path) -> None:
 
 
 def test_a_failed_and_a_stopped_run_raise_and_can_be_opened(tmp_path: Path) -> None:
-    path = tmp_path / "patch.toml"
-    path.write_text(PATCH)
-    changes = {"contact.*.regularization.law": "hyperbolic", "solver.max_steps": 1, "solver.polish": False}
-    with pytest.raises(mlsanm.NumericalError, match=r"kept in results/patch") as failed:
+    path = tmp_path / "press.toml"
+    path.write_text(hertz())
+    changes = {"contact.interface.accuracy": 0.1, "solver.max_steps": 1, "solver.polish": False}
+    with pytest.raises(mlsanm.NumericalError, match=r"kept in results/press") as failed:
         mlsanm.run(path, changes)
     assert "solver.max_steps" in failed.value.hint
-    assert mlsanm.open("results/patch").status == "failed"
+    assert mlsanm.open("results/press").status == "failed"
 
 
 def test_stopped_runs_are_resumed(tmp_path: Path) -> None:

@@ -73,8 +73,8 @@ def number(value: Any) -> str:
 
 LABELS = {
     "finest": "finest spacing",
-    "closest": "closest nodes, in spacings",
-    "hole": "widest hole, in spacings",
+    "closest": "separation distance, in spacings",
+    "hole": "fill distance, in spacings",
     "growth": "growth of spacing",
     "stencils_enlarged": "enlarged stencils",
     "worst_ratio": "conditioning of stencils",

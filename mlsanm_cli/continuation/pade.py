@@ -60,6 +60,8 @@ def nearest_pole(coefficients: FloatArray, limit: float) -> float:
     scaled = coefficients * limit ** np.arange(float(coefficients.size))
     if not np.all(np.isfinite(scaled)):
         return 0.0
-    roots = np.roots(scaled[::-1]) * limit
+    # Those of 1/a, as the first coefficient is 1 while the last ones may be as good as none.
+    inverse = np.roots(scaled)
+    roots = limit / inverse[inverse != 0.0]
     near = (roots.real > 0.0) & (roots.real <= limit) & (np.abs(roots.imag) <= _NEAR_REAL * np.abs(roots))
     return float(np.min(roots.real[near], initial=np.inf))

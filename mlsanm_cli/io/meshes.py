@@ -72,7 +72,7 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
                 f'there are elements of type "{kind}"', f"triangles and quads only: {', '.join(_RINGS)}"
             )
         if len(cells) and not 0 <= cells.min() <= cells.max() < len(points):
-            raise GeometryError("an element refers to a node that the file does not have")
+            raise GeometryError("an element refers to a node that is not in the file")
     _drop_weak_sets(mesh, path)
     chosen = [_chosen(mesh, number, kind, len(c), group) for number, (kind, c) in enumerate(blocks)]
     faces = [
@@ -152,10 +152,11 @@ def _plane(points: NDArray[Any]) -> FloatArray:
     if points.ndim != 2 or not len(points):
         raise GeometryError("there are no nodes")
     if not np.isfinite(points).all():
-        raise GeometryError(f"node {int(np.argmin(np.isfinite(points).all(axis=1))) + 1} has no finite place")
+        node = int(np.argmin(np.isfinite(points).all(axis=1))) + 1
+        raise GeometryError(f"node {node} has no finite coordinates")
     extent = np.ptp(points, axis=0)
     if points.shape[1] == 3 and extent[2] > PLANE * extent.max():
-        raise GeometryError(f"the nodes lie in no plane: z varies by {extent[2]:g}", "z = 0 for all nodes")
+        raise GeometryError(f"the nodes are not coplanar: z varies by {extent[2]:g}", "z = 0 for all nodes")
     return np.ascontiguousarray(points[:, :2])
 
 
@@ -217,7 +218,7 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[t
         if name not in _NOT_NAMES and len(cells) == len(mesh.cells) and cells[block] is not None:
             for cell in map(int, cells[block]):
                 if not 0 <= cell < count:
-                    raise GeometryError(f'the set "{name}" has an element that the file does not have')
+                    raise GeometryError(f'the set "{name}" has an element that is not in the file')
                 found[cell] = (*found[cell], _name(name))
     return found
 

@@ -52,7 +52,7 @@ def read_points(path: Path) -> PointFile:
     points = np.stack([numbers["x"], numbers["y"]], axis=1)
     wrong = ~np.isfinite(points).all(axis=1)
     if wrong.any():
-        raise GeometryError(f"{places[int(np.argmax(wrong))]}: the node has no place")
+        raise GeometryError(f"{places[int(np.argmax(wrong))]}: the node has no coordinates")
     missing = np.full(len(points), np.nan)
     normals = np.stack([numbers.get("nx", missing), numbers.get("ny", missing)], axis=1)
     given = ~np.isnan(normals)
@@ -148,7 +148,7 @@ def _check_columns(names: Sequence[str], where: str) -> None:
         if name not in COLUMNS:
             raise GeometryError(f'{where}: unknown column "{name}"', f"columns: {', '.join(COLUMNS)}")
         if names.count(name) > 1:
-            raise GeometryError(f'{where}: the column "{name}" is there twice')
+            raise GeometryError(f'{where}: the column "{name}" appears twice')
     missing = [name for name in NEEDED if name not in names]
     if missing:
         raise GeometryError(

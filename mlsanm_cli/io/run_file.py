@@ -136,8 +136,7 @@ class RunFile(Closing):
         for name in datasets.keys() - new.keys():
             if not _agree(self._file[name], datasets[name]):
                 raise RunError(
-                    f"the run cannot be resumed: what is stored in {self._file[name].name} comes out other "
-                    f"than it was",
+                    f"the run cannot be resumed: {self._file[name].name} is not reproduced",
                     "another version or machine made it; run the case again with --force",
                 )
         self.add(datasets=new)

@@ -29,7 +29,7 @@ def check_self_contained(path: Path) -> None:
     name = path.name.lower()
     if name.endswith(SCATTERED):
         raise GeometryError(
-            "files of this format lead to other files", "write the mesh to a single one, .msh, .inp or .vtu"
+            "files of this format refer to other files", "write the mesh to a single one, .msh, .inp or .vtu"
         )
     if name.endswith(".gz"):
         raise GeometryError("it is compressed", "unpack it first")
@@ -73,7 +73,7 @@ def check_hdf5(root: Any) -> None:
             if len(seen) > OBJECTS:
                 raise GeometryError(f"it has more than {OBJECTS} groups and datasets")
             if address in seen:
-                raise GeometryError(f"{place} is there twice", "data must be in the file once")
+                raise GeometryError(f"{place} appears twice", "data must be in the file once")
             seen.add(address)
             if isinstance(found, h5py.Group):
                 waiting.append(found)
@@ -116,5 +116,5 @@ class _Unpacker:
         unpacked: bytes = self._make().decompress(content, self._left + 1)
         self._left -= len(unpacked)
         if self._left < 0:
-            raise GeometryError("it unpacks to too much", f"{LARGEST / 2**20:.4g} MB at most")
+            raise GeometryError("it is too large when unpacked", f"{LARGEST / 2**20:.4g} MB at most")
         return unpacked

@@ -93,11 +93,11 @@ class Images:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,)."""
-        return np.asarray(np.einsum("ekcd,kdm->ecm", self.places.displacement(z), self.force, optimize=True))
+        return self.places.displacement_by(self.force, z)
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, 3, c) at ``z`` (e,)."""
-        return np.asarray(np.einsum("ekcd,kdm->ecm", self.places.stress(z), self.force, optimize=True))
+        return self.places.stress_by(self.force, z)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at ``z`` (e,) on outward ``normal`` vectors (e,)."""
@@ -223,11 +223,13 @@ class Line:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,), however near."""
-        return self._field(z, SurfaceForces.displacement, SurfaceForces.displacement_of_each)
+        forces = SurfaceForces
+        return self._field(z, forces.displacement_by, forces.displacement, forces.displacement_of_each)
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, 3, c) at ``z`` (e,), however near; on the face those inside."""
-        return self._field(z, SurfaceForces.stress, SurfaceForces.stress_of_each)
+        forces = SurfaceForces
+        return self._field(z, forces.stress_by, forces.stress, forces.stress_of_each)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at places ``z`` (e,) of the surface with outward ``normal`` and ``curvature``
@@ -253,7 +255,13 @@ class Line:
         place, inward = self.face.places(np.exp(self.logarithm))
         return SurfaceForces(self.kernel, self.face.tip + place, inward, self.center)
 
-    def _field(self, z: ComplexArray, field: Field, field_of_each: Field) -> FloatArray:
+    def _field(
+        self,
+        z: ComplexArray,
+        by_all: Callable[[SurfaceForces, FloatArray, ComplexArray], FloatArray],
+        field: Field,
+        field_of_each: Field,
+    ) -> FloatArray:
         x = self.face.distance(z)
         place, inward = self.face.places(x)
         w = (z - self.face.tip - place) * np.conj(inward)
@@ -263,10 +271,12 @@ class Line:
         slope = np.maximum(deep[near] / x[near], LEAST_ANGLE)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
-        by = field(self._forces, inside)
-        by[near] *= (1.0 - _window(apart))[..., None, None]
-        by[near] += self._near_face(x[near], slope, field_of_each)
-        return np.asarray(np.einsum("epcd,pdm->ecm", by, self.density, optimize=True))
+        total = by_all(self._forces, self.density, inside)
+        if len(near):
+            by = field(self._forces, inside[near]) * (1.0 - _window(apart))[..., None, None]
+            by += self._near_face(x[near], slope, field_of_each)
+            total[near] = np.einsum("epcd,pdm->ecm", by, self.density, optimize=True)
+        return total
 
     def _near_face(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
         """What forces (e, p, c, 2) around distances ``x`` (e,) along the face do, seen from ``slope`` (e,)

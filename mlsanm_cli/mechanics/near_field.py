@@ -21,11 +21,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.kernels.radial import radial_displacements, radial_stresses
 from mlsanm_cli.mechanics.material import PlaneMaterial
 
 ComplexArray = NDArray[np.complex128]
 
+ALL = np.zeros((0, 0), dtype=bool)
+"""Every pair of points and forces counts."""
 ALIKE = 1e-8
 """Stiffnesses that differ from an isotropic one's by less than this part are isotropic: the roots of nearly
 isotropic materials are nearly equal, and their fields differences of large numbers."""
@@ -173,6 +176,13 @@ def _table(rows: list[list[FloatArray]]) -> FloatArray:
     return np.moveaxis(table, (0, 1), (-2, -1))
 
 
+def _added(field: FloatArray, force: FloatArray, left_out: BoolArray) -> FloatArray:
+    """Sums (e, r, c) of the fields (e, k, r, 2) of forces (k, 2, c) that are not ``left_out`` (e, k)."""
+    if left_out.size:
+        field = np.where(left_out[:, :, None, None], 0.0, field)
+    return np.asarray(np.einsum("ekrd,kdc->erc", field, force, optimize=True))
+
+
 @dataclass(frozen=True)
 class SurfaceForces:
     """Unit forces in x and y at k places of a body's surface, by the ``kernel`` of its material.
@@ -199,6 +209,28 @@ class SurfaceForces:
         """Stresses (e, k, 3, 2) at places ``z`` (e,)."""
         own = self.kernel.stress(z[:, None] - self.place)
         return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
+
+    def displacement_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
+        """Displacements (e, 2, c) at places ``z`` (e,) by all forces (k, 2, c), but for pairs that are
+        ``left_out`` (e, k)."""
+        if not isinstance(self.kernel, Isotropic):
+            return _added(self.displacement(z), force, left_out)
+        places, bases, force = as_real(self.place), as_real(self.inward), np.ascontiguousarray(force)
+        kappa, shear = self.kernel.kappa, self.kernel.shear
+        found = radial_displacements(as_real(z), places, bases, self._center, force, kappa, left_out)
+        return found / (4.0 * np.pi * shear)
+
+    def stress_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
+        """Stresses (e, 3, c) of the same."""
+        if not isinstance(self.kernel, Isotropic):
+            return _added(self.stress(z), force, left_out)
+        places, force = as_real(self.place), np.ascontiguousarray(force)
+        found = radial_stresses(as_real(z), places, self._center, force, left_out)
+        return -2.0 / np.pi * found
+
+    @property
+    def _center(self) -> FloatArray:
+        return np.array([] if self.center is None else [self.center.real, self.center.imag])
 
     def displacement_of_each(self, z: ComplexArray) -> FloatArray:
         """Displacements (k, 2, 2) at one of the places ``z`` (k,) for each force."""

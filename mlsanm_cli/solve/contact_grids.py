@@ -21,7 +21,8 @@ from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
-from mlsanm_cli.contact.response.condensed import BodyResponses, Condensed, condense
+from mlsanm_cli.contact.response.condensation import BodyResponses, condense
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.condensed import BodyResponses, Condensed
+from mlsanm_cli.contact.response.condensation import BodyResponses
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.grid_ranges import summits
 
@@ -30,6 +31,8 @@ PLENTY = 300
 of many patches, would cost minutes otherwise."""
 NOTHING = 1e-6
 """Pressures below this part of the largest in the scene are those of contacts that carry nothing."""
+AT_ENDS, MORE = 0.3, 2
+"""Intervals at a grid's ends with this part of the largest error are halved so many times more at once."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 
@@ -76,8 +79,24 @@ def refined(
             chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
-            result[name] = replace(grid, hats=grid.hats.halved(chosen))
+            result[name] = _halved(grid, chosen, errors)
     return result
+
+
+def _halved(grid: ContactGrid, chosen: BoolArray, errors: FloatArray) -> ContactGrid:
+    """The grid with ``chosen`` intervals (e,) halved; those at its ends that have the largest ``errors``
+    several times towards the end, as errors fall slowly where pressures have no bound."""
+    first, last = np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]
+    large = chosen & (errors >= AT_ENDS * errors.max())
+    at_ends = bool(large[first]), bool(large[last])
+    grid = replace(grid, hats=grid.hats.halved(chosen))
+    for _ in range(MORE):
+        again = np.zeros(len(grid.hats.steps), dtype=bool)
+        again[np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]] = at_ends
+        again &= grid.hats.steps > _shortest(grid)
+        if again.any():
+            grid = replace(grid, hats=grid.hats.halved(again))
+    return grid
 
 
 def grid_errors(

@@ -36,6 +36,14 @@ def _coarse_pictures() -> Iterator[None]:
 
 
 @pytest.fixture
+def afterwards() -> Iterator[pytest.MonkeyPatch]:
+    """Changes places, and what is done with condensed scenes, which are shared with other tests all the same
+    (tests.conftest)."""
+    with pytest.MonkeyPatch.context() as patch:
+        yield patch
+
+
+@pytest.fixture
 def by_nodes() -> Iterator[None]:
     """No contact has a grid of its own, even off all corners."""
     with pytest.MonkeyPatch.context() as patch:

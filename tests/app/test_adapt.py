@@ -121,12 +121,12 @@ def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path) -> None:
 
 
 def test_a_pass_that_fails_leaves_the_result_of_the_one_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, afterwards: pytest.MonkeyPatch
 ) -> None:
     def failing(*given: object) -> None:
         raise NumericalError("does not resist pressures")
 
-    monkeypatch.setattr(adapt, "place", failing)
+    afterwards.setattr(adapt, "place", failing)
     settings = ('contact.interface.regularization.law="exact"', "mls.degree=4")
     plain = solve(NODAL, tmp_path / "plain", *settings)
     kept = solve(NODAL, tmp_path / "kept", "adapt.passes=2", *settings)

@@ -174,9 +174,8 @@ def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
         info(damaged)
 
 
-def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path, patch_run: Path) -> None:
+def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
     common = {"plot_force.png", "plot_peak.png", "plot_bodies.png"}
-    assert {f.name for f in plot(patch_run)} == common | {"plot_pressure_interface.png"}
     under = {"plot_pressure_under-left.png", "plot_pressure_under-right.png"}
     assert {f.name for f in plot(punches_run)} == common | under
     files = plot(bar_run, formats=("svg", "pdf"))
@@ -290,9 +289,9 @@ def test_colour_of_the_bodies(bar_run: Path) -> None:
 
 
 def test_a_failed_run_keeps_what_it_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    afterwards.chdir(tmp_path)
     write(tmp_path, hertz())
     assert main(["run", "case.toml", "--set", "solver.max_steps=4", "--json"]) == 3
     out, err = capsys.readouterr()

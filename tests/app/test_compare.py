@@ -150,8 +150,8 @@ def perturbed(size: float) -> Any:
     return path
 
 
-def test_a_method_that_is_wrong_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure_module, "load_path", perturbed(0.2))
+def test_a_method_that_is_wrong_is_found(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
+    afterwards.setattr(measure_module, "load_path", perturbed(0.2))
     found = compared(tmp_path, hertz(), QUICK, FAST)
     assert found["status"] == "disagree"
     assert found["methods"][1]["agrees"] is False
@@ -159,9 +159,9 @@ def test_a_method_that_is_wrong_is_found(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_a_small_difference_between_equal_laws_is_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, afterwards: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measure_module, "load_path", perturbed(1e-4))
+    afterwards.setattr(measure_module, "load_path", perturbed(1e-4))
     found = compared(tmp_path, hertz(), QUICK, FAST, "solver.polish=true")
     assert [row.get("agrees") for row in found["methods"]] == [None, True, False]
     loose = compared(tmp_path, hertz(), replace(QUICK, tolerance=1e-3), FAST, "solver.polish=true")
@@ -177,8 +177,8 @@ def failing(built: CondensedScene) -> Iterator[PathStep]:
     yield from steps
 
 
-def test_a_method_that_fails_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure_module, "load_path", failing)
+def test_a_method_that_fails_is_a_row(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
+    afterwards.setattr(measure_module, "load_path", failing)
     found = compared(tmp_path, hertz(), replace(QUICK, picture=True), FAST)
     row = found["methods"][1]
     assert (row["status"], row["reason"], row["hint"]) == ("failed", "no state", "another eta")
@@ -189,9 +189,9 @@ def test_a_method_that_fails_is_a_row(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_exit_codes_and_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    afterwards.chdir(tmp_path)
     write(tmp_path, hertz().replace("accuracy = 0.01", "accuracy = 0.1"))
     arguments = ["compare", "scene.toml", "--active-set", "--no-picture", "--levels", "2", "--quiet"]
     assert main([*arguments, "--json"]) == 0
@@ -208,7 +208,7 @@ def test_exit_codes_and_table(
     text = capsys.readouterr().out
     assert "anm failed: the path stopped" in text
     assert "raise solver.max_steps" in text
-    monkeypatch.setattr(measure_module, "load_path", failing)
+    afterwards.setattr(measure_module, "load_path", failing)
     assert main([*shown, "--force"]) == 1
     assert "active-set failed: no state; another eta" in capsys.readouterr().out
 

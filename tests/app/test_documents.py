@@ -15,6 +15,7 @@ from click import Context
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
+from mlsanm_cli.app.results import animate
 from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
@@ -40,11 +41,11 @@ def test_the_reference_is_up_to_date() -> None:
     assert page() == CASE_FILE, "python docs/update_case_file.py"
 
 
-def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+def test_the_two_commands(tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: Any) -> None:
     commands = [command.strip() for command in blocks(README, "sh")]
     assert commands == ["pip install . && mlsanm run cases/hertz.toml", "pip install '.[test]' && pytest"]
     (tmp_path / "cases").symlink_to(ROOT / "cases")
-    monkeypatch.chdir(tmp_path)
+    afterwards.chdir(tmp_path)
     assert main(commands[0].partition(" && mlsanm ")[2].split()) == 0
     peak = summary_of(Path("results/hertz"))["contacts"]["interface"]["peak_pressure"]
     capsys.readouterr()
@@ -57,6 +58,8 @@ def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
         assert main(arguments) == 0
     assert Path("results/hertz/plot_bodies.png").is_file()
     assert main(["run", "cases/hertz.toml", "--out", "results/fine", "--set", "mls.degree=3"]) == 0
+    # Frames of an animation are drawn alike, and two are enough.
+    afterwards.setattr(animate, "FRAMES", 2)
     for line in "".join(blocks(PICTURES, "sh")).splitlines():
         assert main(line.split()[1:]) == 0, line
         assert Path(line.split()[-1]).stat().st_size > 5000
@@ -64,11 +67,11 @@ def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
 @pytest.mark.parametrize(("document", "end"), [(README, 1.0), (CASE_FILE, 2.0)], ids=["README", "case-file"])
 def test_the_cases_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, document: str, end: float
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: Any, document: str, end: float
 ) -> None:
     (text,) = blocks(document, "toml")
     (tmp_path / "punch.toml").write_text(text)
-    monkeypatch.chdir(tmp_path)
+    afterwards.chdir(tmp_path)
     assert main(["check", "punch.toml"]) == 0
     assert main(["run", "punch.toml"]) == 0
     summary = summary_of(Path("results/punch"))

@@ -27,6 +27,8 @@ from tests.app.scenes import BAR, NODAL, PATCH, hertz, solve
 from tests.app.test_friction import EXACT, SHEARED
 
 BAD = [1e3, float("nan")]
+ONCE = ("stage=[{press=1.0}, {shear=1.0}]", "output.at=[2.0]")
+"""Nothing turns back, which would only take longer."""
 Change = Callable[[State], State]
 
 
@@ -49,29 +51,27 @@ def altered(change: Change, saved: bool) -> Callable[[CondensedScene, Checkpoint
 @pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("saved", [False, True])
 @pytest.mark.parametrize("bad", BAD)
-def test_a_residual(bad: float, saved: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_residual(bad: float, saved: bool, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, residual=bad), saved)
-    monkeypatch.setattr(run_module, "load_path", path)
+    afterwards.setattr(run_module, "load_path", path)
     summary = solve(PATCH, tmp_path / "run")
     assert (summary["status"], "residual" in summary["stop_reason"]) == ("failed", True)
     assert summary["hint"]
 
 
 @pytest.mark.parametrize("name", ["pressure", "gap", "motion", "traction"])
-def test_a_number_that_is_none(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_number_that_is_none(name: str, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, **{name: getattr(state, name) * np.nan}), False)
-    monkeypatch.setattr(run_module, "load_path", path)
-    summary = solve(
-        SHEARED, tmp_path / "run", EXACT, 'contact.interface.regularization.friction_law="memory"'
-    )
+    afterwards.setattr(run_module, "load_path", path)
+    summary = solve(SHEARED, tmp_path / "run", EXACT, *ONCE)
     assert (summary["status"], "not finite" in summary["stop_reason"]) == ("failed", True)
     assert len(summary["failure"]["worst_nodes"]) == 10
 
 
-def test_a_traction_beyond_its_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_traction_beyond_its_limit(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, traction=1.2 * state.traction), False)
-    monkeypatch.setattr(run_module, "load_path", path)
-    summary = solve(SHEARED, tmp_path / "run", EXACT)
+    afterwards.setattr(run_module, "load_path", path)
+    summary = solve(SHEARED, tmp_path / "run", EXACT, *ONCE)
     assert (summary["status"], "friction limit" in summary["stop_reason"]) == ("failed", True)
     nodes = summary["failure"]["worst_nodes"]
     assert max(node["cone_ratio"] for node in nodes) == pytest.approx(1.2)
@@ -135,20 +135,20 @@ def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("fields", ["[]", '["displacement"]'])
-def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     kept = fields_of
 
     def found(*arguments: Any, **options: Any) -> Any:
         return [(fields, bad) for fields, _ in kept(*arguments, **options)]
 
-    monkeypatch.setattr(recorder, "fields_of", found)
+    afterwards.setattr(recorder, "fields_of", found)
     summary = solve(PATCH, tmp_path / "run", f"output.fields={fields}")
     assert (summary["status"], "linear-solver error" in summary["stop_reason"]) == ("failed", True)
 
 
 @pytest.mark.usefixtures("by_nodes")
 def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, afterwards: pytest.MonkeyPatch
 ) -> None:
     kept = Condensed.checked_displacements
     bad = {"upper"}
@@ -157,7 +157,7 @@ def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
         found, residual = kept(self, scene, name, *state)
         return found, np.full_like(residual, np.nan) if name in bad else residual
 
-    monkeypatch.setattr(Condensed, "checked_displacements", displacement)
+    afterwards.setattr(Condensed, "checked_displacements", displacement)
     summary = solve(PATCH, tmp_path / "body")
     assert (summary["status"], "linear-solver error" in summary["stop_reason"]) == ("failed", True)
     bad.clear()
@@ -166,15 +166,15 @@ def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
     def once(*arguments: Any, **options: Any) -> Any:
         return [(fields, next(calls, 1e-12)) for fields, _ in whole(*arguments, **options)]
 
-    monkeypatch.setattr(recorder, "fields_of", once)
+    afterwards.setattr(recorder, "fields_of", once)
     summary = solve(PATCH, tmp_path / "state", "output.at=[0.5, 1.0]")
     assert (summary["status"], "linear-solver error" in summary["stop_reason"]) == ("failed", True)
 
 
 @pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", [9.0, float("nan")])
-def test_a_ratio_of_spacings(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(judge, "spacing_ratio", lambda *arguments: bad)
+def test_a_ratio_of_spacings(bad: float, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
+    afterwards.setattr(judge, "spacing_ratio", lambda *arguments: bad)
     summary = solve(PATCH, tmp_path / "run")
     assert (summary["status"], "spacings" in summary["stop_reason"]) == ("failed", True)
 

@@ -288,7 +288,7 @@ def test_a_punch_with_sharp_corners(tmp_path: Path) -> None:
 def test_a_side_of_several_pieces(tmp_path: Path) -> None:
     """A cylinder pressed into the joint of two pieces of one side, slave or master, against one piece; on a
     soft base, whose nodes are the same."""
-    fine = [{"at": [0.0, 2.0], "spacing": 0.1, "radius": 0.6, "growth": 0.3}]
+    fine = [{"at": [0.0, 2.0], "spacing": 0.15, "radius": 0.5, "growth": 0.3}]
     forces = []
     for pieces in (1, 2):
         points = [[-2.0, 2.0], [-2.0, 0.0], [2.0, 0.0], [2.0, 2.0]]
@@ -307,7 +307,7 @@ def test_a_side_of_several_pieces(tmp_path: Path) -> None:
         forces.append([summary["contacts"]["c"]["force"][1]])
         disk = {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"}
         soft = parts + material("softer", E=1.0, nu=0.3, law="neo-hookean")
-        soft += body("disk", "softer", 0.1, disk)
+        soft += body("disk", "softer", 0.15, disk)
         soft += load("press", "disk.flat", "displacement", displacement=[0.0, -0.1])
         summary = solve(soft + contact("c", "disk.arc", side), tmp_path / f"soft{pieces}")
         assert summary["status"] == "done"
@@ -396,7 +396,8 @@ def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -
     )
     summary = solve(text, tmp_path / "run")
     assert summary["status"] == "done"
-    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.005)
+    # With half of the spacing, and at degree 4.
+    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.01)
 
 
 @pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "only 1 of the nodes")])

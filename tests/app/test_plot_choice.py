@@ -155,13 +155,13 @@ def test_runs_are_drawn_over_each_other(
         plot([hertz_run, punches_run], choice=Choice(what=("peak",)))
 
 
-def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     rough = solve(CYLINDER, tmp_path / "run")
     assert rough["status"] == "done"
     files = plot(tmp_path / "run", choice=Choice(what=("hysteresis", "loop")))
     assert {file.name for file in files} == {"plot_hysteresis_drum.png", "plot_loop_drum.png"}
     kept: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(plot_module, "plot_traction", lambda *given, **words: kept.append(given))
+    afterwards.setattr(plot_module, "plot_traction", lambda *given, **words: kept.append(given))
     plot(tmp_path / "run", choice=Choice(what=("traction",), at=(0.5,)))
     _, _, label, _, traction, limit, status = kept[0]
     assert label == "position 0.5, down x 0.5"

@@ -14,7 +14,7 @@ from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve.state import Polish
-from tests.app.scenes import BAR, NODAL, PATCH, Quiet, hertz, solve
+from tests.app.scenes import BAR, FAST, NODAL, PATCH, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
 POLISH, SMOOTH = "solver.polish=true", "solver.polish=false"
@@ -26,12 +26,11 @@ FIELDS = ("displacement", "stress", "von_mises")
     ("text", "levels"), [(hertz(), "output.at=[0.3, 0.7]"), (SHEARED, "output.at=[1.0, 1.5, 2.25]")]
 )
 def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> None:
-    rough = ["contact.interface.accuracy=0.02"] if "friction" in text else []
+    rough = ["contact.interface.accuracy=0.02"] if "friction" in text else [FAST]
     solve(text, tmp_path / "smooth", levels, COARSE, SMOOTH, *rough)
     polished = solve(text, tmp_path / "polished", levels, COARSE, POLISH, *rough)
     # The exact law of friction is given grids five times as fine.
-    coarse = ["contact.interface.accuracy=0.1"] if "friction" in text else []
-    exact_law = solve(text, tmp_path / "exact", levels, EXACT, *coarse)
+    exact_law = solve(text, tmp_path / "exact", levels, EXACT, FAST)
     if "friction" in text:
         assert polished["polish"]["factorizations"] == exact_law["factorizations"]
     runs = {name: read_run(tmp_path / name) for name in ("smooth", "polished", "exact")}

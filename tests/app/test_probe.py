@@ -13,6 +13,7 @@ from mlsanm_cli.app.results.path_lookup import SERIES, level_at
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.summary import read_json
 from tests.app.scenes import BAR, PATCH, hertz, solve
 
 LOAD = -226.0
@@ -163,6 +164,7 @@ def test_friction_between_steps(friction_nodes: Path) -> None:
     assert values(named) == pytest.approx(values(field), rel=0.01, abs=1e-6)
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_a_stage_that_moves_nothing_is_known_all_along(tmp_path: Path) -> None:
     solve(PATCH, tmp_path / "patch", "stage=[{press=0.5},{press=0.5},{press=1.0}]")
     (row,) = probe.probe_contact(tmp_path / "patch", [1.5], "interface", ["pressure"])
@@ -179,12 +181,11 @@ def test_the_ghost_scheme_knows_points_by_probes_only(tmp_path: Path) -> None:
         probe.probe_point(tmp_path / "bar", [2.0], "bar", (1.3, 1.0))
 
 
-def test_exact_laws_are_not_guessed_between_stored_states(tmp_path: Path) -> None:
-    solve(PATCH, tmp_path / "patch")
+def test_exact_laws_are_not_guessed_between_stored_states(patch_run: Path) -> None:
     with pytest.raises(RunError, match="nothing is stored between positions 0 and 1") as error:
-        probe.probe_force(tmp_path / "patch", [0.5], "press")
+        probe.probe_force(patch_run, [0.5], "press")
     assert "output.at" in error.value.hint
-    (row,) = probe.probe_force(tmp_path / "patch", [1.0], "press")
+    (row,) = probe.probe_force(patch_run, [1.0], "press")
     assert row["fy"] == pytest.approx(-200.0)
 
 
@@ -237,9 +238,8 @@ def test_wrong_probes(setting: str, key: str, words: str, tmp_path: Path) -> Non
     assert any(p.key == key and words in p.message for p in error.value.problems), error.value.problems
 
 
-def test_nothing_is_stored_where_nothing_was_asked_for(tmp_path: Path) -> None:
-    summary = solve(PATCH, tmp_path / "patch")
-    run = read_run(tmp_path / "patch")
+def test_nothing_is_stored_where_nothing_was_asked_for(patch_run: Path) -> None:
+    run = read_run(patch_run)
     assert not run.probes
-    assert "probes" not in summary
+    assert "probes" not in read_json(patch_run / "summary.json")
     assert not any(run.maps.values())

@@ -27,10 +27,12 @@ def scenes() -> Iterator[Scene]:
 
 
 def test_scenes_and_their_variants_are_valid_cases(tmp_path: Path) -> None:
-    for scene in scenes():
+    for number, scene in enumerate(scenes()):
         far = 5e-4 if scene.name == "cam_follower" else 0.5  # that one is in metres
         spacings = {one["name"]: (far, {"left": 0.2 * far}) for one in scene.case["body"]}
-        for variant in (*variants(), halved(scene.case, spacings)):
+        others = list(variants())
+        # Each of them in turn, which takes a fraction of all for all.
+        for variant in (others[number % len(others)], halved(scene.case, spacings)):
             for name, write in scene.files.items():
                 write(tmp_path / name, variant.move())
             (tmp_path / "case.toml").write_text(tomli_w.dumps(variant.change(scene.case)))

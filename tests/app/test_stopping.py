@@ -121,7 +121,7 @@ def test_a_limit_has_to_be_come_to_from_the_other_side(tmp_path: Path) -> None:
     """Unloading: below at the start, and of no interest there."""
     stages = "[[stage]]\npress = 1.0\n[[stage]]\npress = 0.0\n"
     stop = '[[stop]]\nwhat = "force"\nof = "press"\nbelow = 100.0\n'
-    summary = solve(hertz() + stages + stop, tmp_path / "run", "contact.*.regularization.law=exact")
+    summary = solve(hertz() + stages + stop, tmp_path / "run", FAST, "contact.*.regularization.law=exact")
     position = stopped(summary, "force of press below 100")
     assert position == pytest.approx(2.0 - 100.0 / 226.0, rel=1e-9)
 
@@ -195,6 +195,7 @@ def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
     assert turning(PathStep(state, ())) is None
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_the_summary_of_a_patch_test_names_its_stop(tmp_path: Path) -> None:
     summary = solve(
         PATCH + '[[stop]]\nwhat = "displacement"\nof = "press"\ncomponent = "y"\nbelow = -1e-4\n',

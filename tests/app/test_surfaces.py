@@ -82,7 +82,7 @@ def pressed(directory: Path, name: str) -> tuple[FloatArray, FloatArray]:
 def test_a_pad_touches_with_its_face_and_its_rounded_corners(tmp_path: Path) -> None:
     found = solve(pad(0.3), tmp_path / "pad")["contacts"]["foot"]
     swapped = solve(pad(0.3, "block.top", FOOT), tmp_path / "swapped")
-    spacings = "body.pad.spacing=0.06", "body.block.spacing=0.15"
+    spacings = "body.pad.spacing=0.1", "body.block.spacing=0.25"
     fine = solve(pad(0.3), tmp_path / "fine", *spacings)["contacts"]["foot"]
     # The face ends at 0.7: contact continues into the arcs, a little.
     assert 0.7 < found["half_width"] < 0.73

@@ -30,7 +30,7 @@ from tests.case_text import item, table
 ETA = "contact.interface.regularization.eta"
 PRESSED = hertz().replace("accuracy = 0.01", "accuracy = 0.1") + table("output", vtu=False, fields=[])
 PROBE = item("probe", name="tip", body="block", point=[0.0, -0.5])
-ROUGH = PRESSED.replace("accuracy", "friction = 0.3\naccuracy") + PROBE
+ROUGH = PRESSED.replace("accuracy", "friction = 0.3\nregularization.law = 'exact'\naccuracy") + PROBE
 
 
 @pytest.fixture(autouse=True)

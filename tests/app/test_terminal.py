@@ -83,12 +83,12 @@ def test_progress_fits_the_terminal(tmp_path: Path) -> None:
     assert max(len(part) for line in live.split("\n") for part in line.split("\r\x1b[K")) < columns
 
 
-def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorder, "NOTICED", 0.0)
+def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
+    afterwards.setattr(recorder, "NOTICED", 0.0)
     (tmp_path / "case.toml").write_text(BAR)
     console = Quiet()
     texts: list[tuple[float, str]] = []
-    monkeypatch.setattr(
+    afterwards.setattr(
         console, "step", lambda index, position, residual, text: texts.append((position, text))
     )
     run(tmp_path / "case.toml", out=tmp_path / "run", console=console)

@@ -23,9 +23,9 @@ def test_slave_and_master_feel_the_same(tmp_path: Path, text: str) -> None:
     ("lost", "status", "warned"), [(0.02, "done", 0), (0.04, "done", 1), (0.2, "failed", 0)]
 )
 def test_a_contact_that_loses_force_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: float, status: str, warned: int
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, lost: float, status: str, warned: int
 ) -> None:
-    monkeypatch.setattr(judge, "force_mismatch", lambda built, state: {"interface": lost})
+    afterwards.setattr(judge, "force_mismatch", lambda built, state: {"interface": lost})
     summary = solve(hertz(), tmp_path / "run", LAW)
     told = [*summary["warnings"], summary["stop_reason"]]
     message = f"the forces on slave and master differ by {100.0 * lost:.2g} %"

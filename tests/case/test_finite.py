@@ -62,9 +62,8 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
 @pytest.mark.parametrize(
     ("more", "key", "word"),
     [
-        (f"{PLATE}fx = 1.0\n", "load.plate", "force"),
-        (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate.rotation", "rotating"),
-        (f"{PLATE}ux = 0.1\nrotation = 0.1\n", "load.plate.rotation", "rotating"),
+        (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate", "both directions"),
+        (f"{PLATE}ux = 0.1\nrotation = 0.1\n", "load.plate", "both directions"),
         (f"{CONTACT}{OBSTACLE}{HYPERBOLIC}", "contact.c.regularization.law", "hyperbolic"),
         (f'{CONTACT}friction = "bonded"\n{OBSTACLE}{EXACT}', "contact.c.friction", "bonded"),
         (f"{CONTACT}gap = 0.1\n{OBSTACLE}{EXACT}", "contact.c.gap", "gap"),

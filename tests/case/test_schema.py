@@ -39,6 +39,27 @@ def test_values_and_defaults() -> None:
     assert case.reference is None
 
 
+RUBS = "contact.interface.friction=0.3"
+
+
+@pytest.mark.parametrize(
+    ("chosen", "law"),
+    [
+        ((RUBS,), "exact"),
+        (('contact.interface.friction="bonded"',), "hyperbolic"),
+        ((RUBS, "contact.interface.regularization.eta=1e-5"), "hyperbolic"),
+        ((RUBS, 'contact.interface.regularization.friction_law="holonomic"'), "hyperbolic"),
+        ((RUBS, 'solver.method="newton"'), "hyperbolic"),
+        ((RUBS, 'solver.formulation="monolithic"'), "hyperbolic"),
+        ((RUBS, "solver.polish=true"), "hyperbolic"),
+    ],
+)
+def test_friction_with_a_history_is_exact_unless_the_regularised_law_is_chosen(
+    chosen: tuple[str, ...], law: str
+) -> None:
+    assert parse(HERTZ, chosen).case.contact[0].regularization.law == law
+
+
 def test_whole_numbers_are_numbers_and_become_floats() -> None:
     case = parse(SQUARE + CLAMP + PULL).case
     assert isinstance(case.material["rubber"].E, float)

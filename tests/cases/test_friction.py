@@ -198,7 +198,7 @@ def test_shear_patch(tmp_path: Path, law: str) -> None:
 
 
 def test_block_slides_both_ways(tmp_path: Path) -> None:
-    summary, data = solve("block_slide", tmp_path / "slide")
+    summary, data = solve("block_slide", tmp_path / "slide", COARSE)
     contact = data.contacts["interface"]
     force = contact.traction @ contact.weight
     forward, back = (int(np.flatnonzero(data.path.position == p)[0]) for p in (2.0, 3.0))
@@ -215,7 +215,7 @@ def test_block_slides_both_ways(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_wedge(tmp_path: Path, friction: float) -> None:
-    summary, data = solve("wedge", tmp_path / "wedge", f"contact.interface.friction={friction}")
+    summary, data = solve("wedge", tmp_path / "wedge", COARSE, f"contact.interface.friction={friction}")
     ratio = summary["forces"]["push"][0] / 100.0
     assert ratio == pytest.approx((0.1 + friction) / (1.0 - 0.1 * friction), rel=1e-6)
     count = len(data.contacts["interface"].arc_length)

@@ -15,7 +15,8 @@ from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.coercivity import contact_stability
-from mlsanm_cli.contact.response.condensed import Condensed, condense
+from mlsanm_cli.contact.response.condensation import condense
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver

@@ -9,7 +9,11 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import surface_fit
-from mlsanm_cli.contact.response.coercivity import contact_stability, relative_resistance
+from mlsanm_cli.contact.response.coercivity import (
+    constrained_resistance,
+    contact_stability,
+    relative_resistance,
+)
 from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows
 from mlsanm_cli.contact.response.load_vectors import _on_pieces
 from mlsanm_cli.contact.response.short_waves import SMOOTH
@@ -299,3 +303,15 @@ def test_nodes_left_out_are_watched(forced: Small) -> None:
     state = forced.exact()
     assert (watched(state.factors, state.motion, state.pressure) > 0.0).all()
     assert forced.condensed.gap.constant == pytest.approx(pairing.gap[pairing.candidate])
+
+
+@pytest.mark.parametrize(("softest", "expected"), [(-40.0, 0.8), (0.02, 0.02), (-0.02, 0.02)])
+def test_a_body_that_sways_under_dead_pressures_resists_those_of_contacts(
+    softest: float, expected: float
+) -> None:
+    """A compliance with one eigenvalue that is large and negative, as beyond a column's critical load, and
+    one with an eigenvalue near zero."""
+    rotation = np.linalg.qr(np.random.default_rng(3).normal(size=(5, 5)))[0]
+    compliance = rotation @ np.diag([softest, 0.8, 0.9, 1.0, 5.0]) @ rotation.T * 2.0 / np.pi
+    value = constrained_resistance(np.ones(5), np.eye(5), compliance, np.zeros((0, 5)))
+    assert value == pytest.approx(expected)

@@ -11,7 +11,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import surface_fit
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
-from mlsanm_cli.contact.response import condensed
+from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.short_waves import SMOOTH, resolved
@@ -39,7 +39,7 @@ def small(resolved: bool) -> Small:
     """A half-disk with friction, with or without what is added for short waves."""
     with pytest.MonkeyPatch.context() as patch:
         if not resolved:
-            patch.setattr(condensed, "resolved", lambda gap, slip, *others: (gap, slip, slip.traction))
+            patch.setattr(condensation, "resolved", lambda gap, slip, *others: (gap, slip, slip.traction))
         return cylinder(0.006, "contact.interface.friction=0.3", control="force = [1.0, -226.566]")
 
 

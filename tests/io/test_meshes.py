@@ -102,7 +102,7 @@ def test_nodes_of_no_element_are_left_out_and_any_plane_will_do(tmp_path: Path) 
         (SQUARE + np.arange(5.0)[:, None] * [0, 0, 1], TWO, "z varies by 4"),
         (SQUARE, [("line", [[0, 1]])], "no triangles or quads"),
         (SQUARE, [("triangle", [[0, 1, 7]])], "a node that the file does not have"),
-        (SQUARE * [1.0, np.nan, 1.0], TWO, "node 1 has no finite place"),
+        (SQUARE * [1.0, np.nan, 1.0], TWO, "node 1 has no finite coordinates"),
     ],
 )
 def test_what_is_no_plane_mesh_is_refused(

@@ -43,10 +43,10 @@ def test_hdf5_holds_the_columns_as_datasets(tmp_path: Path) -> None:
     ("old", "new", "words"),
     [
         ("x, y, tag", "x, y, name", 'line 1: unknown column "name"'),
-        ("x, y, tag, nx, ny", "x, y, x, nx, ny", "line 1: the column .x. is there twice"),
+        ("x, y, tag, nx, ny", "x, y, x, nx, ny", "line 1: the column .x. appears twice"),
         (", nx, ny", ", nx", "line 1: nx and ny go together"),
         ("1.0, 0.0, floor, ,", "1.0, zero, floor, ,", "line 4: y is not a number: 'zero'"),
-        ("1.0, 0.0, floor, ,", "1.0, nan, floor, ,", "line 4: the node has no place"),
+        ("1.0, 0.0, floor, ,", "1.0, nan, floor, ,", "line 4: the node has no coordinates"),
         ("1.0, 0.0, floor, ,", "1.0, 0.0, floor", "line 4: 3 values for 5 columns"),
         ("1.0, 0.0, floor, ,", "1.0, 0.0, the floor, ,", "line 4: the tag .the floor. is not a valid name"),
         ("0.0, -1.0\n", "0.0, -2.0\n", "line 2: the normal has length 2, not 1"),
@@ -100,7 +100,7 @@ def test_files_made_to_mislead_are_refused(tmp_path: Path) -> None:
         "null.h5": "the dataset x has no data",
         "text.h5": "not UTF-8",
         "raw.h5": "the data of /x are in another file",
-        "round.h5": "/group is there twice",
+        "round.h5": "/group appears twice",
     }.items():
         with pytest.raises(GeometryError, match=words):
             read_points(tmp_path / name)

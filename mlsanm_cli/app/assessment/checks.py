@@ -257,7 +257,7 @@ def check_polish(levels: Sequence[Polish]) -> str:
         return ""
     return (
         f"polishing changed contact pressures or tractions by up to {100 * change:.2g} % overall; "
-        f"between the saved levels the path is that far from the exact laws: lower "
+        f"between the saved levels the path deviates as much from the exact laws: lower "
         f"contact.regularization.eta"
     )
 

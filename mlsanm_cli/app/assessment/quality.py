@@ -144,7 +144,7 @@ def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
         slow = "" if model.tips is not None else ", and stiffness converges slowly"
         yield (
             f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the stress "
-            f"there has no bound{slow}: give it a radius in body.{name}.shape.rounding"
+            f"there is singular{slow}: give it a radius in body.{name}.shape.rounding"
         )
 
 
@@ -178,7 +178,7 @@ def case_warnings(case: Case) -> Iterator[str]:
     for name, material in case.material.items():
         if case.model.plane == "strain" and material.form == "stiffness":
             yield (
-                f"material {name}: a plane stiffness leaves open the stress across the plane, so that von "
+                f"material {name}: a plane stiffness does not determine the out-of-plane stress, so that von "
                 f"Mises stresses are nan; give E1, E2, G12, nu12 and those of the third axis for them"
             )
     turning = [load.name for load in case.load if _turns(case, load.name)]

@@ -251,8 +251,8 @@ class _Path:
     def _solved(self, position: float) -> Pressed | None:
         factors = factors_at(self._scene.stages, position)
         scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, self._sides)
-        pressing = Pressing(self._projectors, *args)
+        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
+        pressing = Pressing(self._projectors, *args, self._sides)
         tolerance = self._scene.case.solver.tolerance
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):

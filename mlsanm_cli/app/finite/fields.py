@@ -238,15 +238,26 @@ def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
 
 def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
     """Displacement (2,) of every platen and of every obstacle by the load that moves it."""
-    moved, factors = {}, state.factors
+    moved = {}
     rigid = {one.name: one for one in scene.contacts if isinstance(one, RigidContact)}
-    for number, load in enumerate(scene.case.load):
+    for load in scene.case.load:
         if isinstance(load, ObstacleMotion):
             moved[load.name] = rigid[load.obstacle].motion @ state.whole
-        if isinstance(load, Platen):
-            control = [load.control.get(axis) for axis in "xy"]
-            moved[load.name] = np.array([0.0 if one is None else one[1] for one in control]) * factors[number]
+    for plate in scene.plates:
+        for number in plate.loads:
+            moved[scene.case.load[number].name] = plate.motion[:2] @ state.whole
     return moved
+
+
+def plates_turned(scene: FiniteScene, state: FiniteState) -> dict[str, dict[str, float]]:
+    """Rotation of every plate that turns, and moment about its hinge."""
+    acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
+    found = {}
+    for plate in (one for one in scene.plates if one.motion[2].any()):
+        moments = [plate.pulled(scene.bodies[k], k, parts[k], acting[k])[0][2] for k in plate.surfaces]
+        rotation = float(plate.motion[2] @ state.whole)
+        found[plate.name] = {"rotation": rotation, "moment": float(sum(moments))}
+    return found
 
 
 def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:

@@ -14,7 +14,14 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import interrupted_run
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.fields import SceneForces, contact_summary, extremes, probe_records, resultants
+from mlsanm_cli.app.finite.fields import (
+    SceneForces,
+    contact_summary,
+    extremes,
+    plates_turned,
+    probe_records,
+    resultants,
+)
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
@@ -54,7 +61,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
     try:
         mark = recorder.start(scene)
         context.stop_gently()
-        several = bool(scene.contacts) or len(scene.bodies) > 1
+        several = bool(scene.contacts or scene.free) or len(scene.bodies) > 1
         steps = contact_path(scene, mark) if several else finite_path(scene, mark)
         while True:
             context.check_stop()
@@ -115,6 +122,8 @@ def _summary(
             summary["probes"] = {
                 name: probe_figures(seen) for name, seen in probe_records(scene, state).items()
             }
+        if turned := plates_turned(scene, state):
+            summary["plates"] = turned
         summary["force_balance"] = recorder.balance
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability

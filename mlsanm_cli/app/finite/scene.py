@@ -10,6 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.contact_pairs import shape_of
+from mlsanm_cli.app.scene.corners import ends_of
 from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
@@ -18,7 +19,7 @@ from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.exact import AnyContact
-from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
+from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import Side, with_more, with_sides
@@ -28,7 +29,7 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, Warming
+from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, Turning, Warming
 from mlsanm_cli.mechanics.finite.projector import Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
@@ -40,8 +41,8 @@ from mlsanm_cli.solve.load_factors import stage_factors
 @dataclass(frozen=True)
 class FiniteScene:
     """All ``bodies`` by name with their loads, which move from stage to stage: ``stages`` (T + 1, L). The
-    bodies' loads beyond these are the motions of ``loose`` bodies and ``driven`` obstacles (d,), then unit
-    tractions x, y at the nodes of their sides in ``contacts``.
+    bodies' loads beyond these are the motions of ``loose`` bodies, ``driven`` obstacles and ``plates`` (d,),
+    then unit tractions x, y at the nodes of their sides in ``contacts``.
 
     ``supports`` names the bodies and surfaces of every support and of every load that holds a displacement.
     """
@@ -55,11 +56,13 @@ class FiniteScene:
     contacts: tuple[AnyContact, ...] = ()
     loose: tuple[LooseMotions, ...] = ()
     driven: tuple[DrivenObstacle, ...] = ()
+    plates: tuple[Plate, ...] = ()
 
     @property
     def free(self) -> int:
         """Unknown motions (d): load factors behind those of the case."""
-        return sum(one.count for one in self.loose) + len(self.driven)
+        plates = sum(len(one.components) for one in self.plates)
+        return sum(one.count for one in self.loose) + len(self.driven) + plates
 
     @property
     def alone(self) -> tuple[str, FiniteBody]:
@@ -119,8 +122,8 @@ class FiniteScene:
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Take over clouds, conditions and loads of a scene that the checks have let pass."""
     solver = direct_solver(case)
-    loose, driven = _free(case, prepared)
-    free = sum(one.count for one in loose) + len(driven)
+    loose, driven, plates = _free(case, prepared)
+    free = sum(one.count for one in loose) + len(driven) + sum(len(one.components) for one in plates)
     contacts = tuple(_contact(case, prepared, one, free) for one in prepared.pairings)
     contacts = tuple(_driving(one, number, driven, len(case.moved)) for number, one in enumerate(contacts))
     bodies, first = {}, len(case.moved)
@@ -130,7 +133,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         held_nodes = (*prepared.held_nodes[name], *pinned)
         elastic = assemble(model, prepared.held[name], held_nodes, solver, prepared.acting.springs[name])
         sides = [side for contact in contacts for side in contact.sides if side.body == name]
-        loads = with_more(_loads(case, prepared, name, elastic), free)
+        loads = _plated(name, elastic, plates, with_more(_loads(case, prepared, name, elastic), free))
         if moves.shape[1]:
             # The last rows of single nodes are the pins'.
             last = elastic.rows - 3 * elastic.pieces.count
@@ -142,11 +145,13 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         bodies[name] = FiniteBody(elastic, law, loads, turning)
     supports = _supports(case)
     args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
-    return FiniteScene(case, bodies, *args)
+    return FiniteScene(case, bodies, *args, plates)
 
 
-def _free(case: Case, prepared: SceneModel) -> tuple[tuple[LooseMotions, ...], tuple[DrivenObstacle, ...]]:
-    """What moves as it likes: loose bodies in the order of all bodies, then obstacles."""
+def _free(
+    case: Case, prepared: SceneModel
+) -> tuple[tuple[LooseMotions, ...], tuple[DrivenObstacle, ...], tuple[Plate, ...]]:
+    """What moves as it likes: loose bodies in the order of all bodies, then obstacles, then plates."""
     found = {one.body: one for one in prepared.rigid_constraints if isinstance(one, mechanics.FloatingBody)}
     loose = []
     for name, model in prepared.models.items():
@@ -163,7 +168,45 @@ def _free(case: Case, prepared: SceneModel) -> tuple[tuple[LooseMotions, ...], t
                 if one.prescribed is None:
                     place = names.index(constraint.contact)
                     driven.append(DrivenObstacle(place, one.component, number + len(driven), one.force))
-    return tuple(loose), tuple(driven)
+    plates = tuple(_plates(case, prepared, number + len(driven)))
+    return tuple(loose), tuple(driven), plates
+
+
+def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
+    """All plates, whose unknown motions are those from a ``number`` on."""
+    loads, found = len(case.moved), list[Plate]()
+    platens = [one for one in prepared.rigid_constraints if isinstance(one, mechanics.Platen)]
+    count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
+    for platen in platens:
+        unknown = [one for one in platen.motions if one.prescribed is None]
+        surfaces = {body: platen.surfaces_of(body) for body in platen.bodies}
+        size = max(float(np.ptp(prepared.models[body].nodes, axis=0).max()) for body in surfaces)
+        components = tuple(one.component for one in unknown)
+        force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
+        motion = np.zeros((3, count))
+        for one in platen.motions:
+            if one.prescribed is not None:
+                motion[one.component, :loads] = one.prescribed
+                continue
+            motion[one.component, loads + number] = 1.0 / size if one.component == ROTATION else 1.0
+            number += 1
+        place = (np.array(platen.center), size, components, number - len(unknown))
+        found.append(Plate(platen.name, surfaces, platen.loads, *place, force, motion))
+    return found
+
+
+def _plated(name: str, body: ElasticBody, plates: Sequence[Plate], loads: Loads) -> Loads:
+    """The ``loads`` of a body, with the motions of its ``plates``."""
+    turning = []
+    for plate in (one for one in plates if name in one.surfaces):
+        for surface in plate.surfaces[name]:
+            arms = body.model.cloud.points[body.model.cloud.surfaces[surface].index] - plate.center
+            for component in np.flatnonzero(body.held[surface]).tolist():
+                rows = body.condition_rows(surface, component)
+                loads.sources[rows] += plate.motion[component]
+                if plate.motion[2].any():
+                    turning.append(Turning(plate.motion[2], component, rows, arms))
+    return replace(loads, turning=turning)
 
 
 def _pins(
@@ -224,7 +267,9 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
 
 def _side(prepared: SceneModel, body: str, surface: Surface) -> Side:
     nodes = [node for node, _ in prepared.held_nodes[body]]
-    return Side.of(body, prepared.models[body].cloud, surface, prepared.held[body], nodes)
+    model, held = prepared.models[body], prepared.held[body]
+    wedges = ends_of(model, surface, {**held, **dict.fromkeys(prepared.acting.springs[body])})
+    return Side.of(body, model.cloud, surface, held, nodes, wedges)
 
 
 def material_of(case: Case, body: str) -> Material:
@@ -275,9 +320,6 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
         if load.between is not None:
             shape = (*load.between.shape, count)
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
-    for constraint in prepared.rigid_constraints:
-        if isinstance(constraint, mechanics.Platen):
-            _move(constraint, name, body, sources)
     force = _force(prepared, name, len(body.model.cloud.points), count)
     if force is not None:
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
@@ -296,16 +338,6 @@ def warming_of(case: Case, prepared: SceneModel, name: str) -> tuple[Warming, ..
 
 def _expansion(alpha: float, field: Field, points: FloatArray) -> FloatArray:
     return np.asarray(alpha * field.at(points))
-
-
-def _move(platen: mechanics.Platen, name: str, body: ElasticBody, sources: FloatArray) -> None:
-    """Add what a platen prescribes to the right-hand sides ``sources`` (r, L) of a body."""
-    points = body.model.cloud.points
-    for motion in platen.motions:
-        assert motion.prescribed is not None
-        for surface in platen.surfaces_of(name):
-            pattern = platen.pattern(body.model.cloud.surfaces[surface], points, motion.component)
-            sources += np.outer(body.source(surface, pattern, held=True), motion.prescribed)
 
 
 def _force(prepared: SceneModel, name: str, nodes: int, count: int) -> FloatArray | None:

@@ -76,7 +76,8 @@ def field_of(
     elif kind == "length" and "displacement" in fields:
         parts = {"ux": displacement[:, 0], "uy": displacement[:, 1]}
         return parts.get(field, np.hypot(displacement[:, 0], displacement[:, 1])), named
-    raise RunError(f"{label} was not saved", "name what it comes from in output.fields and run again")
+    hint = "add the field that it is computed from to output.fields and run again"
+    raise RunError(f"{label} was not saved", hint)
 
 
 def shown_bodies(

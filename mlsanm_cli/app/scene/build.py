@@ -24,7 +24,8 @@ from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
-from mlsanm_cli.contact.response.condensed import Condensed, condense
+from mlsanm_cli.contact.response.condensation import condense
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.rigid import ROTATION

@@ -107,7 +107,7 @@ def strain_warnings(case: Case, strains: Mapping[str, float]) -> Iterator[str]:
     for body, strain in strains.items():
         if strain > STRAIN:
             yield (
-                f"body {body} is strained or turned by {100.0 * strain:.3g} % of its size, and the model is "
+                f"body {body} is strained or rotated by {100.0 * strain:.3g} % of its size, and the model is "
                 f"linear, good for a few percent; check the units of material.{materials[body]} against "
                 "those of the loads"
             )

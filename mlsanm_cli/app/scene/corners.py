@@ -90,6 +90,14 @@ def stretches_of(
     return tuple(found)
 
 
+def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> tuple[Corner | None, Corner | None]:
+    """The corners at both ends of a surface, where their fields are known; none of a closed one."""
+    if surface.curve.closed:
+        return None, None
+    own = {part.name for part, _ in surface.members}
+    return _corner(model, surface, own, False, held), _corner(model, surface, own, True, held)
+
+
 def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
     """The parts of a surface from corner to corner, and the arc length at which they begin; those that pass
     the start of a closed one come last and begin before its end."""

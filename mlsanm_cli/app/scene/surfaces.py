@@ -143,7 +143,7 @@ def _run(case: Case, place: Place, key: str) -> _Run:
     if found is None:
         groups = [f'"{name}"' for name in _groups(outline, numbers)]
         message = f"{', '.join(groups[:-1])} and {groups[-1]} do not join end to end"
-        hint = "the pieces of one surface follow each other along the outline; others are other surfaces"
+        hint = "the pieces of one surface are consecutive along the outline"
         raise CaseError((CaseProblem(key, message, hint=hint),))
     return _Run(outline, *found)
 

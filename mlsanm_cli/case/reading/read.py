@@ -160,11 +160,30 @@ def _anchored_body(body: Any, folder: Path) -> Any:
 
 
 def _with_law(data: dict[str, Any]) -> dict[str, Any]:
-    """The content with the exact law, the only one of finite strain, in contacts that name none."""
-    model, contacts = data.get("model"), data.get("contact")
-    if not (isinstance(model, Mapping) and model.get("strain") == "finite" and isinstance(contacts, tuple)):
+    """The content with the exact law in contacts that name none, at finite strain and where friction depends
+    on the history.
+
+    Saved levels cannot be polished then, and bodies that bend would float on the regularised law's gaps where
+    little presses them. Whoever gives parameters of that law, or a method that needs it, has chosen it.
+    """
+    model, contacts, solver = data.get("model"), data.get("contact"), data.get("solver", {})
+    if not (isinstance(model, Mapping) and isinstance(contacts, tuple) and isinstance(solver, Mapping)):
         return data
+    if model.get("strain") != "finite":
+        regularized = (
+            solver.get("method") in ("anm", "newton")
+            or solver.get("formulation") == "monolithic"
+            or solver.get("polish") is True
+            or any(isinstance(one, Mapping) and one.get("regularization") for one in contacts)
+        )
+        if regularized or not any(map(_rubs, contacts)):
+            return data
     return {**data, "contact": tuple(_exact(one) for one in contacts)}
+
+
+def _rubs(contact: Any) -> bool:
+    friction = contact.get("friction") if isinstance(contact, Mapping) else None
+    return isinstance(friction, int | float) and friction > 0.0
 
 
 def _exact(contact: Any) -> Any:

@@ -49,7 +49,7 @@ class Answer:
         body = projector.body.elastic
         share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
         still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
-        columns = load_columns(projector.body, still, slice(first, first + 2 * side.count))
+        columns = load_columns(projector.body, still, none, slice(first, first + 2 * side.count))
         moved = -projector.factorised(still, none).solve_unrefined(projector.scaled_columns(columns))
         both = np.repeat(share, 2)
         fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
@@ -165,12 +165,14 @@ def _fit(side: Side) -> FloatArray:
 
 def _share(side: Side) -> FloatArray:
     """How much (c,) fields in closed form have to say: nothing where nodes are held, but for planes of
-    symmetry, and near corners."""
+    symmetry, and near corners that they do not know."""
     number = np.arange(side.count)
-    mirrored = {end for end, axis in zip((0, side.count - 1), side.mirrors, strict=True) if axis is not None}
+    ends = (0, side.count - 1)
+    mirrored = {end for end, axis in zip(ends, side.mirrors, strict=True) if axis is not None}
+    known = {end for end, one in zip(ends, side.wedges, strict=True) if one is not None}
     away = np.full(side.count, np.inf)
     for corner in side.corners:
-        if corner not in mirrored:
+        if corner not in mirrored | known:
             apart = np.abs(number - corner)
             apart = apart if side.around is None else np.minimum(apart, side.count - apart)
             away = np.minimum(away, apart)

@@ -21,7 +21,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.answers import Answer, Closer
-from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
+from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.iteration import Done, Iteration, Used
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
@@ -76,8 +76,8 @@ class Pressing:
     """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
     node of their sides in turn, in the order of the contacts. ``length`` is the typical displacement;
     ``stiffness`` turns gaps into pressures, to guess what touches. The motions of ``loose`` bodies and of
-    ``driven`` obstacles (d,) are load factors behind those of the case. ``answers`` are those of all
-    sides to their own tractions."""
+    ``driven`` obstacles and ``plates`` (d,) are load factors behind those of the case. ``answers`` are those
+    of all sides to their own tractions."""
 
     projectors: Mapping[str, Projector]
     contacts: Sequence[AnyContact]
@@ -85,12 +85,14 @@ class Pressing:
     stiffness: float
     loose: Sequence[LooseMotions] = ()
     driven: Sequence[DrivenObstacle] = ()
+    plates: Sequence[Plate] = ()
     answers: Sequence[Answer] = ()
 
     @property
     def free(self) -> int:
         """Number of unknown motions (d)."""
-        return sum(one.count for one in self.loose) + len(self.driven)
+        plates = sum(len(one.components) for one in self.plates)
+        return sum(one.count for one in self.loose) + len(self.driven) + plates
 
     @cached_property
     def firsts(self) -> dict[str, int]:

@@ -1,20 +1,24 @@
-"""Motions at finite strain that are not given: of bodies that only contact holds, of obstacles under forces.
+"""Motions at finite strain that are not given: of bodies that only contact holds, of obstacles and plates
+under forces.
 
 They are unknown load factors behind those of the case. A loose body is pinned at as many nodes as it has
 free motions, and the pins move as the factors say, in directions that turn with the body; the forces on it,
 and their moment, have to vanish together, and so do the pins' reactions. Moments are about where single nodes
-hold the body, as about a hinge. An obstacle's factors move it, and what presses it balances its force.
+hold the body, as about a hinge. An obstacle's factors move it, and what presses it balances its force; a
+plate's move the sides that it holds, whose stress balances its force and its moment about its hinge.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.tangent import held_force
 from mlsanm_cli.mechanics.rigid import ROTATION
 
 
@@ -76,3 +80,55 @@ class DrivenObstacle:
     component: int
     number: int
     force: FloatArray
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A rigid plate, called ``name``, that holds ``surfaces`` of bodies by name and has its hinge at
+    ``center`` (2,) as drawn; ``loads`` are the numbers of those that move it.
+
+    Its unknown ``components``, 0 (x), 1 (y), 2 (rotation, as a length: over its ``size``), are those from the
+    ``number`` on, under ``force`` (k, L) per load factor. ``motion`` (3, L + d) are its displacement and its
+    rotation by load factors and free motions.
+    """
+
+    name: str
+    surfaces: Mapping[str, tuple[str, ...]]
+    loads: tuple[int, ...]
+    center: FloatArray
+    size: float
+    components: tuple[int, ...]
+    number: int
+    force: FloatArray
+    motion: FloatArray
+
+    @property
+    def numbers(self) -> IntArray:
+        """Its unknowns (k,)."""
+        return self.number + np.arange(len(self.components))
+
+    def pulled(
+        self, body: FiniteBody, name: str, displacement: FloatArray, factors: FloatArray
+    ) -> tuple[FloatArray, sparse.csr_array]:
+        """Force x, y and moment about the hinge (3,) on one body by its stress, and rows (3, 2N) of how these
+        move."""
+        hinge = self.center + self.motion[:2] @ factors[: self.motion.shape[1]]
+        return held_force(body, displacement, factors, self.surfaces[name], hinge)
+
+    def unknown(self, values: FloatArray) -> FloatArray:
+        """Those of its unknowns (k, ...) of ``values`` (3, ...), moments over the plate's size."""
+        chosen = list(self.components)
+        scale = np.where(np.array(chosen) == ROTATION, 1.0 / self.size, 1.0)
+        return np.asarray((values[chosen].T * scale).T)
+
+    def arms(self, pull: FloatArray) -> FloatArray:
+        """How its moment moves (3, L + d) with the hinge, by the ``pull`` (3,) on a body."""
+        found = np.zeros_like(self.motion)
+        found[2] = self.motion[1] * pull[0] - self.motion[0] * pull[1]
+        return found
+
+    def given(self, factors: FloatArray) -> FloatArray:
+        """The force (k,) on it at load ``factors`` (L,), moments over its size."""
+        whole = np.zeros(3)
+        whole[list(self.components)] = self.force @ factors
+        return self.unknown(whole)

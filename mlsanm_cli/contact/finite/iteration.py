@@ -16,7 +16,7 @@ from mlsanm_cli.contact.finite.free import DrivenObstacle
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.contact.response.coercivity import relative_resistance
+from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
@@ -28,8 +28,6 @@ NEIGHBORS = 3
 """So many nodes next to those that touch may come to touch within an iteration."""
 REACH = 0.1
 """With free motions also nodes with gaps up to this part of the typical displacement may."""
-LONG = 8.0
-"""Pressures that change from node to node are waves shorter than this many nodes."""
 DAMPED = 1e-5
 """Free motions are held back by this part of the stiffness within an iteration: something has to where
 nothing touches yet, and steps that are 0 in the end change nothing."""
@@ -58,8 +56,7 @@ class Done:
 
     def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
         """The least resistance of a contact with closed nodes, on those between two others, to pressures that
-        change within LONG nodes; of what is held nothing is known. Longer waves clouds resolve: what they do
-        is the body's, which may give way to a dead pressure that no contact exerts."""
+        change from node to node; of what is held nothing is known."""
         least = np.inf
         number = np.full(len(self.sets.status), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
@@ -76,8 +73,8 @@ class Done:
             place = number[here][some]
             part = self.compliance[np.ix_(place, place)]
             weight = contact.slave.weight[some]
-            held = np.vstack([self.unbalanced[:, place], _long_waves(some) * weight])
-            least = min(least, relative_resistance(weight, np.diag(soft), part, held))
+            resistance = constrained_resistance(weight, np.diag(soft), part, self.unbalanced[:, place])
+            least = min(least, resistance)
         return least
 
 
@@ -185,20 +182,22 @@ class Iteration:
         own = np.flatnonzero(np.isin(touched, pressing.columns[name]))
         moves = self._moves(name)
         known = len(self.factors) - pressing.free
-        columns = load_columns(projector.body, u[self._here(name)], slice(known, None))
+        none = np.zeros(projector.body.loads.count - len(self.factors))
+        whole = np.append(self.factors, none)
+        columns = load_columns(projector.body, u[self._here(name)], whole, slice(known, None))
         some = sparse.csr_array(columns[:, np.concatenate([pressing.free + place[own], moves])])
         found = -factorised.solve_unrefined(projector.scaled_columns(some))
         pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
         return _Answers(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
 
     def _moves(self, name: str) -> IntArray:
-        """Which free motions are a body's."""
-        first = 0
+        """Which free motions move a body."""
+        first, found = 0, [np.zeros(0, dtype=np.int64)]
         for one in self.pressing.loose:
-            if one.body == name:
-                return first + np.arange(one.count)
+            found += [first + np.arange(one.count)] if one.body == name else []
             first += one.count
-        return np.zeros(0, dtype=np.int64)
+        found += [plate.numbers for plate in self.pressing.plates if name in plate.surfaces]
+        return np.concatenate(found)
 
     def _balanced(
         self,
@@ -219,16 +218,29 @@ class Iteration:
             whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
             series = BodySeries(body, 0)
             series.put(0, u[here], whole)
-            (sums, moving), rows = one.sums(body, series, u[here]), answer.moves
+            (sums, moving), rows = one.sums(body, series, u[here]), answer.moves[: one.count]
             moved = sums @ derivative_pieces(body, u[here], whole) + moving
             lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
             by_pieces = (sums @ answer.pieces).toarray()
             lack.by_traction[np.ix_(rows, answer.own)] = (
                 by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
             )
-            lack.by_motion[np.ix_(rows, rows)] = moved @ answer.by_motion + DAMPED * (
-                body.elastic.model.material.modulus * np.eye(one.count)
-            )
+            lack.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
+            lack.by_motion[rows, rows] += DAMPED * body.elastic.model.material.modulus
+        for plate in (some for some in pressing.plates if some.components):
+            rows, known = plate.numbers, plate.force.shape[1]
+            lack.now[rows] -= plate.given(self.factors[:known])
+            for name in plate.surfaces:
+                here, answer = self._here(name), answers[name]
+                body = pressing.projectors[name].body
+                whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
+                pull, by_moving = plate.pulled(body, name, u[here], whole)
+                moved = plate.unknown(by_moving.toarray())
+                lack.now[rows] += plate.unknown(pull) + moved @ z[here]
+                lack.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
+                lack.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
+                lack.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
+                lack.by_motion[rows, rows] += DAMPED * body.elastic.model.material.modulus
         for driven in pressing.driven:
             number, contact = driven.number, pressing.contacts[driven.contact]
             weight = np.zeros(len(applied))
@@ -284,8 +296,9 @@ class Iteration:
         loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
         follow = inverse @ (turning @ surface)
         moved = surface + seen @ follow
-        gap = np.concatenate([one.gap for one in met])[chosen]
-        slip = np.concatenate([one.slip for one in met])[chosen]
+        gap, slip = (
+            np.concatenate([*(getattr(one, key) for one in met), mu[:0]])[chosen] for key in ("gap", "slip")
+        )
         by_all = seen @ loads
         by_all[:, 2 * len(chosen) :] += shifted
         by_balance = lack.by_traction @ loads
@@ -323,7 +336,7 @@ class Iteration:
         status[chosen], slip_sign[chosen] = found.status, found.slip_sign
         solves = len(answers) + len(touched)
         compliance = d_gap @ (seen @ push)
-        unbalanced = lack.by_traction[: pressing.free - len(pressing.driven)] @ push
+        unbalanced = lack.by_traction[: sum(one.count for one in pressing.loose)] @ push
         sets = NodeSets(status, slip_sign)
         args = (chosen, compliance, unbalanced, solves, settled, used)
         return Done(du, whole_p, whole_q, free, moving, sets, *args)
@@ -350,18 +363,5 @@ class _Lack:
     by_motion: FloatArray
 
 
-def _long_waves(nodes: IntArray) -> FloatArray:
-    """Cosines (w, k) over each run of neighbours among ``nodes`` (k,), of waves longer than LONG nodes."""
-    runs = np.split(np.arange(len(nodes)), 1 + np.flatnonzero(np.diff(nodes) > 1))
-    found = [np.zeros((0, len(nodes)))]
-    for run in runs:
-        size = len(run)
-        order = np.arange(int(np.ceil(2.0 * (size - 1) / LONG)))
-        waves = np.zeros((len(order), len(nodes)))
-        waves[:, run] = np.cos(np.pi * order[:, None] * (np.arange(size) + 0.5) / size)
-        found.append(waves)
-    return np.concatenate(found)
-
-
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
-    return sparse.csr_array(sparse.block_diag(blocks, format="csr"))
+    return sparse.csr_array(sparse.block_diag([sparse.csr_array((0, 0)), *blocks], format="csr"))

@@ -1,6 +1,7 @@
 """What unit tractions at a side's nodes do to these: fields in closed form and a smooth remainder.
 
-Tractions are linear between the nodes; behind planes of symmetry at the side's ends they have images.
+Tractions are linear between the nodes; behind planes of symmetry at the side's ends they have images, and
+corners there what keeps both of their faces free (:mod:`mlsanm_cli.mechanics.corner`).
 """
 
 from __future__ import annotations
@@ -8,19 +9,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 
 NEAR_SURFACE = 1e-3
-"""Forces on planes of symmetry are moved off them by this part of their node's length."""
+"""Forces on planes of symmetry and at corners are moved off them by this part of their node's length."""
+AT_TIP = 1e-12
+"""Places at corners are looked at so far from these, in the length of their faces."""
+GAUSS = np.polynomial.legendre.leggauss(8)
+TOWARDS_TIP = 6.0
+"""Tractions beside a corner are integrated at places whose powers of this are even: fields there go with the
+logarithm of the distance."""
 AT_ONCE = 64
 """Nodes whose remainders are worked on together, for the sake of memory."""
 
@@ -52,6 +61,12 @@ class _Near:
     body: ElasticBody
     center: complex | None
 
+    @cached_property
+    def _corners(self) -> list[tuple[Corner, BoolArray]]:
+        """The corners, and which nodes (c,) are so near to each that forces there need what keeps it free."""
+        known = [one for one in self.side.wedges if one is not None]
+        return [(one, one.distance(as_complex(self.side.places)) <= one.reach) for one in known]
+
     @property
     def _mirrored(self) -> list[tuple[float, int, FloatArray]]:
         """Of every plane its place, as an arc length and as its coordinate's axis, and what images are (2,)
@@ -65,10 +80,10 @@ class _Near:
 
     @cached_property
     def _places(self) -> ComplexArray:
-        """Where forces act (c,), those on planes of symmetry a little next to them."""
+        """Where forces act (c,), those at ends a little next to them."""
         side, places = self.side, as_complex(self.side.places)
-        for end, way, axis in zip((0, -1), (1.0, -1.0), side.mirrors, strict=True):
-            if axis is not None:
+        if side.around is None:
+            for end, way in ((0, 1.0), (-1, -1.0)):
                 places[end] += NEAR_SURFACE * way * side.weight[end] * self._along[end]
         return places
 
@@ -84,7 +99,15 @@ class _Near:
         y of every node in turn."""
         kernel, count = self.body.model.kernel, len(nodes)
         place, inward = self._places[nodes], -as_complex(self.side.outward[nodes])
-        own = remainder_sources(self.body, SurfaceForces(kernel, place, inward, self.center))
+        total = np.zeros((self.body.rows, 2, count))
+        near = np.array([some[nodes] for _, some in self._corners]).reshape(-1, count)
+        for which in np.unique(near, axis=1).T:
+            some = (near == which[:, None]).all(axis=0)
+            plain = SurfaceForces(kernel, place[some], inward[some], self.center)
+            corners = tuple(one for (one, _), yes in zip(self._corners, which, strict=True) if yes)
+            forces: Forces = CorneredForces(plain, corners) if corners else plain
+            total[:, :, some] = remainder_sources(self.body, forces).reshape(len(total), 2, -1)
+        own = total.reshape(len(total), -1)
         for arc, axis, sign in self._mirrored:
             center = self._center(arc, axis)
             images = SurfaceForces(kernel, self._image(place, arc, axis), _flipped(inward, axis), center)
@@ -111,7 +134,40 @@ class _Near:
             way, at = -_flipped(self._along, axis), 2.0 * plane - arc
             images = self._by(*flipped, way, at, self._center(plane, axis))
             total = total + images * sign
+        for corner, near in self._corners:
+            total[:, near] += self._cornered(corner)[:, near]
         return np.asarray(total.transpose(0, 2, 1, 3).reshape(2 * side.count, 2 * side.count))
+
+    def _cornered(self, corner: Corner) -> FloatArray:
+        """The same of what keeps the faces of a corner free."""
+        seen = as_complex(self.side.places)
+        if corner.curved is not None:
+            # Within a hat these change little but at the tip, where single forces stand for hats.
+            by = np.asarray(corner.beyond_wedge(self._places)) * self.side.weight[:, None, None]
+        else:
+            by = np.zeros((len(seen), len(seen), 2, 2))
+        arc, hats, length = self._points(corner)
+        x = np.maximum(corner.distance(seen), AT_TIP * corner.length)
+        for c, d in product((0, 1), (0, 1)):
+            by[:, :, c, d] += (corner.wedge.compliance(x, arc, c, d) * length) @ hats
+        return by
+
+    def _points(self, corner: Corner) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distances (g,) from a corner of integration points of tractions, rows (g, c) of the nodes' linear
+        functions, and the length (g,) that each stands for."""
+        at = corner.distance(as_complex(self.side.places))
+        order = np.argsort(at)
+        low, high = at[order[:-1], None], at[order[1:], None]
+        share, weight = 0.5 * (1.0 + GAUSS[0]), 0.5 * GAUSS[1]
+        first = np.arange(len(at) - 1)[:, None] == 0
+        part = np.where(first, share**TOWARDS_TIP, share)
+        size = np.where(first, TOWARDS_TIP * share ** (TOWARDS_TIP - 1.0), 1.0) * weight * (high - low)
+        hats = np.zeros((*part.shape, len(at)))
+        number = np.arange(len(at) - 1)
+        hats[number, :, order[:-1]] = 1.0 - part
+        hats[number, :, order[1:]] = part
+        x = np.maximum(low + part * (high - low), AT_TIP * corner.length)
+        return x.ravel(), hats.reshape(-1, len(at)), size.ravel()
 
     def _by(
         self,

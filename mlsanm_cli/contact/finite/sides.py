@@ -18,10 +18,12 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.meeting import by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]
+Wedges: TypeAlias = tuple[Corner | None, Corner | None]
 
 SQUARE = 1e-6
 """Sides whose directions are off a right angle by less meet a plane of symmetry squarely."""
@@ -34,7 +36,8 @@ class Side:
     length each stands for. ``members`` are the surfaces' names with the numbers of their nodes among these.
     ``around`` is the length of a closed side, and None of others. ``held`` (c,) tells which nodes have a
     component of their displacement given. ``corners`` are the numbers of nodes at corners and ends; at either
-    end ``mirrors`` has the axis across a plane of symmetry, if there is one."""
+    end ``mirrors`` has the axis across a plane of symmetry, if there is one, and ``wedges`` another corner
+    whose fields are known."""
 
     body: str
     members: tuple[tuple[str, IntArray], ...]
@@ -47,13 +50,20 @@ class Side:
     held: BoolArray
     corners: tuple[int, ...]
     mirrors: tuple[int | None, int | None]
+    wedges: Wedges = (None, None)
 
     @classmethod
     def of(
-        cls, body: str, cloud: Cloud, surface: Surface, held: Restraints, nodes: Sequence[int] = ()
+        cls,
+        body: str,
+        cloud: Cloud,
+        surface: Surface,
+        held: Restraints,
+        nodes: Sequence[int] = (),
+        wedges: Wedges = (None, None),
     ) -> Side:
         """By a body's ``cloud``, of whose surfaces some have components ``held``, and single ``nodes``, and
-        the surface."""
+        the surface, near whose ends fields know the ``wedges``."""
         around = surface.curve.length if surface.curve.closed else None
         found = np.zeros(len(cloud.points), dtype=bool)
         for name, components in held.items():
@@ -72,7 +82,8 @@ class Side:
             around,
             found[surface.index],
             tuple(sorted(known if around is not None else known.union(ends))),
-            (_mirror(cloud, surface, ends[0], held), _mirror(cloud, surface, ends[1], held)),
+            mirrors := (_mirror(cloud, surface, ends[0], held), _mirror(cloud, surface, ends[1], held)),
+            (wedges[0] if mirrors[0] is None else None, wedges[1] if mirrors[1] is None else None),
         )
 
     @property
@@ -140,7 +151,9 @@ def with_more(loads: Loads, more: int) -> Loads:
     sources = np.hstack([loads.sources, np.zeros((len(loads.sources), more))])
     tractions = {name: _wider(given, more) for name, given in loads.tractions.items()}
     force = None if loads.force is None else _wider(loads.force, more)
-    return replace(loads, count=loads.count + more, sources=sources, tractions=tractions, force=force)
+    turning = [replace(one, rate=np.append(one.rate, np.zeros(more))) for one in loads.turning]
+    wider = replace(loads, count=loads.count + more, sources=sources, tractions=tractions, force=force)
+    return replace(wider, turning=turning)
 
 
 def _wider(values: FloatArray, more: int) -> FloatArray:

@@ -42,6 +42,8 @@ NOTHING = 1e-14
 """Components of directions that are none."""
 LEAST = 1e-12
 """Pressures are no nearer to a corner than this part of its faces."""
+KEPT = 1000
+"""What corners add is kept for grids of up to so many nodes: of more it would take memory."""
 
 
 def turned(normal: FloatArray) -> FloatArray:
@@ -309,6 +311,20 @@ class ContactGrid:
     def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
         """Integrals (m, m) with both hats of what corners of one of the two bodies add to its displacements
         along pressures (``which`` 0) or tractions (1), by pressures or tractions."""
+        kept, key = self._by_corners, (slave, which, by)
+        if key in kept:
+            return kept[key]
+        found = self._cornered(slave, which, by)
+        if len(found) <= KEPT:
+            kept[key] = found
+        return found
+
+    @cached_property
+    def _by_corners(self) -> dict[tuple[bool, int, int], FloatArray]:
+        """What :meth:`cornered` has found: grids are condensed again while others are refined."""
+        return {}
+
+    def _cornered(self, slave: bool, which: int, by: int) -> FloatArray:
         hats = self.hats
         total = np.zeros((len(hats.place), len(hats.place)))
         if not self.corners_of(slave):

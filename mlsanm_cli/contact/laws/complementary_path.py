@@ -84,8 +84,11 @@ def admissible_sets(
         except NoPathError as error:
             last, count = error.sets, count + error.count
             continue
-        system, values, slipped = solve(sets)
-        count += made
+        last, count = sets, count + made
+        try:
+            system, values, slipped = solve(sets)
+        except SingularSystemError:  # sets that slide as a whole, to within round-off
+            continue
         if not exchange(condensed, sets, watch, values, slipped)[1].any():
             return sets, system, values, count
         raise EndlessError(count)
@@ -247,7 +250,7 @@ def _rest(
     moved = np.concatenate(
         [v.pressure - values.pressure, v.traction - values.traction, np.zeros(len(v.motion))]
     )
-    caused = condensed.whole @ moved
+    caused = condensed.blocks @ moved
     return v.gap - values.gap - caused[:m], v.slip - values.slip - caused[m : m + n], -caused[m + n :]
 
 
@@ -273,7 +276,7 @@ def _by_itself(
         traction[own] = -before.slip_sign[own]
     else:
         slip[own] = -sets.slip_sign[own]
-    caused = condensed.whole @ np.concatenate([pressure, traction, np.zeros(len(condensed.whole) - m - n)])
+    caused = condensed.blocks @ np.concatenate([pressure, traction, np.zeros(len(condensed.whole) - m - n)])
     found = system.response(caused[:m] - gap, caused[m : m + n] - slip, caused[m + n :])
     return replace(
         found,

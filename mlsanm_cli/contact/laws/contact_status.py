@@ -143,8 +143,8 @@ class SetSystem:
         rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
         # One step on the equations as they are takes away the factors' round-off.
-        unknowns += self._spread(rhs - (self._condensed.whole @ unknowns)[self._kept])
-        caused = self._condensed.whole[: m + n] @ unknowns
+        unknowns += self._spread(rhs - (self._condensed.blocks @ unknowns)[self._kept])
+        caused = (self._condensed.blocks @ unknowns)[: m + n]
         gap, slip = free_gap + caused[:m], free_slip + caused[m:]
         gap[closed], slip[stuck] = 0.0, stick_reference[stuck]
         return ContactState(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)

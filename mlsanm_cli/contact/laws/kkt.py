@@ -29,10 +29,13 @@ def kkt_residual(
     largest_compliance = condensed.largest_compliance
     least = NOTHING * moved / largest_compliance if largest_compliance > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
-    elastic = (
-        max(float(np.abs(gap_map.pressure @ pressure).max(initial=0.0)), least * largest_compliance) or 1.0
-    )
-    gap, slip, imbalance = (one(*unknowns) for one in (gap_map, condensed.slip, balance))
+    m, n = len(pressure), len(traction)
+    alone = np.concatenate([pressure, np.zeros(n + len(motion))])
+    elastic = float(np.abs((condensed.blocks @ alone)[:m]).max(initial=0.0))
+    elastic = max(elastic, least * largest_compliance) or 1.0
+    free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
+    caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
+    gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)
     force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size

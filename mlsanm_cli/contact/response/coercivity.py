@@ -70,13 +70,43 @@ def relative_resistance(
     is nearly zero or negative, pressures oscillate from node to node at will. Only pressures that have
     nothing ``unbalanced`` (r, m) are looked at.
     """
+    relative = _relative(weight, half_plane, compliance, unbalanced)
+    relative = 0.5 * (relative + relative.T)
+    return float(np.linalg.eigvalsh(relative)[0]) if relative.size else np.inf
+
+
+def constrained_resistance(
+    weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray
+) -> float:
+    """The same of a body that may give way to dead pressures, but not to the gaps that they keep closed: 1
+    over the largest size of a quotient of the inverse.
+
+    Under pressures beyond its shear modulus, or as a column between plates, a body would sway if they were
+    dead: its compliance then has negative eigenvalues that have come through infinity, and its inverse ones
+    that have come through zero. What cannot resist pressures that change from node to node has a compliance
+    near zero, and a large inverse.
+    """
+    relative = _relative(weight, half_plane, compliance, unbalanced)
+    if not relative.size:
+        return np.inf
+    try:
+        inverse = np.linalg.inv(relative)
+    except np.linalg.LinAlgError:
+        return 0.0
+    values = np.linalg.eigvalsh(0.5 * (inverse + inverse.T))
+    return float(1.0 / np.abs(values).max())
+
+
+def _relative(
+    weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None
+) -> FloatArray:
+    """The ``compliance`` over that of a half-plane, for what has nothing ``unbalanced``."""
     scale = np.linalg.inv(np.linalg.cholesky(2.0 / np.pi * half_plane)).T
     relative = scale.T @ (compliance / weight) @ scale
-    relative = 0.5 * (relative + relative.T)
     if unbalanced is not None and len(unbalanced):
         free = _balanced((unbalanced / weight) @ scale)
         relative = free.T @ relative @ free
-    return float(np.linalg.eigvalsh(relative)[0]) if relative.size else np.inf
+    return np.asarray(relative)
 
 
 def _balanced(unbalanced: FloatArray) -> FloatArray:

@@ -106,8 +106,8 @@ def fields_of(
     for some, sampled in ((away > 1.0, grid), ((away <= 1.0) & (away > BEYOND), close)):
         if some.any():
             forces, on = sampled.own_forces(kernel, slave), _on_samples(sampled, pressure, traction)
-            for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
-                total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)
+            displacement[some] = forces.displacement_by(on, z[some])
+            stress[some] = forces.stress_by(on, z[some])
     adjacent = away <= BEYOND
     if adjacent.any():
         displacement[adjacent], stress[adjacent] = _close_fields(
@@ -196,13 +196,13 @@ def _inside(loads: _Loads, z: ComplexArray, ends: ComplexArray, foot: FloatArray
 
 def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, FloatArray]:
     """What intervals that are not ``close`` (e, i) do."""
-    total: list[FloatArray] = []
+    columns = loads.pressure.shape[1]
+    displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
     for weight, forces, traction in loads.even:
-        factor = np.where(close, 0.0, weight * loads.steps)
-        fields = forces.displacement(z), forces.stress(z)
-        some = [np.einsum("ei,eicd,idk->eck", factor, field, traction, optimize=True) for field in fields]
-        total = some if not total else [one + other for one, other in zip(total, some, strict=True)]
-    return total[0], total[1]
+        force = (weight * loads.steps)[:, None, None] * traction
+        displacement += forces.displacement_by(force, z, close)
+        stress += forces.stress_by(force, z, close)
+    return displacement, stress
 
 
 def _add_close(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -26,6 +29,30 @@ def scales(matrix: FloatArray, lengths: int) -> tuple[FloatArray, FloatArray]:
     columns = 1.0 / np.maximum(effect, tiny)
     rows = 1.0 / np.maximum(np.abs(matrix * columns).max(axis=1, initial=0.0), tiny)
     return rows, columns
+
+
+class Blocks:
+    """A matrix (r, r) in blocks between ``cuts``, of which those that are zero cost nothing in products."""
+
+    def __init__(self, matrix: FloatArray, cuts: Sequence[int]) -> None:
+        spans = [slice(first, last) for first, last in pairwise(sorted({0, *cuts, len(matrix)}))]
+        self._parts = list[tuple[slice, slice, FloatArray]]()
+        for rows in spans:
+            run: slice | None = None
+            for columns in spans:
+                acts = matrix[rows, columns].any()
+                if acts:
+                    run = slice(run.start if run else columns.start, columns.stop)
+                if run and (not acts or columns is spans[-1]):
+                    self._parts.append((rows, run, matrix[rows, run]))
+                    run = None
+        self._count = len(matrix)
+
+    def __matmul__(self, vector: FloatArray) -> FloatArray:
+        total = np.zeros(self._count)
+        for rows, columns, part in self._parts:
+            total[rows] += part @ vector[columns]
+        return total
 
 
 class ScaledFactor:

@@ -50,17 +50,21 @@ def animate_pressure(
     highest = float(pressure.max(initial=0.0)) or 1.0
 
     def frames() -> Iterator[Figure]:
+        figure = _figure(6.4, 3.8)
+        axes = figure.subplots()
+        (curve,) = axes.plot(arc, arc, color=COLOURS[0], marker="o", markersize=2.0, linewidth=1.0)
+        axes.set_xlim(left, right)
+        axes.set_ylim(0.0, 1.05 * highest)
+        axes.set_xlabel(arc_label)
+        axes.set_ylabel(pressure_label)
         for values, title in zip(pressure, titles, strict=True):
-            figure = _figure(6.4, 3.8)
-            axes = figure.subplots()
-            axes.fill_between(arc, values, color=COLOURS[0], alpha=0.2, linewidth=0.0)
-            axes.plot(arc, values, color=COLOURS[0], marker="o", markersize=2.0, linewidth=1.0)
-            axes.set_xlim(left, right)
-            axes.set_ylim(0.0, 1.05 * highest)
-            axes.set_xlabel(arc_label)
-            axes.set_ylabel(pressure_label)
+            curve.set_ydata(values)
+            area = axes.fill_between(arc, values, color=COLOURS[0], alpha=0.2, linewidth=0.0)
             axes.set_title(f"Contact pressure, {contact}, {title}")
             yield figure
+            area.remove()
+            # As the first frame is laid out.
+            figure.set_layout_engine("none")
 
     _write(path, frames, FEW)
 

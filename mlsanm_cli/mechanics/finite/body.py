@@ -228,6 +228,7 @@ class BodySeries:
         self._normals = np.concatenate([one.normals.reshape(-1, 2) for one in groups])
         kept = [np.repeat(one.kept, one.places.shape[1], axis=0) for one in groups]
         self._kept = np.concatenate(kept).T
+        self._turns = [np.zeros((2, orders + 1)) for _ in body.loads.turning]
         self._pairs()
 
     def _pairs(self) -> None:
@@ -244,6 +245,8 @@ class BodySeries:
         """Set ``order`` of displacement (2N,) and load factors (L,)."""
         body, inner, held = self.body, *self.body.stressed
         self._factors[order] = factors
+        for plate, turn in zip(body.loads.turning, self._turns, strict=True):
+            _turn(turn, self._factors[: order + 1] @ plate.rate, order)
         jets, on_faces = body.stretch_jets(factors, order), body.face_stretch(factors, order)
         values = None if on_faces is None else on_faces[None]
         if displacement is None:
@@ -290,6 +293,9 @@ class BodySeries:
         """The coefficient (r,) of ``order`` of what is left of all rows: of the nodes, and of the pieces."""
         body, elastic, applied = self.body, self.body.elastic, self.body.applied
         left = -(body.loads.sources @ self._factors[order])
+        for plate, turn in zip(body.loads.turning, self._turns, strict=True):
+            cos, sin = turn[:, order]
+            left[plate.rows] -= plate.moved(cos - (not order), sin)
         count = len(elastic.model.cloud.points)
         stress = self._nodes.stress[:, order]
         left[:count] += stress[0, 1] + stress[1, 2]
@@ -357,6 +363,16 @@ class BodySeries:
     def state(self) -> tuple[FloatArray, ...]:
         """At order 0: forces (2, q), places (2, q) and middles (2, k), as the derivative takes them."""
         return self._force[0], self._place[0], self._middle[0]
+
+
+def _turn(turn: FloatArray, angle: FloatArray, order: int) -> None:
+    """Fill in the coefficients of ``order`` of cosine and sine (2, K + 1) of an ``angle`` (order + 1,)."""
+    if not order:
+        turn[:, 0] = np.cos(angle[0]), np.sin(angle[0])
+        return
+    weighted = np.arange(1, order + 1) * angle[1:] / order
+    cos, sin = turn[:, :order][:, ::-1]
+    turn[:, order] = -weighted @ sin, weighted @ cos
 
 
 def _jets(derivatives: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.faces import Points, loaded_points
@@ -39,13 +39,30 @@ class Warming:
 
 
 @dataclass(frozen=True)
+class Turning:
+    """A rigid plate that turns by ``rate`` (L,) per load factor: nodes that it holds in the ``rows`` (b,), of
+    a displacement in x (0) or y (1), ``component``, are at ``arms`` (b, 2) from where it turns about."""
+
+    rate: FloatArray
+    component: int
+    rows: IntArray
+    arms: FloatArray
+
+    def moved(self, cos: float, sin: float) -> FloatArray:
+        """Displacements (b,) of places whose arms are multiplied by cos and, a quarter turn ahead, by sin."""
+        x, y = self.arms.T
+        return np.asarray(cos * x - sin * y if self.component == 0 else sin * x + cos * y)
+
+
+@dataclass(frozen=True)
 class Loads:
     """All loads on a body, of ``count`` load factors (L).
 
     ``sources`` (r, L) are right-hand sides of the nodes' rows: displacements, tractions, minus forces per
     volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface's halves, ``force``
     (n, 2, L) is per volume, linear between the nodes unless its force and moment on the pieces before they
-    deform are ``known`` (3k, L); ``pressing`` is what follows, ``warming`` what expands.
+    deform are ``known`` (3k, L); ``pressing`` is what follows, ``warming`` what expands, ``turning`` are
+    plates that turn by any angle.
     """
 
     count: int
@@ -55,6 +72,7 @@ class Loads:
     pressing: Sequence[Pressing] = ()
     known: FloatArray | None = None
     warming: Sequence[Warming] = ()
+    turning: Sequence[Turning] = ()
 
     @property
     def surfaces(self) -> tuple[str, ...]:

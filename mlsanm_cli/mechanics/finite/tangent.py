@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
+
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.mechanics.finite.body import SECOND, BodySeries, FiniteBody
 from mlsanm_cli.mechanics.finite.faces import Points
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows
@@ -129,16 +133,46 @@ def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: Float
                 turned = _cofactor(points.normals.reshape(-1, 2)).reshape(moduli.shape)
                 moduli = -pressure * turned
         else:
-            _, by_x, by_y = points.seen(u)
-            gradient = np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
-            warm = None if stretch is None else stretch[here]
-            whole = body.law.moduli(gradient, warm).reshape(2, 2, 2, 2, *shape)
-            # Component of the force, derivative, component of the displacement.
-            moduli = np.einsum("iJkL...,...J->iLk...", whole, points.normals)
+            moduli = _moduli(body, points, u, None if stretch is None else stretch[here])
         moduli = moduli * points.kept.T[:, None, None, :, None]
         parts = (force[:, here].reshape(2, *shape), place[:, here].reshape(2, *shape))
         total = sparse.csr_array(total + _spread(body, points, moduli, pulling, *parts, middle))
     return sparse.csr_array(total - _turned(body, state, factors))
+
+
+def _moduli(body: FiniteBody, points: Points, u: FloatArray, stretch: FloatArray | None) -> FloatArray:
+    """Derivatives (2, 2, 2, e, t) of P N at points that carry stress: component of the force, derivative,
+    component of the displacement ``u`` (N, 2)."""
+    _, by_x, by_y = points.seen(u)
+    gradient = np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
+    whole = body.law.moduli(gradient, stretch).reshape(2, 2, 2, 2, *points.places.shape[:2])
+    return np.asarray(np.einsum("iJkL...,...J->iLk...", whole, points.normals))
+
+
+def held_force(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray, names: Collection[str], about: FloatArray
+) -> tuple[FloatArray, sparse.csr_array]:
+    """Force x, y and moment (3,) about a place (2,) on some held sides, and rows (3, 2N) of how they move."""
+    inner, held = body.stressed
+    series, u, stretch = BodySeries(body, 0), displacement.reshape(-1, 2), body.face_stretch(factors)
+    series.put(0, displacement, factors)
+    here = slice(inner.count, inner.count + held.count)
+    force, place = (one[:, here] for one in series.state()[:2])
+    some, first = np.zeros(held.count), 0
+    for name in (one for one, components in body.elastic.gripped.items() if any(components)):
+        last = first + len(Halves.of(body.elastic.model.cloud.surfaces[name], body.rule).arc)
+        some[first:last] = name in names
+        first = last
+    force, arm = force * some, place - about[:, None]
+    now = np.array([*force.sum(axis=1), (arm[0] * force[1] - arm[1] * force[0]).sum()])
+    moduli = _moduli(body, held, u, None if stretch is None else stretch[here])[..., 0]
+    moduli = moduli * held.kept.T[:, None, None] * some
+    entry, weights = held.entries(), held.weights(0)
+    x, y = ((weights[:, 1:, None] * one[:, :, entry].transpose(2, 0, 1)).sum(axis=1) for one in moduli)
+    moment = arm[0, entry, None] * y - arm[1, entry, None] * x
+    moment += weights[:, :1] * np.stack([force[1], -force[0]], axis=1)[entry]
+    rows = np.stack([held.rows(one).sum(axis=0) for one in (x, y, moment)])
+    return now, sparse.csr_array(rows)
 
 
 def _spread(
@@ -186,16 +220,22 @@ def _onto(
     return sparse.csr_array(entries, shape=(3 * count, 3 * fits))
 
 
-def load_columns(body: FiniteBody, displacement: FloatArray, some: slice) -> sparse.csr_array:
-    """Derivatives (r, l) of all rows by the factors of ``some`` loads, dead tractions, in a state of
-    ``displacement`` (2N,)."""
+def load_columns(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray, some: slice
+) -> sparse.csr_array:
+    """Derivatives (r, l) of all rows by the factors of ``some`` loads, dead tractions and motions, in a state
+    of ``displacement`` (2N,) and load ``factors`` (L,)."""
     points, dead = body.applied.points, body.applied.dead[:, :, some]
     u = displacement.reshape(-1, 2)
     place = points.places.reshape(-1, 2).T + points.seen(u)[0].T
     middle = body.elastic.pieces.whole.middle.T + (body.centers @ u).T
     onto = _onto(body, points.fit, points.owner, points.sign, place, middle)
-    forces = sparse.csr_array(dead.reshape(2 * points.count, -1))
-    nodes = sparse.csr_array(-body.loads.sources[: body.elastic.rows - 3 * body.count, some])
+    forces = sparse.csr_array(dead.reshape(2 * points.count, dead.shape[2]))
+    sources = body.loads.sources[: body.elastic.rows - 3 * body.count, some].copy()
+    for plate in body.loads.turning:
+        angle = float(plate.rate @ factors)
+        sources[plate.rows] += np.outer(plate.moved(-math.sin(angle), math.cos(angle)), plate.rate[some])
+    nodes = sparse.csr_array(-sources)
     return sparse.csr_array(sparse.vstack([nodes, onto[:, : 2 * points.count] @ forces], format="csr"))
 
 

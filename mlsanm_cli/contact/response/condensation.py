@@ -1,0 +1,245 @@
+"""From a scene to the contact problem on its own unknowns: bodies respond to what acts on them, and of their
+responses the functionals of :class:`Condensed` are made.
+
+Each body is factorised once; of the solutions to its columns only the functionals needed are found. Both are
+left out where a memo has the functionals already.
+
+Equation (10) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.balance import (
+    Forces,
+    balance_of_constraints,
+    body_imbalance,
+    body_sums,
+    holding_forces,
+    moments_of_plates,
+    reported_forces,
+)
+from mlsanm_cli.contact.response.bonds import bind
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.linear_map import LinearMap, stack
+from mlsanm_cli.contact.response.load_vectors import body_load_vectors
+from mlsanm_cli.contact.response.near_field_response import add_fields, add_singular, near_field_response
+from mlsanm_cli.contact.response.observation import Observed, ResponseFunctionals, observe, used_columns
+from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
+from mlsanm_cli.contact.response.short_waves import resolved
+from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import NO_CACHE, Memo, digest
+
+
+@dataclass(frozen=True)
+class BodyResponses:
+    """How the bodies of a scene respond to their ``sources`` (r, drivers), seen by an ``observation`` (rows,
+    drivers), and without contact the ``solutions`` (n, drivers) themselves. Contact grids have no part in it
+    but by their samples."""
+
+    observation: ResponseFunctionals
+    sources: Mapping[str, sparse.csc_array]
+    observed: FloatArray
+    solutions: Mapping[str, FloatArray]
+
+    @classmethod
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> BodyResponses:
+        """Solve for them, with the fields in closed form added; for all coefficients of friction above 0
+        once, as in :func:`condense`."""
+
+        def made() -> BodyResponses:
+            observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
+            columns = drivers.columns
+            sources = {name: body_load_vectors(scene, name, pairings, columns) for name in scene.bodies}
+            observed, solutions = observe(observation, sources, columns, memo)
+            if any(pairing.grid is not None for pairing in pairings):
+                observed += near_field_response(observation, drivers)
+            return cls(observation, sources, observed, solutions)
+
+        return memo.value("responses", digest(scene, _split_motions(pairings)), made)
+
+    def smooth(self, pairing: Pairing) -> FloatArray:
+        """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
+        grid, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
+        assert grid is not None
+        columns = drivers.of_samples(pairing)
+        seen = self.observation.parted(self.observed).gaps[pairing.name]
+        return seen[: 2 * grid.count, columns]
+
+
+def condense(
+    scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE, responses: BodyResponses | None = None
+) -> Condensed:
+    """Condense the scene on the candidates of ``pairings``, with its bodies' ``answers`` if these are known.
+
+    Coefficients of friction above 0 are in none of the matrices, so that all of them share what is kept.
+    """
+    content = digest(scene, _split_motions(pairings))
+
+    def made() -> Condensed:
+        known = responses or BodyResponses.of(scene, pairings, memo)
+        return _condensed(scene, pairings, content, known)
+
+    kept = memo.value("condensed", content, made)
+    drivers, loose = replace(kept.drivers, pairings=pairings), _loose(pairings)
+    return replace(kept, pairings=loose, drivers=drivers, friction=_friction(loose))
+
+
+def _loose(pairings: tuple[Pairing, ...]) -> tuple[Pairing, ...]:
+    """The contacts that may come apart."""
+    return tuple(pairing for pairing in pairings if not pairing.bonded)
+
+
+def _split_motions(pairings: tuple[Pairing, ...]) -> list[Pairing]:
+    """The pairings but for coefficients of friction."""
+    return [
+        pairing if pairing.bonded else replace(pairing, friction=float(pairing.friction > 0.0))
+        for pairing in pairings
+    ]
+
+
+def _drivers(scene: Scene, pairings: tuple[Pairing, ...]) -> Drivers:
+    return Drivers(len(scene.loads), len(scene.unknown_motions), pairings)
+
+
+def _condensed(
+    scene: Scene, pairings: tuple[Pairing, ...], content: str, responses: BodyResponses
+) -> Condensed:
+    drivers, sources = _drivers(scene, pairings), responses.sources
+    seen = responses.observation.parted(responses.observed)
+
+    nodal = tuple(pairing for pairing in pairings if pairing.grid is None)
+    candidate = _candidates(pairings)
+    gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name]) for pairing in pairings]
+    gap = stack(gaps, drivers.unknowns)
+    gap = gap + of_obstacles(scene, pairings, drivers.unknowns, "normal")
+    gap = gap + of_fits(scene, pairings, drivers.unknowns)
+    weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
+    forces = Forces(
+        scene,
+        drivers,
+        sources,
+        {where: drivers.by_unknowns(rows) for where, rows in seen.held.items()},
+        {where: drivers.by_unknowns(rows) for where, rows in seen.sprung.items()},
+    )
+    half_plane = np.concatenate([np.zeros((0, 2, 2)), *(_half_plane(scene, one) for one in pairings)])
+    gap, watched = gap.take(candidate), gap.take(~candidate)
+    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.frictional]
+    slip = stack(slips, drivers.unknowns) + of_obstacles(
+        scene, drivers.frictional, drivers.unknowns, "tangent"
+    )
+    slip = slip.take(_candidates(drivers.frictional))
+    frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
+    along = {pairing.name: _half_plane(scene, pairing)[:, 1, 1] for pairing in frictional}
+    gap, slip, beyond = resolved(gap, slip, frictional, drivers.spans, drivers.tangential, along)
+    bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
+    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.frictional)
+    kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_tied(pairings, watched=True)
+    return Condensed(
+        pairings=loose.pairings,
+        spans=loose.spans,
+        weight=weight[free],
+        half_plane=half_plane[free],
+        tangential=loose.tangential,
+        friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.frictional]),
+        friction=_friction(loose.pairings),
+        gap=reduced(gap.take(free)),
+        slip=reduced(slip.take(sliding)),
+        watched=reduced(watched.take(looked_at)),
+        balance=reduced(balance_of_constraints(forces)),
+        beyond=beyond[np.ix_(kept, kept)] if bonds.pairings else beyond,
+        forces={name: reduced(one) for name, one in reported_forces(forces).items()},
+        contact_forces={
+            pairing.name: reduced(forces.contact(pairing, pairing.slave_body).take(slice(0, 2)))
+            for pairing in pairings
+        },
+        imbalance=reduced(body_imbalance(forces)),
+        sums=reduced(body_sums(forces)),
+        moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
+        holding={where: reduced(one) for where, one in holding_forces(forces).items()},
+        bonds=bonds,
+        sources=sources,
+        solutions=responses.solutions,
+        solves=sum(len(used_columns(source)) for source in sources.values()),
+        content=content,
+        probes={
+            probe.name: reduced(_seen(scene, probe, drivers, rows))
+            for probe, rows in zip(scene.probes, seen.probes, strict=True)
+        },
+        drivers=drivers,
+        mismatches={pairing.name: reduced(forces.mismatch(pairing)) for pairing in pairings},
+    )
+
+
+def _tied(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
+    """Which candidates of contacts, or places that are ``watched``, are those of bonds."""
+    parts = [pairing.bonded & (pairing.candidate != watched) for pairing in pairings]
+    counted = [part[pairing.candidate != watched] for part, pairing in zip(parts, pairings, strict=True)]
+    return np.concatenate([np.zeros(0, dtype=bool), *counted])
+
+
+def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) -> LinearMap:
+    """A contact's gaps (w,) by what was seen of them."""
+    if pairing.grid is None:
+        return drivers.by_unknowns(seen, pairing.gap)
+    result = drivers.by_unknowns(_means(pairing, seen, 0), pairing.gap)
+    add_singular(result, scene, drivers, pairing, 0)
+    return result
+
+
+def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
+    """The slips (w,) of a contact with friction."""
+    if pairing.grid is None:
+        return drivers.by_unknowns(seen.slips[pairing.name])
+    result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
+    add_singular(result, scene, drivers, pairing, 1)
+    return result
+
+
+def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
+    """Gaps, or slips, of a contact on a grid of its own and of what is watched beyond (w, drivers)."""
+    assert pairing.grid is not None
+    means = pairing.grid.means[which]
+    return np.concatenate([means @ seen[: means.shape[1]], seen[means.shape[1] :]])
+
+
+def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
+    """What a probe observes: displacement, and the stress of all but free expansion."""
+    free = stress_of_expansion(scene.bodies[probe.body].model.material)
+    for heating in scene.heated(probe.body):
+        rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
+    result = drivers.by_unknowns(rows)
+    add_fields(result, drivers, scene, probe)
+    return result
+
+
+def _half_plane(scene: Scene, pairing: Pairing) -> FloatArray:
+    """1/E* (m, 2, 2) of a contact's bodies at its candidates, by normal and tangent; obstacles are rigid."""
+    ways = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
+    materials = [scene.bodies[body].model.material for body in pairing.bodies]
+    rows = [[sum(one.contact_compliance(along, by) for one in materials) for by in ways] for along in ways]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _friction(pairings: tuple[Pairing, ...]) -> FloatArray:
+    """Coefficients (n,) of the contacts that have friction."""
+    return np.concatenate(
+        [[], *(np.full(int(p.candidate.sum()), p.friction) for p in pairings if p.friction)]
+    )
+
+
+def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
+    return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
+
+
+def _numbers(spans: list[slice]) -> IntArray:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(s.start, s.stop) for s in spans)])
