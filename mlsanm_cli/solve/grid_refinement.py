@@ -31,8 +31,9 @@ PLENTY = 300
 of many patches, would cost minutes otherwise."""
 NOTHING = 1e-6
 """Pressures below this part of the largest in the scene are those of contacts that carry nothing."""
-AT_ENDS, MORE = 0.3, 2
-"""Intervals at a grid's ends with this part of the largest error are halved so many times more at once."""
+AT_ENDS, MORE = 0.3, 1
+"""Intervals at a grid's ends with this part of the largest error are halved so many times more at once; with
+two the search for what touches under a chamfered pad lost its balance on the way."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 
