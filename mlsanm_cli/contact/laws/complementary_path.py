@@ -32,6 +32,9 @@ ROUND_OFF = 1e-10
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 QUICK, STARTS = 30, 6
 """Exchanges of all nodes that break rules, before single ones; sets from which these may begin."""
+SOME, MANY = 60, 2
+"""Single exchanges of all starts together: so many, and so many for every node. Paths that were found took
+one for every node at most, and where there is none they can go on for minutes."""
 OPENS, CLOSES, SLIPS, BACKWARD, RESTS = range(5)
 """What a node may come to: it opens, closes, slips with friction 1 or -1, or rests."""
 
@@ -78,11 +81,14 @@ def admissible_sets(
         starts.append((int(wrong.sum()), sets, values, slipped))
         sets = better
     starts.sort(key=lambda one: one[0])
+    left = SOME + MANY * len(first.closed)
     for _, sets, values, slipped in starts[:STARTS]:
         try:
-            sets, made = complementary_path(condensed, sets, watch, values, slipped, softened)
+            sets, made = complementary_path(condensed, sets, watch, values, slipped, left, softened)
         except NoPathError as error:
-            last, count = error.sets, count + error.count
+            last, count, left = error.sets, count + error.count, left - error.count
+            if left <= 0:
+                break
             continue
         last, count = sets, count + made
         try:
@@ -196,11 +202,12 @@ def complementary_path(
     watch: AdmissibleChanges,
     values: ContactState,
     slipped: FloatArray,
+    most: int,
     softened: Condensed | None = None,
 ) -> tuple[ContactStatus, int]:
     """Sets that obey the watched rules, and how many systems it took, from ``sets`` with their ``values``.
 
-    Raises NoPathError.
+    Raises NoPathError, also beyond the ``most`` systems.
     """
     rules = _Rules(condensed, watch, values.slip - slipped, softened is not None)
     if softened is not None:
@@ -211,8 +218,7 @@ def complementary_path(
     v, system = rules.obeying(sets, values), SetSystem(solved, rules.equations(sets))
     rest = _rest(solved, v, values)
     load, way, response = 1.0, -1.0, system.response(*rest)
-    limit = 60 + 12 * len(sets.closed)
-    for count in range(1, limit + 1):
+    for count in range(1, most + 1):
         rates = response.times(way)
         step, event = rules.next_event(sets, v, rates)
         if way < 0.0 and step >= load:
@@ -239,7 +245,7 @@ def complementary_path(
                 raise NoPathError(sets, count) from None
         response = system.response(*rest)
         way = 1.0 if _onward(condensed, response, event, before, sets, rules.smooth) > 0.0 else -1.0
-    raise NoPathError(sets, limit)
+    raise NoPathError(sets, most)
 
 
 def _rest(
