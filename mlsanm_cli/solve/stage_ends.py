@@ -27,6 +27,8 @@ FEW_LEVELS = 8
 in all of them."""
 
 
+ASTRAY = 0.25
+"""Angle (radian) by which normals turn over slips that no contact at small strain can follow."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
@@ -62,7 +64,9 @@ def searched_ends(
         # Where friction let go at a stage's end, it takes all guesses to find that out anew.
         known = factors[: len(starts) + 1] if which == "known" else factors
         try:
-            return _friction_ends(condensed, known, starts)
+            held = _friction_ends(condensed, known, starts)
+            check_slips(condensed, held)
+            return held
         except EndlessError:
             raise
         except NoStateError as error:
@@ -84,6 +88,32 @@ def searched_ends(
             if not every:
                 raise
     return tuple(ends)
+
+
+def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
+    """UnbalancedError where forces drive round bodies along each other until their normals have turned: where
+    they come to rest is unknown to contacts whose pairs are those drawn."""
+    if not len(condensed.balance.constant):
+        return
+    for name, tangential in condensed.tangential.items():
+        grid, span = condensed.pairing_of(name).grid, condensed.spans[name]
+        if grid is None or grid.facing.other is None:
+            continue
+        curvature = [float(one.curvature(np.array([0.5 * one.length]))[0]) for one in grid.facing.curves]
+        if min(curvature) <= 0.0:
+            continue
+        for end in ends:
+            slip = condensed.slip(end.factors, end.motion, end.pressure, end.traction)[tangential]
+            largest = float(np.abs(slip[end.pressure[span] > 0.0]).max(initial=0.0))
+            # As that of the line between the centers of two disks.
+            turn = largest / sum(1.0 / one for one in curvature)
+            if turn > ASTRAY:
+                raise UnbalancedError(
+                    f"contact {name}: friction does not hold the bodies where they are drawn: they slide by "
+                    f"{largest:.3g} before the loads are balanced, and normals turn by "
+                    f"{np.degrees(turn):.3g} degrees on that way",
+                    "raise friction, reduce the loads along the surfaces, or hold the bodies by supports",
+                )
 
 
 def _solved_exactly(condensed: Condensed, factors: FloatArray, first: BoolArray | None) -> ExactState:

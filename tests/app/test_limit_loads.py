@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mlsanm_cli.contact.laws.limit_load import limit_load
+from mlsanm_cli.contact.laws.set_search import UnbalancedError
+from mlsanm_cli.solve.stage_ends import check_slips
 from tests.app.scenes import solve
 from tests.case_text import body, box, contact, head, item, material, plane, support
 from tests.contact.friction import half_planes
@@ -102,3 +106,32 @@ def test_a_contact_that_stays_open_limits_nothing(tmp_path: Path, friction: floa
     assert summary["status"] == "done"
     assert summary["probes"]["end"]["displacement"] == pytest.approx([0.0, -2.5e-5], abs=1e-9)
     assert any("no contact carries any pressure" in warning for warning in summary["warnings"])
+
+
+def test_round_bodies_that_slide_far_along_each_other_are_refused() -> None:
+    """Disks of radii 2 and 3: normals turn by a fifth of the slip; along flat or hollow sides nothing turns, and
+    open nodes have no say. Three disks on a floor without enough friction took minutes, and no cause was told."""
+
+    def checked(slip: float, *curvature: float, pressed: bool = True) -> None:
+        curves = [
+            SimpleNamespace(length=1.0, curvature=lambda s, one=one: np.full(len(s), one))
+            for one in curvature
+        ]
+        grid = SimpleNamespace(facing=SimpleNamespace(other=curves[1], curves=curves))
+        condensed: Any = SimpleNamespace(
+            balance=SimpleNamespace(constant=np.zeros(1)),
+            tangential={"top": slice(0, 2)},
+            spans={"top": slice(0, 2)},
+            pairing_of=lambda name: SimpleNamespace(grid=grid),
+            slip=lambda *state: np.array([0.0, slip]),
+        )
+        pressure = np.array([1.0, float(pressed)])
+        end: Any = SimpleNamespace(factors=None, motion=None, pressure=pressure, traction=None)
+        check_slips(condensed, [end])
+
+    with pytest.raises(UnbalancedError, match=r"contact top: .*slide by 1\.5 .*17\.2 degrees"):
+        checked(-1.5, 1.0 / 2.0, 1.0 / 3.0)
+    checked(-1.5, 1.0 / 2.0, 1.0 / 3.0, pressed=False)
+    checked(1.0, 1.0 / 2.0, 1.0 / 3.0)
+    checked(9.0, 1.0 / 2.0, 0.0)
+    checked(9.0, 1.0 / 2.0, -1.0 / 2.1)

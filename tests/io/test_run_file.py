@@ -193,7 +193,7 @@ def test_a_file_takes_nearly_the_same_model_only(tmp_path: Path) -> None:
             ("case/raw", "other"),
             ("bodies/upper/boundary/name", ["arc", "top"]),
         ):
-            with pytest.raises(RunError, match=f"stored in /{name} comes out other"):
+            with pytest.raises(RunError, match=f"/{name} is not reproduced"):
                 run.confirm({name: value})
     assert "maps/new" in datasets(tmp_path / "run.h5")
 

@@ -80,7 +80,10 @@ def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, ac
     stiff, solves = springs(condensed), 0
     place = np.zeros(len(stiff))
     for share in SOFTER:
-        solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place))
+        try:
+            solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place))
+        except SingularSystemError:
+            break
         solves += solved.solves
         pull = share * stiff * (solved.motion - place)
         active, place = solved.active, solved.motion

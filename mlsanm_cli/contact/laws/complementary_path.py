@@ -32,9 +32,9 @@ ROUND_OFF = 1e-10
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 QUICK, STARTS = 30, 6
 """Exchanges of all nodes that break rules, before single ones; sets from which these may begin."""
-SOME, MANY = 60, 2
+SOME, MANY = 500, 2
 """Single exchanges of all starts together: so many, and so many for every node. Paths that were found took
-one for every node at most, and where there is none they can go on for minutes."""
+one for every node, of few nodes up to four, and where there is none they can go on for minutes."""
 OPENS, CLOSES, SLIPS, BACKWARD, RESTS = range(5)
 """What a node may come to: it opens, closes, slips with friction 1 or -1, or rests."""
 
@@ -89,6 +89,8 @@ def admissible_sets(
             last, count, left = error.sets, count + error.count, left - error.count
             if left <= 0:
                 break
+            continue
+        except SingularSystemError:
             continue
         last, count = sets, count + made
         try:
@@ -207,7 +209,7 @@ def complementary_path(
 ) -> tuple[ContactStatus, int]:
     """Sets that obey the watched rules, and how many systems it took, from ``sets`` with their ``values``.
 
-    Raises NoPathError, also beyond the ``most`` systems.
+    Raises NoPathError, also beyond the ``most`` systems, and SingularSystemError.
     """
     rules = _Rules(condensed, watch, values.slip - slipped, softened is not None)
     if softened is not None:
