@@ -110,7 +110,7 @@ def test_a_contact_that_stays_open_limits_nothing(tmp_path: Path, friction: floa
 
 def test_round_bodies_that_slide_far_along_each_other_are_refused() -> None:
     """Disks of radii 2 and 3: normals turn by a fifth of the slip; along flat or hollow sides nothing turns,
-    and open nodes have no say. Three disks on a floor without enough friction took minutes, without a cause."""
+    and open nodes have no say. Three disks with too little friction took minutes, without a cause."""
 
     def checked(slip: float, *curvature: float, pressed: bool = True) -> None:
         curves = [
