@@ -31,9 +31,9 @@ PLENTY = 300
 of many patches, would cost minutes otherwise."""
 NOTHING = 1e-6
 """Pressures below this part of the largest in the scene are those of contacts that carry nothing."""
-AT_ENDS, MORE = 0.3, 1
-"""Intervals at a grid's ends with this part of the largest error are halved so many times more at once; with
-two the search for what touches under a chamfered pad lost its balance on the way."""
+AT_ENDS = 0.3
+"""Intervals at a grid's ends with this part of the largest error are halved once more at once; with two more
+the search for what touches under a chamfered pad lost its balance on the way."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 
@@ -86,18 +86,15 @@ def refined(
 
 def _halved(grid: ContactGrid, chosen: BoolArray, errors: FloatArray) -> ContactGrid:
     """The grid with ``chosen`` intervals (e,) halved; those at its ends that have the largest ``errors``
-    several times towards the end, as errors fall slowly where pressures have no bound."""
+    once more towards the end, as errors fall slowly where pressures have no bound."""
     first, last = np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]
     large = chosen & (errors >= AT_ENDS * errors.max())
     at_ends = bool(large[first]), bool(large[last])
     grid = replace(grid, hats=grid.hats.halved(chosen))
-    for _ in range(MORE):
-        again = np.zeros(len(grid.hats.steps), dtype=bool)
-        again[np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]] = at_ends
-        again &= grid.hats.steps > _shortest(grid)
-        if again.any():
-            grid = replace(grid, hats=grid.hats.halved(again))
-    return grid
+    again = np.zeros(len(grid.hats.steps), dtype=bool)
+    again[np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]] = at_ends
+    again &= grid.hats.steps > _shortest(grid)
+    return replace(grid, hats=grid.hats.halved(again)) if again.any() else grid
 
 
 def grid_errors(

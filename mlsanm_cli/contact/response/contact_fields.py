@@ -113,21 +113,20 @@ def fields_of(
         displacement[adjacent], stress[adjacent] = _close_fields(
             grid, kernel, slave, z[adjacent], pressure, traction
         )
+    corners = grid.corners_of(slave)
+    if not corners:
+        return displacement, stress
     place, force = grid.facing.side(grid.hats.points, slave)[0], _on_points(grid, pressure, traction)
     few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
-    for corner in grid.corners_of(slave):
+    for corner in corners:
         for line in corner.lines(corner.distance(place), force):
             displacement += line.displacement(z)
             stress += line.stress(z)
-        for image in corner.images(corner.distance(few), on):
+        whole = corner.images(corner.distance(place), force)
+        for image, distant in zip(whole, corner.images(corner.distance(few), on), strict=True):
             # Behind a wall all but those near it are far away.
-            away = np.abs(z[:, None] - image.places.place).min(axis=1) / (grid.last - grid.first)
-            whole = corner.images(corner.distance(place), force)
-            step = max(1, AT_ONCE // len(place))
-            adjacent = np.flatnonzero(away <= BEYOND)
-            parts = [(np.flatnonzero(away > BEYOND), image)]
-            parts += [(adjacent[first : first + step], whole[0]) for first in range(0, len(adjacent), step)]
-            for some, one in parts:
+            away = np.abs(z[:, None] - distant.places.place).min(axis=1) / (grid.last - grid.first)
+            for some, one in ((away > BEYOND, distant), (away <= BEYOND, image)):
                 displacement[some] += one.displacement(z[some])
                 stress[some] += one.stress(z[some])
     return displacement, stress
