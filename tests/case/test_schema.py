@@ -60,6 +60,24 @@ def test_friction_with_a_history_is_exact_unless_the_regularised_law_is_chosen(
     assert parse(HERTZ, chosen).case.contact[0].regularization.law == law
 
 
+def test_bodies_that_nothing_but_contacts_acts_on_have_the_exact_law() -> None:
+    roller = """
+[[body]]
+name = "roller"
+material = "steel"
+shape = {kind = "disk", center = [0.0, 5.0], radius = 1.0}
+[[contact]]
+name = "rolling"
+slave = "roller.arc"
+master = "block.top"
+"""
+    text = HERTZ + roller
+    weight = '[[load]]\nname = "weight"\nkind = "body-force"\nbody = "roller"\nbody-force = [0.0, -1.0]\n'
+    held = '[[support]]\nboundary = ["roller.arc"]\nspring = [0.0, 1.0]\n'
+    laws = [parse(given).case.contact[0].regularization.law for given in (text, text + weight, text + held)]
+    assert laws == ["exact", "hyperbolic", "hyperbolic"]
+
+
 def test_whole_numbers_are_numbers_and_become_floats() -> None:
     case = parse(SQUARE + CLAMP + PULL).case
     assert isinstance(case.material["rubber"].E, float)

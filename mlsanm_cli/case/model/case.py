@@ -133,8 +133,9 @@ class Regularization(Section):
 
     law: Literal["hyperbolic", "exact"] = "hyperbolic"
     """Regularised contact law (a smooth hyperbola, required by power series) or exact Signorini and Coulomb
-    conditions; the same in all contacts. Exact by default where contacts have friction and no other parameter
-    or method asks for the regularised law; always exact at finite strain."""
+    conditions; the same in all contacts. Exact by default where contacts have friction or bodies have
+    neither supports nor loads, and no other parameter or method asks for the regularised law; always exact at
+    finite strain."""
     eta: Annotated[Positive, NUMBER] = 1e-4
     """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
     stick: Annotated[Positive, NUMBER] = 1e-4

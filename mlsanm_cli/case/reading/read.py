@@ -160,11 +160,12 @@ def _anchored_body(body: Any, folder: Path) -> Any:
 
 
 def _with_law(data: dict[str, Any]) -> dict[str, Any]:
-    """The content with the exact law in contacts that name none, at finite strain and where friction depends
-    on the history.
+    """The content with the exact law in contacts that name none, at finite strain, where friction depends on
+    the history, and where bodies have neither supports nor loads.
 
-    Saved levels cannot be polished then, and bodies that bend would float on the regularised law's gaps where
-    little presses them. Whoever gives parameters of that law, or a method that needs it, has chosen it.
+    With friction saved levels cannot be polished, and bodies that bend would float on the regularised law's
+    gaps where little presses them. Rollers and the like would be driven to where these gaps are widest.
+    Whoever gives parameters of that law, or a method that needs it, has chosen it.
     """
     model, contacts, solver = data.get("model"), data.get("contact"), data.get("solver", {})
     if not (isinstance(model, Mapping) and isinstance(contacts, tuple) and isinstance(solver, Mapping)):
@@ -176,9 +177,25 @@ def _with_law(data: dict[str, Any]) -> dict[str, Any]:
             or solver.get("polish") is True
             or any(isinstance(one, Mapping) and one.get("regularization") for one in contacts)
         )
-        if regularized or not any(map(_rubs, contacts)):
+        if regularized or not (any(map(_rubs, contacts)) or _has_loose_bodies(data)):
             return data
     return {**data, "contact": tuple(_exact(one) for one in contacts)}
+
+
+def _has_loose_bodies(data: Mapping[str, Any]) -> bool:
+    """Whether some body has neither supports nor loads."""
+    acting = [*_tables(data, "support"), *_tables(data, "load")]
+    named = [one.get("body") for one in acting]
+    for one in acting:
+        sides = one.get("boundary")
+        sides = sides if isinstance(sides, tuple) else (sides,)
+        named += [side.split(".")[0] for side in sides if isinstance(side, str)]
+    return any(body.get("name") not in named for body in _tables(data, "body"))
+
+
+def _tables(data: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
+    given = data.get(name)
+    return [one for one in given if isinstance(one, Mapping)] if isinstance(given, tuple) else []
 
 
 def _rubs(contact: Any) -> bool:
