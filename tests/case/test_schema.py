@@ -73,7 +73,7 @@ master = "block.top"
 """
     text = HERTZ + roller
     weight = '[[load]]\nname = "weight"\nkind = "body-force"\nbody = "roller"\nbody-force = [0.0, -1.0]\n'
-    held = '[[support]]\nboundary = ["roller.arc"]\nspring = [0.0, 1.0]\n'
+    held = '[[support]]\nbody = "roller"\nnear = [0.0, 5.0]\nux = 0.0\n'
     laws = [parse(given).case.contact[0].regularization.law for given in (text, text + weight, text + held)]
     assert laws == ["exact", "hyperbolic", "hyperbolic"]
 
