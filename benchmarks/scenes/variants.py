@@ -161,8 +161,9 @@ def _moved(given: Table, matrix: Array, how: str) -> Table:
     made = copy.deepcopy(given)
     shapes = {one["name"]: one["shape"]["kind"] for one in made["body"]}
     for one in made["material"].values():
-        if "angle" in one:
-            one["angle"] = one["angle"] + 90.0 if how == "turned" else 180.0 - one["angle"]
+        if "E1" in one or "angle" in one:
+            angle = one.get("angle", 0.0)
+            one["angle"] = angle + 90.0 if how == "turned" else 180.0 - angle
     for one in made["body"]:
         _shape(one["shape"], matrix, how)
     for one in made.get("support", []):

@@ -131,6 +131,9 @@ def _clear(
     if isinstance(facing.obstacle, Chain):
         tips += as_complex(facing.obstacle.points[~facing.obstacle.smooth]).tolist()
     exact_ends = base.closest(as_real(np.array(tips, dtype=np.complex128))).tolist()
+    if base.closed:
+        # Rows of places go on beyond where the curve begins.
+        exact_ends += [end + base.length for end in exact_ends]
     step = SNAP * float(s[1] - s[0])
     snapped = [_snapped(one, exact_ends, step) for one in (first, last)]
     whole = around or snapped[0] is not None, around or snapped[1] is not None
