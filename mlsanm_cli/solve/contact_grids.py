@@ -46,9 +46,7 @@ are solved for together."""
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
 that show where surfaces touch."""
-Search = Callable[
-    [Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactState]], tuple[ExactState, ...]
-]
+Search = Callable[[Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactState]], tuple[ExactState, ...]]
 """The exact states of a condensed scene, searched from sets if there are any; some may be known."""
 
 

@@ -67,9 +67,9 @@ def searched_ends(
         starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if rubbing:
         # Where friction let go at a stage's end, it takes all guesses to find that out anew.
-        known = factors[: len(starts) + 1] if which == "known" else factors
+        followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
-            held = _friction_ends(condensed, known, starts)
+            held = _friction_ends(condensed, followed, starts)
             check_slips(condensed, held)
             return held
         except EndlessError:

@@ -19,7 +19,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import normals_towards
+from mlsanm_cli.cloud.joined import corners_of, normals_towards
 from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange, logarithm, on_panels
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
@@ -121,6 +121,9 @@ class Facing:
 
     def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
         """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
+        if slave == self.slave_first and (self.other is None or not len(corners_of(self.base))):
+            arc = self._arc(s)
+            return as_complex(self.base.points(arc)), -as_complex(self.base.normals(arc))
         return self._side(self._places(s), slave)
 
     def loaded(

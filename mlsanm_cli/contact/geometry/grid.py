@@ -156,7 +156,8 @@ class Hats:
     def _own_points(self) -> tuple[IntArray, FloatArray]:
         """The points (m, q) of every function and their weights (m, q) in its integral."""
         shape = len(self.place), -1
-        return self.integrals.indices.reshape(shape), self.integrals.data.reshape(shape)
+        points: IntArray = self.integrals.indices.astype(np.int64).reshape(shape)
+        return points, self.integrals.data.reshape(shape)
 
     def _moments(self, values: FloatArray) -> FloatArray:
         """Integrals (m, k) with every function of ``values`` (g,) at the points times powers of the distance
@@ -185,7 +186,9 @@ class Hats:
         at = self.points[self._own_points[0]]
         seen = values(at[one][:, :, None] + shift - at[other][:, None, :])
         way[near] = 1.0
-        return PairKernel(seen, one, other, exact.astype(np.float64), overlap, partial(_far, values(way), way))
+        return PairKernel(
+            seen, one, other, exact.astype(np.float64), overlap, partial(_far, values(way), way)
+        )
 
     @cached_property
     def logarithms(self) -> tuple[PairKernel, ...]:
