@@ -251,8 +251,11 @@ def _inside(grid: ContactGrid, slave: bool, z: ComplexArray) -> ComplexArray:
     """The points, those on the contact's surface a little inside."""
     ends = grid.hats.ends
     near = cKDTree(as_real(grid.facing.side(ends, slave)[0])).query(as_real(z))[1]
-    within = ends[np.maximum(near - 1, 0)], ends[np.minimum(near + 1, len(ends) - 1)]
-    s, place, inward = _nearest(grid, slave, z, ends[near], within)
+    # All around a closed surface the last interval is next to the first.
+    beyond = 0.0 if grid.hats.period is None else 1.0
+    bounds = ends[0] - beyond * (ends[-1] - ends[-2]), ends[-1] + beyond * (ends[1] - ends[0])
+    around = np.concatenate([[bounds[0]], ends, [bounds[1]]])
+    s, place, inward = _nearest(grid, slave, z, ends[near], (around[near], around[near + 2]))
     step = np.diff(ends)[np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2)]
     deep, size = ((z - place) * np.conj(inward)).real, NEAR_SURFACE * step
     on = np.abs(z - place) <= 2.0 * step
