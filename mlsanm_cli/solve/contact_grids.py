@@ -46,8 +46,8 @@ are solved for together."""
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
 that show where surfaces touch."""
-Search = Callable[[Condensed, Sequence[ContactStatus], Wanted], tuple[ExactState, ...]]
-"""The exact states of a condensed scene, searched from sets if there are any."""
+Search = Callable[[Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactState]], tuple[ExactState, ...]]
+"""The exact states of a condensed scene, searched from sets if there are any; some may be known."""
 
 
 def find_grids(
@@ -78,7 +78,7 @@ def find_grids(
             condensed = condense(scene, some, memo, responses)
         which: Wanted = "every" if every else "known" if starts else "ends"
         starts = starts or [_starting_status(condensed.pairings)]
-        states = search(condensed, starts, which)
+        states = search(condensed, starts, which, ())
         wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None
@@ -91,8 +91,9 @@ def find_grids(
             if every and turnings:
                 turned = _turned(condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
-                if looked or not passed_beyond(condensed, ranges, search(condensed, (), "between"), passed):
-                    return condensed, search(condensed, starts, "ends")
+                between = () if looked else search(condensed, (), "between", ())
+                if not passed_beyond(condensed, ranges, between, passed):
+                    return condensed, search(condensed, starts, "ends", states)
                 looked = True
                 continue
             every = True

@@ -32,8 +32,8 @@ of many patches, would cost minutes otherwise."""
 NOTHING = 1e-6
 """Pressures below this part of the largest in the scene are those of contacts that carry nothing."""
 AT_ENDS = 0.3
-"""Intervals at a grid's ends with this part of the largest error are halved once more at once; with two more
-the search for what touches under a chamfered pad lost its balance on the way."""
+"""Intervals at a grid's ends with this part of the largest error are halved once more at once; two and
+three more save nothing further."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 

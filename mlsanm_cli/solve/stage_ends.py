@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
@@ -27,6 +27,8 @@ FEW_LEVELS = 8
 in all of them."""
 
 
+STRAIGHT = 1e-9
+"""Loads go on in the same direction where the cosine of the angle between two stages is less below 1."""
 ASTRAY = 0.25
 """Angle (radian) by which normals turn over slips that no contact at small strain can follow."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
@@ -40,18 +42,21 @@ def searched_ends(
     condensed: Condensed,
     starts: Sequence[ContactStatus],
     which: Wanted,
+    known: Sequence[ExactState] = (),
 ) -> tuple[ExactState, ...]:
     """Exact states at the ends of the stages, with friction only of the ``starts``, without it of some, if no
     more are to be ``known``, or every state that counts with those where fields are wanted;
-    or some between the ends, but for friction, whose path would have to be followed."""
+    or some between the ends, but for friction, whose path would have to be followed. Without friction those
+    ``known`` at the same load factors are taken as they are."""
     factors, every = stages, which not in ("ends", "known")
     rubbing = len(condensed.friction_nodes) > 0
     if which == "between":
         if rubbing:
             return ()
-        parts = max(2, min(BETWEEN, MOST_LEVELS // (len(stages) - 1)))
-        inner = (np.arange(len(stages) - 1)[:, None] + np.arange(1, parts) / parts).ravel()
-        factors = np.stack([factors_at(stages, float(position)) for position in (0.0, *inner)])
+        most = max(2, min(BETWEEN, MOST_LEVELS // (len(stages) - 1)))
+        parts = np.maximum(1, -(-most // _in_line(stages)))
+        inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
+        factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
     elif every:
         every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
@@ -62,9 +67,9 @@ def searched_ends(
         starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if rubbing:
         # Where friction let go at a stage's end, it takes all guesses to find that out anew.
-        known = factors[: len(starts) + 1] if which == "known" else factors
+        followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
-            held = _friction_ends(condensed, known, starts)
+            held = _friction_ends(condensed, followed, starts)
             check_slips(condensed, held)
             return held
         except EndlessError:
@@ -75,6 +80,10 @@ def searched_ends(
         starts = ()  # of other states
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
+        found = next((one for one in known if np.array_equal(one.factors, wanted)), None)
+        if found is not None:
+            ends.append(found)
+            continue
         start = next(iter(starts[number:]), None)
         last = ends[-1].active if ends else None
         first = last if start is None else start.closed
@@ -88,6 +97,16 @@ def searched_ends(
             if not every:
                 raise
     return tuple(ends)
+
+
+def _in_line(stages: FloatArray) -> IntArray:
+    """Of how many stages (s,) in a row the loads go on in the same direction, at each of the ``stages``
+    (s + 1, L)."""
+    way = np.diff(stages, axis=0)
+    size = np.sqrt((way**2).sum(axis=1))
+    turns = (way[1:] * way[:-1]).sum(axis=1) < (1.0 - STRAIGHT) * size[1:] * size[:-1]
+    row = np.concatenate([[0], np.cumsum(turns)])
+    return np.asarray(np.bincount(row)[row])
 
 
 def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:

@@ -40,12 +40,27 @@ WEDGE = (
 
 
 def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
-    solve(FIT, tmp_path / "fit")
+    angle = np.radians([3.0, 75.0, -30.0, -36.0])
+    points = {"hub": 10.0, "shaft": 10.0}
+    probes = [
+        item("probe", name=f"{name}{k}", body=name, point=[radius * np.cos(a), radius * np.sin(a)])
+        for name, radius in points.items()
+        for k, a in enumerate(angle.tolist())
+    ]
+    summary = solve(FIT + "".join(probes), tmp_path / "fit")
     fit = read_run(tmp_path / "fit").contacts["fit"]
     # A contact grid, not the nodes of a surface of 60 times their distance.
     assert len(fit.pressure[-1]) < 40
     shaft, hub = LameRing(4.0, 10.0, 1.0, 210e3, 0.3), LameRing(10.0, 16.0, 1.0, 210e3, 0.3)
-    assert fit.pressure[-1] == pytest.approx(press_fit(shaft, hub, 0.01), rel=2e-3)
+    pressure = press_fit(shaft, hub, 0.01)
+    assert fit.pressure[-1] == pytest.approx(pressure, rel=2e-3)
+    # Beneath the surface, too: intervals of the grid are chords no longer there.
+    for name in points:
+        for k, a in enumerate(angle):
+            xx, yy, xy = summary["probes"][f"{name}{k}"]["stress"]
+            c, s = np.cos(a), np.sin(a)
+            assert xx * c * c + yy * s * s + 2.0 * xy * c * s == pytest.approx(-pressure, rel=0.01)
+            assert (yy - xx) * c * s + xy * (c * c - s * s) == pytest.approx(0.0, abs=0.01 * pressure)
 
 
 def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:

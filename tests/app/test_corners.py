@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import solve
+from tests.app.scenes import Quiet, solve
 from tests.case_text import (
     EXACT,
     body,
@@ -20,6 +20,7 @@ from tests.case_text import (
     load,
     material,
     plane,
+    polygon,
     pushed,
     support,
     table,
@@ -145,6 +146,23 @@ def test_pressures_up_to_corners_within_a_surface(tmp_path: Path) -> None:
     found = pressures(tmp_path / "chamfered", at)
     assert found == pytest.approx(pressures(tmp_path / "flat", at), rel=2e-3)
     assert found == pytest.approx(pressures(tmp_path / "fine", at), rel=0.01)
+
+
+def test_what_only_pieces_beyond_a_range_resist(tmp_path: Path) -> None:
+    """Open chamfers hold nothing, but were taken to: the way along the block was unknown, with round-off
+    for resistance. Where one stops the pad, pressures are nodal."""
+    names = ("left_edge", "bottom", "right_edge")
+    console = Quiet()
+    solve(pad(*names), tmp_path / "open", "contact.foot.accuracy=0.1", console=console)
+    assert any("ux is fixed at 0" in text for text in console.notes)
+    corners = [[-30.0, -30.0], [30.0, -30.0], [30.0, 8.0], [16.01, 8.0], [8.01, 0.0], [-30.0, 0.0]]
+    ramp = polygon(corners, "bottom right shelf ramp top left")
+    text = pad(*names).replace(
+        body("base", "one", shape=box([-30.0, 30.0], [-30.0, 0.0])), body("base", "one", shape=ramp)
+    )
+    text = text.replace('"base.top"', '["base.ramp", "base.top"]').replace("force = [0.0,", "force = [0.004,")
+    found = solve(text, tmp_path / "stopped")
+    assert found["contacts"]["foot"]["force"] == pytest.approx([-0.004, 0.01], rel=1e-6)
 
 
 @pytest.mark.parametrize("lean", [0.0, 2.0])

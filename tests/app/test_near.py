@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry import grid
 from mlsanm_cli.contact.response import contact_fields
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
@@ -128,10 +127,11 @@ def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPat
     assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 1.5e-4
 
 
-def test_pressures_need_exact_integrals(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    # A fault put in on purpose: Gauss's points for hats that overlap.
-    monkeypatch.setattr(grid, "NEAR", -1.0)
-    assert solve(pressed(1e-2)[0], tmp_path / "run")["status"] == "failed"
+def test_samples_of_parts_of_a_grid_stand_for_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    one = stresses_off(tmp_path / "parts")
+    monkeypatch.setattr(contact_fields, "BEYOND", np.inf)
+    monkeypatch.setattr(contact_fields, "UNDIVIDED", 10_000)
+    assert np.abs(stresses_off(tmp_path / "all") - one).max() < 1e-8
 
 
 RECEDING = (

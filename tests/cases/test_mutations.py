@@ -81,12 +81,13 @@ def test_dropped_weights_of_tractions(
     factor: Callable[[float], float], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(assembly, "row_weights", traction_weights_times(factor))
-    summary = outcome("patch", tmp_path / "run")
+    # Not that of a patch test, whose solution obeys all rows however they are weighted.
+    summary = outcome("hertz", tmp_path / "run", EXACT)
     if summary["status"] == "failed":
         assert summary["stop_reason"] != "end of the last stage"
     else:
-        # What is badly weighted may be solved all the same; its estimate is then some hundred times as large.
-        assert summary["error_estimate"]["displacement"] >= 1e-10
+        # What is badly weighted may be solved all the same; its estimate is then four times as large.
+        assert summary["error_estimate"]["displacement"] >= 1e-3
 
 
 def test_stencils_across_bodies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

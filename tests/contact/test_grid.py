@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.grid import STEEPEST, Hats, chebyshev, lagrange
+from mlsanm_cli.contact.geometry.grid import STEEPEST, Hats, chebyshev, lagrange, on_panels
 
 LOG, NONE = np.eye(2), np.zeros((2, 2))
 GRADED = Hats(
@@ -189,3 +189,12 @@ def test_polynomials_through_samples(count: int, low: float, size: float) -> Non
         )
 
     assert lagrange(places, nodes) @ polynomial(nodes) == pytest.approx(polynomial(places), abs=1e-8)
+
+
+def test_panels_stand_for_places_towards_a_corner() -> None:
+    x = np.geomspace(1e-9, 3.0, 2000)
+    places, shares = on_panels(x)
+    assert len(places) < 500
+    # As what the corner of a right angle adds: poles half pi off the axis.
+    by, exact = (1.0 / np.cosh(np.log(one[:, None] / one)) for one in (places, x))
+    assert shares @ by @ shares.T == pytest.approx(exact, abs=1e-8)

@@ -156,7 +156,13 @@ def prepare(
     # Of higher degrees nodal contacts are less stable.
     nodal = {name for pairing in pairings if pairing.name not in ranges for name in pairing.bodies}
     models |= {body.name: modelled(body, low=True) for body in case.body if body.name in nodal}
-    found = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), free, loads, ranges)
+    try:
+        found = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), free, loads, ranges)
+    except CaseError:
+        if not ranges:
+            raise
+        # What resists may lie beyond the ranges, as a chamfer does.
+        return prepare(case, clouds, memo, before, grids=False, low=low)
     return SceneModel(
         models,
         pairings,

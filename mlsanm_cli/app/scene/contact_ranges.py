@@ -59,12 +59,15 @@ def contact_ranges(
 
 
 def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -> tuple[Pairing, ...]:
-    """The pairs of nodes with the directions that pressures have on grids."""
+    """The pairs of nodes with the directions that pressures have on grids, and without those beyond them."""
     result = []
     for pairing in pairings:
         if pairing.name in clear:
-            facing = clear[pairing.name].facing
-            pairing = replace(pairing, normal=facing.normal(facing.locate(pairing.points)))
+            one = clear[pairing.name]
+            s = one.facing.locate(pairing.points)
+            candidate = one.within(s) & pairing.candidate
+            candidate = candidate if candidate.sum() > 1 else pairing.candidate
+            pairing = replace(pairing, normal=one.facing.normal(s), candidate=candidate)
         result.append(pairing)
     return tuple(result)
 

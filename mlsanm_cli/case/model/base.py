@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 import re
+import textwrap
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -43,8 +47,31 @@ class Section(BaseModel):
         strict=True,
         allow_inf_nan=False,
         defer_build=True,
-        use_attribute_docstrings=True,
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """With the docstrings; pydantic would read them out of all source files at every start."""
+        found = handler(core_schema)
+        keys = handler.resolve_ref_schema(found)["properties"]
+        for name, text in _docstrings(cls).items():
+            keys[cls.model_fields[name].alias or name]["description"] = text
+        return found
+
+
+def _docstrings(table: type[BaseModel]) -> dict[str, str]:
+    """The docstrings below the keys of a table, by field."""
+    found = {}
+    for owner in reversed(table.__mro__[: table.__mro__.index(Section)]):
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        assert isinstance(tree, ast.ClassDef)
+        for key, below in pairwise(tree.body):
+            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
+                assert isinstance(key.target, ast.Name)
+                found[key.target.id] = inspect.cleandoc(ast.literal_eval(below.value))
+    return found
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import normals_towards
-from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange, logarithm
+from mlsanm_cli.cloud.joined import corners_of, normals_towards
+from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange, logarithm, on_panels
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.heat import Field
@@ -121,6 +121,9 @@ class Facing:
 
     def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
         """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
+        if slave == self.slave_first and (self.other is None or not len(corners_of(self.base))):
+            arc = self._arc(s)
+            return as_complex(self.base.points(arc)), -as_complex(self.base.normals(arc))
         return self._side(self._places(s), slave)
 
     def loaded(
@@ -333,10 +336,14 @@ class ContactGrid:
         place, directions = self.facing.side(points, slave)[0], self.facing.directions(points)
         present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
         for corner in self.corners_of(slave):
-            x = np.maximum(corner.distance(place), LEAST * corner.length)
+            x, shares = on_panels(np.maximum(corner.distance(place), LEAST * corner.length))
+            parts = {
+                (side, c): integrals @ (shares * directions[side][:, c, None])
+                for side in {which, by}
+                for c in present[side]
+            }
             for c, d in product(present[which], present[by]):
-                right = (integrals * directions[by][:, d]) @ corner.wedge.compliance(x, x, c, d).T
-                total += (integrals * directions[which][:, c]) @ right.T
+                total += parts[which, c] @ corner.wedge.compliance(x, x, c, d) @ parts[by, d].T
         return total
 
     def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:

@@ -7,11 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.mechanics.corner import Corner
 
+AT_END = 1e-6
+"""Places nearer to an end of a range than this part of it are there."""
 SIGHTS = 2000
 """Places at which a range is looked at for summits of its profile."""
 
@@ -32,6 +34,13 @@ class ContactRange:
     whole: tuple[bool, bool]
     places: int = 1
     around: bool = False
+
+    def within(self, s: FloatArray) -> BoolArray:
+        """Whether places (e,) lie between its ends, not at a corner."""
+        inset = AT_END * (self.last - self.first)
+        away = s - self.first
+        away = np.mod(away, self.facing.base.length) if self.facing.base.closed else away
+        return np.asarray(self.around | (away > inset) & (away < self.last - self.first - inset))
 
     def hats(self, nodes: FloatArray) -> Hats:
         """Hats on ``nodes``, increasing, up to the ends of surfaces that they reach."""

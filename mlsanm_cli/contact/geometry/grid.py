@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -24,10 +24,15 @@ Table: TypeAlias = Callable[[FloatArray], FloatArray]
 
 RULE = GAUSS[3]
 NEAR = 5.0
-"""Hats closer than this many widths are integrated exactly, others by Gauss's points: those have 1e-8 left
+"""Hats closer than this many widths are integrated exactly, others by their moments: those have 1e-9 left
 there."""
+ORDERS = 8
+"""Powers of the distances from their places that moments of hats are of."""
 CROWDED = 8
 """An interval that ends at a corner is halved towards it so many times."""
+PANEL, PANEL_POINTS = 0.5, 10
+"""Width, in the logarithm of the distance from a corner, of panels with so many points: what a corner of 25
+degrees adds is known to 1e-6 then, of 90 degrees to 1e-10."""
 NOTHING = 1e-14
 STEEPEST = 2.5
 """Neighbouring intervals differ by this factor at most."""
@@ -35,14 +40,16 @@ STEEPEST = 2.5
 
 @dataclass(frozen=True)
 class PairKernel:
-    """A kernel's ``values`` at all pairs of points (g, g), and its ``exact`` integrals (e,) with both hats of
-    near pairs, the ``first`` and the ``second`` (e,), of which some ``overlap`` (e,)."""
+    """A kernel's ``exact`` integrals (e,) with both hats of near pairs, the ``first`` and the ``second``
+    (e,), of which some ``overlap`` (e,), and its ``values`` (e, q, q) at the points of both; ``far`` (m, m)
+    makes integrals of far pairs of the moments (m, k) of what is on either side."""
 
     values: FloatArray
     first: IntArray
     second: IntArray
     exact: FloatArray
     overlap: BoolArray
+    far: Callable[[FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -145,12 +152,27 @@ class Hats:
         doublets[:, 1] = (steps[:-1] == 0.0).astype(float) - (steps[1:] == 0.0)
         return impulses, doublets
 
+    @cached_property
+    def _own_points(self) -> tuple[IntArray, FloatArray]:
+        """The points (m, q) of every function and their weights (m, q) in its integral."""
+        shape = len(self.place), -1
+        points: IntArray = self.integrals.indices.astype(np.int64).reshape(shape)
+        return points, self.integrals.data.reshape(shape)
+
+    def _moments(self, values: FloatArray) -> FloatArray:
+        """Integrals (m, k) with every function of ``values`` (g,) at the points times powers of the distance
+        from its place."""
+        points, weights = self._own_points
+        away, product = self.points[points] - self.place[:, None], weights * values[points]
+        return np.stack([(product * away**order).sum(axis=1) for order in range(ORDERS + 1)], axis=1)
+
     def _kernel(self, values: Table, shift: float, fourth: Table, third: Table, second: Table) -> PairKernel:
         """A kernel of the distance s + ``shift`` - s', of which ``fourth``, ``third`` and ``second`` are
         repeated integrals."""
         wide = np.maximum(self.steps[1:], self.steps[:-1])
-        apart = np.abs(self.place[:, None] + shift - self.place)
-        one, other = np.nonzero(apart <= NEAR * (wide[:, None] + wide))
+        way = self.place[:, None] + shift - self.place
+        near = np.abs(way) <= NEAR * (wide[:, None] + wide)
+        one, other = np.nonzero(near)
         # In extended precision, as fourth differences lose digits.
         nodes, three = self.nodes.astype(np.longdouble), np.arange(3)
         t = (nodes[one[:, None] + three] + shift)[:, :, None] - nodes[other[:, None] + three][:, None, :]
@@ -160,9 +182,13 @@ class Hats:
             exact += np.einsum("ea,eab,eb->e", impulses[one], third(t), doublets[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], third(t), impulses[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t), doublets[other])
-        overlap = apart[one, other] < wide[one] + wide[other]
-        seen = values(self.points[:, None] + shift - self.points)
-        return PairKernel(seen, one, other, exact.astype(np.float64), overlap)
+        overlap = np.abs(way)[one, other] < wide[one] + wide[other]
+        at = self.points[self._own_points[0]]
+        seen = values(at[one][:, :, None] + shift - at[other][:, None, :])
+        way[near] = 1.0
+        return PairKernel(
+            seen, one, other, exact.astype(np.float64), overlap, partial(_far, values(way), way)
+        )
 
     @cached_property
     def logarithms(self) -> tuple[PairKernel, ...]:
@@ -182,7 +208,9 @@ class Hats:
         def integral(order: int, factor: int) -> Table:
             return lambda t: np.sign(t) * _power(t, order) / factor
 
-        return self._kernel(np.sign, 0.0, integral(4, 24), integral(3, 6), integral(2, 2))
+        found = self._kernel(np.sign, 0.0, integral(4, 24), integral(3, 6), integral(2, 2))
+        sign = np.sign(self.place[:, None] - self.place)
+        return replace(found, far=lambda one, other: sign * np.outer(one[:, 0], other[:, 0]))
 
     def pairs(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Integrals (m, m) with both hats of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s'), with the
@@ -208,20 +236,23 @@ class Hats:
         if np.abs(middle[0] @ middle[1].T).max(initial=0.0) <= NOTHING * np.abs(table).max():
             return total
         own = self.at_places((one * turned).sum(axis=1, keepdims=True))[:, 0]
+        points, weights = self._own_points
         for kernel in kernels():
-            for component in (0, 1):
-                right = (self.integrals * turned[:, component]) @ kernel.values.T
-                total += (self.integrals * one[:, component]) @ right.T
+            first, second = kernel.first, kernel.second
             # What is lost of the near pairs by Gauss's points, for their mean directions, and where they
             # overlap, as it is lost there, for directions at one place.
-            first, second = kernel.first, kernel.second
             product = (middle[0][first] * middle[1][second]).sum(axis=1)
             product = np.where(kernel.overlap, 0.5 * (own[first] + own[second]), product)
-            total[first, second] += product * (kernel.exact - self._rough(kernel.values)[first, second])
+            rough = np.einsum("ep,epq,eq->e", weights[first], kernel.values, weights[second])
+            near, part = product * (kernel.exact - rough), np.zeros_like(total)
+            for seen, by in zip(one.T, turned.T, strict=True):
+                if seen.any() and by.any():
+                    part += kernel.far(self._moments(seen), self._moments(by))
+                    sides = (weights * values[points] for values in (seen, by))
+                    near += np.einsum("ep,epq,eq->e", next(sides)[first], kernel.values, next(sides)[second])
+            part[first, second] = near
+            total += part
         return total
-
-    def _rough(self, kernel: FloatArray) -> FloatArray:
-        return np.asarray(self.integrals @ (self.integrals @ kernel.T).T)
 
     def at_places(self, values: FloatArray) -> FloatArray:
         """Means (m, c) over the hats of ``values`` (g, c) at the points."""
@@ -262,6 +293,19 @@ def logarithm(distance: FloatArray) -> FloatArray:
     return np.asarray(np.log(np.where(distance == 0.0, 1.0, np.abs(distance))))
 
 
+def _far(values: FloatArray, way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Integrals (m, m) of logarithms with ``values`` (m, m) at distances ``way`` (m, m) of moments (m, k) on
+    either side, by Taylor's series."""
+    total, inverse = values * np.outer(one[:, 0], other[:, 0]), 1.0 / way
+    power = np.ones_like(way)
+    for order in range(1, ORDERS + 1):
+        power *= inverse
+        share = np.arange(order + 1)
+        factors = [-((-1.0) ** int(k)) * math.comb(order, int(k)) / order for k in share]
+        total += power * ((one[:, order - share] * factors) @ other[:, share].T * (-1.0) ** order)
+    return total
+
+
 def _power(t: FloatArray, order: int) -> FloatArray:
     """t^order; numpy takes ten times as long for whole powers in extended precision."""
     return np.asarray(math.prod(order * (t,)))
@@ -290,3 +334,21 @@ def lagrange(places: FloatArray, nodes: FloatArray) -> FloatArray:
     row = same.any(axis=1)
     values[row] = same[row]
     return np.asarray(values)
+
+
+def on_panels(x: FloatArray) -> tuple[FloatArray, sparse.csr_array]:
+    """Places (k,) that stand for places ``x`` (e,), all above 0, to functions of the logarithm that are
+    smooth, and values (e, k) of their polynomials: Chebyshev's points of panels of equal width."""
+    t = np.log(x)
+    count = max(1, int(np.ceil(float(np.ptp(t)) / PANEL)))
+    if count * PANEL_POINTS >= len(x):
+        return x, sparse.csr_array(sparse.eye_array(len(x), format="csr"))
+    width = float(np.ptp(t)) / count
+    panel = np.clip(((t - t.min()) / width).astype(np.int64), 0, count - 1)
+    nodes = chebyshev(0.0, 1.0, PANEL_POINTS)
+    values = lagrange((t - t.min()) / width - panel, nodes)
+    column = panel[:, None] * PANEL_POINTS + np.arange(PANEL_POINTS)
+    start = np.arange(len(x) + 1) * PANEL_POINTS
+    shape = len(x), count * PANEL_POINTS
+    shares = sparse.csr_array((values.ravel(), column.ravel(), start), shape=shape)
+    return np.exp(t.min() + width * (np.arange(count)[:, None] + nodes).ravel()), shares

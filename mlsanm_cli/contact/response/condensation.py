@@ -60,7 +60,7 @@ class BodyResponses:
             observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
             columns = drivers.columns
             sources = {name: body_load_vectors(scene, name, pairings, columns) for name in scene.bodies}
-            observed, solutions = observe(observation, sources, columns, memo)
+            observed, solutions = observe(observation, sources, drivers, memo)
             if any(pairing.grid is not None for pairing in pairings):
                 observed += near_field_response(observation, drivers)
             return cls(observation, sources, observed, solutions)

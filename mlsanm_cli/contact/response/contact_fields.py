@@ -7,17 +7,17 @@ doi:10.1002/nme.1208).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.geometry.grid import RULE
-from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
+from mlsanm_cli.contact.geometry.grid import RULE, chebyshev, lagrange
+from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex, as_real
+from mlsanm_cli.startup import cKDTree
 
 FAR = 2.0
 """Intervals farther away than so many of their lengths are integrated by the points of the grid."""
@@ -26,8 +26,13 @@ POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
 NEAR_SURFACE = 1e-3
 """Points nearer to the surface than this part of the interval beneath are moved so far inside: on it, fields
 jump."""
-BEYOND, CLOSE = 1.0 / 6.0, 48
-"""Farther away than this part of the range so many samples stand for all pressures, to 1e-7."""
+BEYOND, CLOSE, DISTANT = 1.0 / 6.0, 48, 12
+"""Farther away than this part of the range so many samples stand for all pressures, to 1e-7; farther than all
+of it so many."""
+STEPS = 3
+"""Steps to the place on the surface closest to a point."""
+UNDIVIDED = 100
+"""So many intervals are looked at one by one from nearer."""
 AT_TIP = 2e-3
 """Points nearer to a corner's tip than this part of its faces are moved so far inside."""
 AT_ONCE = 100_000
@@ -36,14 +41,19 @@ AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class _Loads:
-    """``pressure`` and ``traction`` (i + 1, c) at the ends of a contact's intervals, and where they act on
-    one body."""
+    """``pressure`` and ``traction`` (i + 1, c) at the ``ends`` (i + 1,) of some intervals of a contact, and
+    what of it acts on one body at the points of the rule (q,) in these: ``place`` and ``inward`` normal (q,
+    i), ``force`` (q, i, 2, c)."""
 
     grid: ContactGrid
     slave: bool
     kernel: Kernel
+    ends: FloatArray
     pressure: FloatArray
     traction: FloatArray
+    place: ComplexArray
+    inward: ComplexArray
+    force: FloatArray
 
     @classmethod
     def of(
@@ -52,35 +62,67 @@ class _Loads:
         """Those of nodal ``pressure`` and ``traction`` (m, c)."""
         first, last = grid.hats.whole
         beyond = ((int(not first), int(not last)), (0, 0))
-        return cls(grid, slave, kernel, *(np.pad(one, beyond) for one in (pressure, traction)))
+        ends, across, along = grid.hats.ends, np.pad(pressure, beyond), np.pad(traction, beyond)
+        steps, weights = np.diff(ends), np.array([weight for _, weight in RULE])
+        share = np.repeat([[share] for share, _ in RULE], len(steps), axis=1)
+        interval = np.broadcast_to(np.arange(len(steps)), share.shape)
+        nothing = np.zeros(0, dtype=np.complex128)
+        bare = cls(grid, slave, kernel, ends, across, along, nothing, nothing, np.zeros(0))
+        place, inward, on = bare.at(interval.ravel(), share.ravel())
+        force = (weights[:, None] * steps)[:, :, None, None] * on.reshape(*share.shape, *on.shape[1:])
+        return replace(
+            bare, place=place.reshape(share.shape), inward=inward.reshape(share.shape), force=force
+        )
 
-    @cached_property
-    def ends(self) -> FloatArray:
-        """Where intervals begin and end (i + 1,)."""
-        return self.grid.hats.ends
-
-    @cached_property
+    @property
     def steps(self) -> FloatArray:
         """Lengths (i,) of the intervals."""
         return np.diff(self.ends)
 
-    def forces(self, interval: IntArray, share: FloatArray) -> tuple[SurfaceForces, FloatArray]:
-        """Unit forces at places (e,) within intervals (e,), by the share of the way along these, and the
-        tractions (e, 2, c) on the slave there."""
+    def halves(self) -> Iterator[_Loads]:
+        """Those of the first and of the last intervals."""
+        middle = len(self.steps) // 2
+        for first, last in ((0, middle), (middle, len(self.steps))):
+            ends, inner = slice(first, last + 1), (slice(None), slice(first, last))
+            yield replace(
+                self,
+                ends=self.ends[ends],
+                pressure=self.pressure[ends],
+                traction=self.traction[ends],
+                place=self.place[inner],
+                inward=self.inward[inner],
+                force=self.force[inner],
+            )
+
+    def sources(self, place: ComplexArray, inward: ComplexArray) -> SurfaceForces:
+        """Unit forces on the body."""
+        return SurfaceForces(self.kernel, place, inward, self.grid.centers[0 if self.slave else 1])
+
+    def at(self, interval: IntArray, share: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Places (e,) and inward normals (e,) within intervals (e,), by the share of the way along these, and
+        the tractions (e, 2, c) on the slave there."""
         s = self.ends[interval] + share * self.steps[interval]
         place, inward, (normal, tangent) = self.grid.facing.loaded(s, self.slave)
         part = share[:, None]
         pressure, traction = (
             (1.0 - part) * one[interval] + part * one[interval + 1] for one in (self.pressure, self.traction)
         )
-        total = normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
-        return SurfaceForces(self.kernel, place, inward, self.grid.centers[0 if self.slave else 1]), total
+        return place, inward, normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
 
-    @cached_property
-    def even(self) -> list[tuple[float, SurfaceForces, FloatArray]]:
-        """Weights of the rule for whole intervals, with :meth:`forces` at its points in all of them."""
-        interval = np.arange(len(self.steps))
-        return [(weight, *self.forces(interval, np.full(len(interval), share))) for share, weight in RULE]
+    def even(self) -> Iterator[tuple[SurfaceForces, FloatArray]]:
+        """Unit forces at every point of the rule in all intervals, and the forces (i, 2, c) there."""
+        for place, inward, force in zip(self.place, self.inward, self.force, strict=True):
+            yield self.sources(place, inward), force
+
+    def sampled(self, count: int) -> tuple[SurfaceForces, FloatArray]:
+        """Unit forces at so many samples, and the forces (k, 2, c) there that stand for all, from afar."""
+        ends, rule = self.ends, np.array([share for share, _ in RULE])
+        samples = chebyshev(float(ends[0]), float(ends[-1]), count)
+        shares = lagrange((ends[:-1] + rule[:, None] * self.steps).ravel(), samples)
+        force = shares.T @ self.force.reshape(len(shares), -1)
+        return self.sources(*self.grid.facing.side(samples, self.slave)), force.reshape(
+            count, *self.force.shape[2:]
+        )
 
 
 def fields_of(
@@ -98,24 +140,12 @@ def fields_of(
         # At the tip itself fields of what is spread along both faces have no meaning.
         within = np.abs(z - corner.tip) < AT_TIP * corner.length
         z = np.where(within, corner.tip + AT_TIP * corner.length * corner.bisector, z)
-    close = replace(grid, count=CLOSE)
-    away = np.abs(z[:, None] - close.facing.side(close.samples, slave)[0]).min(axis=1, initial=np.inf)
-    away = away / (grid.last - grid.first)
-    displacement, stress = np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
-    # From afar few samples of the range stand for all the pressures, as they do for the remainder.
-    for some, sampled in ((away > 1.0, grid), ((away <= 1.0) & (away > BEYOND), close)):
-        if some.any():
-            forces, on = sampled.own_forces(kernel, slave), _on_samples(sampled, pressure, traction)
-            displacement[some] = forces.displacement_by(on, z[some])
-            stress[some] = forces.stress_by(on, z[some])
-    adjacent = away <= BEYOND
-    if adjacent.any():
-        displacement[adjacent], stress[adjacent] = _close_fields(
-            grid, kernel, slave, z[adjacent], pressure, traction
-        )
+    loads = _Loads.of(grid, slave, kernel, pressure, traction)
+    displacement, stress = _own_fields(loads, _inside(grid, slave, z))
     corners = grid.corners_of(slave)
     if not corners:
         return displacement, stress
+    close = replace(grid, count=CLOSE)
     place, force = grid.facing.side(grid.hats.points, slave)[0], _on_points(grid, pressure, traction)
     few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
     for corner in corners:
@@ -132,6 +162,29 @@ def fields_of(
     return displacement, stress
 
 
+def _own_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """The same without corners: from afar few samples stand for all pressures, as they do for the remainder;
+    nearer, for those of either half of the intervals, and so on."""
+    columns = loads.pressure.shape[1]
+    displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
+    close = loads.sampled(CLOSE)
+    away = np.abs(z[:, None] - close[0].place).min(axis=1, initial=np.inf) / np.ptp(loads.ends)
+    for some, count in ((away > 1.0, DISTANT), ((away <= 1.0) & (away > BEYOND), CLOSE)):
+        if some.any():
+            sources, force = close if count == CLOSE else loads.sampled(count)
+            displacement[some] = sources.displacement_by(force, z[some])
+            stress[some] = sources.stress_by(force, z[some])
+    adjacent = np.flatnonzero(away <= BEYOND)
+    if len(adjacent) and len(loads.steps) <= UNDIVIDED:
+        displacement[adjacent], stress[adjacent] = _close_fields(loads, z[adjacent])
+    elif len(adjacent):
+        for half in loads.halves():
+            found = _own_fields(half, z[adjacent])
+            displacement[adjacent] += found[0]
+            stress[adjacent] += found[1]
+    return displacement, stress
+
+
 def _on_points(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:
     """The forces (g, 2, c) at the hats' points that nodal ``pressure`` and ``traction`` (m, c) are."""
     (normal, tangent), unit = grid.directions, grid.hats.integrals.T
@@ -145,31 +198,22 @@ def _on_samples(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -
     return np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
 
 
-def _close_fields(
-    grid: ContactGrid,
-    kernel: Kernel,
-    slave: bool,
-    z: ComplexArray,
-    pressure: FloatArray,
-    traction: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+def _close_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """The same at points near the contact."""
-    loads = _Loads.of(grid, slave, kernel, pressure, traction)
-    ends, size = grid.facing.side(loads.ends, slave)[0], loads.steps
+    ends, size = loads.grid.facing.side(loads.ends, loads.slave)[0], loads.steps
     parts, pairs = [], []
     step = max(1, AT_ONCE // (len(RULE) * len(size)))
     for first in range(0, len(z), step):
         some = z[first : first + step]
         foot = _feet(some, ends)
-        some = _inside(loads, some, ends, foot)
         away = np.abs(some[:, None] - (ends[:-1] + foot * np.diff(ends)))
         close = away < FAR * size
         parts.append(_far(loads, some, close))
         row, interval = np.nonzero(close)
-        pairs.append((row + first, some[row], interval, foot[close], away[close] / size[interval]))
+        pairs.append((row + first, some[row], interval, foot[close]))
     displacement, stress = (np.concatenate(some) for some in zip(*parts, strict=True))
-    chosen = [np.concatenate(some) for some in zip(*pairs, strict=True)]
-    _add_close(loads, chosen, displacement, stress)
+    row, seen, interval, at = (np.concatenate(some) for some in zip(*pairs, strict=True))
+    _add_close(loads, (row, seen, interval, *_on_curve(loads, seen, interval, at)), displacement, stress)
     return displacement, stress
 
 
@@ -180,16 +224,41 @@ def _feet(z: ComplexArray, ends: ComplexArray) -> FloatArray:
     return np.asarray(np.clip(way, 0.0, 1.0))
 
 
-def _inside(loads: _Loads, z: ComplexArray, ends: ComplexArray, foot: FloatArray) -> ComplexArray:
+def _on_curve(
+    loads: _Loads, z: ComplexArray, interval: IntArray, foot: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where on the surface within intervals (p,) the place closest to each point (p,) is, from where it is on
+    the chords, and how far away it is over their lengths: curved intervals are not near where chords are."""
+    first, size = loads.ends[interval], loads.steps[interval]
+    s, place, _ = _nearest(loads.grid, loads.slave, z, first + foot * size, (first, first + size))
+    return (s - first) / size, np.abs(z - place) / size
+
+
+def _nearest(
+    grid: ContactGrid, slave: bool, z: ComplexArray, s: FloatArray, within: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """Places (p,) in a row, on the surface, and inward normals (p,), closest to points (p,) ``within`` two
+    bounds (p,), from places nearby."""
+    for _ in range(STEPS):
+        place, inward = grid.facing.side(s, slave)
+        # Places increase with the slave's arc length, which has the slave on its left.
+        along = ((z - place) * np.conj(1j * inward)).real
+        s = np.clip(s + (-along if slave else along), *within)
+    return s, *grid.facing.side(s, slave)
+
+
+def _inside(grid: ContactGrid, slave: bool, z: ComplexArray) -> ComplexArray:
     """The points, those on the contact's surface a little inside."""
-    away = z[:, None] - (ends[:-1] + foot * np.diff(ends))
-    interval = np.argmin(np.abs(away), axis=1)
-    every = np.arange(len(z))
-    step = loads.steps[interval]
-    s = loads.ends[interval] + foot[every, interval] * step
-    place, inward = loads.grid.facing.side(s, loads.slave)
+    ends = grid.hats.ends
+    near = cKDTree(as_real(grid.facing.side(ends, slave)[0])).query(as_real(z))[1]
+    # All around a closed surface the last interval is next to the first.
+    beyond = 0.0 if grid.hats.period is None else 1.0
+    bounds = ends[0] - beyond * (ends[-1] - ends[-2]), ends[-1] + beyond * (ends[1] - ends[0])
+    around = np.concatenate([[bounds[0]], ends, [bounds[1]]])
+    s, place, inward = _nearest(grid, slave, z, ends[near], (around[near], around[near + 2]))
+    step = np.diff(ends)[np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2)]
     deep, size = ((z - place) * np.conj(inward)).real, NEAR_SURFACE * step
-    on = np.abs(away[every, interval]) <= 2.0 * step
+    on = np.abs(z - place) <= 2.0 * step
     return np.where(on & (deep < size), z + (size - deep) * inward, z)
 
 
@@ -197,10 +266,9 @@ def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, 
     """What intervals that are not ``close`` (e, i) do."""
     columns = loads.pressure.shape[1]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    for weight, forces, traction in loads.even:
-        force = (weight * loads.steps)[:, None, None] * traction
-        displacement += forces.displacement_by(force, z, close)
-        stress += forces.stress_by(force, z, close)
+    for sources, force in loads.even():
+        displacement += sources.displacement_by(force, z, close)
+        stress += sources.stress_by(force, z, close)
     return displacement, stress
 
 
@@ -236,10 +304,10 @@ def _close_integrals(
     share = np.clip(at[:, None] + distance * np.sinh(v), 0.0, 1.0)
     length = 0.5 * rule[1] * (high - low) * distance * np.cosh(v) * loads.steps[interval][:, None]
     count = len(rule[0])
-    forces, traction = loads.forces(np.repeat(interval, count), share.ravel())
-    traction *= length.ravel()[:, None, None]
+    *places, traction = loads.at(np.repeat(interval, count), share.ravel())
+    sources, force = loads.sources(*places), traction * length.ravel()[:, None, None]
     seen = np.repeat(z, count)
-    found = (field @ traction for field in (forces.displacement_of_each(seen), forces.stress_of_each(seen)))
+    found = (field @ force for field in (sources.displacement_of_each(seen), sources.stress_of_each(seen)))
     moved, stressed = (one.reshape(len(z), count, *one.shape[1:]).sum(axis=1) for one in found)
     return moved, stressed
 
@@ -266,7 +334,7 @@ def adjacent_traction(
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
     total = np.zeros((len(z), 2))
-    for weight, forces, on in loads.even:
-        found = forces.traction(z, as_complex(surface.normal), curvature)
-        total += np.einsum("i,eicd,id->ec", weight * loads.steps, found, on[:, :, 0])
+    for sources, force in loads.even():
+        found = sources.traction(z, as_complex(surface.normal), curvature)
+        total += np.einsum("eicd,id->ec", found, force[:, :, 0])
     return total

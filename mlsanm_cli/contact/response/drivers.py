@@ -95,6 +95,13 @@ class Drivers:
         own = np.arange(pairing.grid.count)
         return np.concatenate([self.places(pairing).start + own, self.tangential_places(pairing).start + own])
 
+    @property
+    def means(self) -> IntArray:
+        """The mean forces x and y of contacts that cover their surfaces among all drivers."""
+        covering = [one for one in self.pairings if one.grid is not None and one.grid.covers]
+        places = [(self.places(one).stop - 1, self.tangential_places(one).stop - 1) for one in covering]
+        return np.array(places, dtype=np.int64).ravel()
+
     def by_unknowns(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
         """What ``rows`` (r, drivers) observe, by the unknowns."""
         result = self.unknowns.zeros(len(rows))

@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.functionals import (
     gap_rows,
     reaction_rows,
@@ -18,7 +19,6 @@ from mlsanm_cli.contact.response.functionals import (
     slip_rows,
     spring_rows,
 )
-from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, probe_rows
 from mlsanm_cli.mechanics.scene import Scene
@@ -124,10 +124,11 @@ def _rows_of(pairing: Pairing) -> int:
 
 
 def observe(
-    observation: ResponseFunctionals, sources: Mapping[str, sparse.csc_array], columns: Columns, memo: Memo
+    observation: ResponseFunctionals, sources: Mapping[str, sparse.csc_array], drivers: Drivers, memo: Memo
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """What is observed, (sum of counts, total), of the bodies' answers to their ``sources`` (r, total) and
     motions; without contact also the answers (n, total) themselves."""
+    columns, means = drivers.columns, drivers.means
     scene, quick = observation.scene, bool(observation.pairings)
     observed = np.zeros((sum(observation.counts), columns.total))
     solutions = {}
@@ -137,9 +138,13 @@ def observe(
         observed[observation.of_stress, : columns.loads] -= _expansion(observation, name)
         used = used_columns(sources[name])
         solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
-        # Loads by themselves: when their magnitudes change, the others' answers still hold.
-        for some in (used[used < columns.loads], used[used >= columns.loads]):
-            response = _observed_response(body, sources[name][:, some], rows, quick, memo)
+        # Loads by themselves: when their magnitudes change, the others' answers still hold. They, motions and
+        # mean tractions are few, and patch tests are as exact as they are.
+        acting, mean = used < columns.loads, np.isin(used, means)
+        moving = (used < columns.motion_places.stop) & ~acting | mean
+        for chosen, mixed in ((acting, False), (moving, False), (~acting & ~moving, quick)):
+            some = used[chosen]
+            response = _observed_response(body, sources[name][:, some], rows, mixed, memo)
             observed[:, some] += response["observed"]
             if not quick:
                 solved[:, some] = response["solution"]
