@@ -13,7 +13,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields, fields_of
+from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
 
 SMALL = 1e-3
@@ -38,17 +38,8 @@ UNLOADED = 1e-3
 leave as much, on a few nodes, and contacts are solved to a tolerance relative to what was before."""
 
 
-def energy_error(
-    built: CondensedScene, state: State, known: tuple[State, Mapping[str, Fields]] | None = None
-) -> EnergyVerdict:
-    """Compare the strain energy of every body with the work on it in one state.
-
-    Where the fields with stresses that are ``known`` are those of another state, bodies are solved for.
-    """
-    if known is not None and known[0] is state:
-        fields = known[1]
-    else:
-        fields, _ = fields_of(built, [state], stress=True)[0]
+def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyVerdict:
+    """Compare the strain energy of every body with the work on it in one state, by its ``fields``."""
     energies, works, least, strains, pointed, thin = {}, {}, {}, {}, {}, {}
     near, squares = _near_work(built, state), _on_single_nodes(built, state)
     for name, body in built.scene.bodies.items():
