@@ -164,6 +164,7 @@ def carry_out(
             with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last)
             adapted = replace(adapted, accuracy=accuracy)
+        adapted = replace(adapted, accuracy=adapted.accuracy.with_deflection(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
         figures = estimates["pressure"], estimates["displacement"], adapted.accuracy.from_law
         for warning in check_estimates(built, *figures):

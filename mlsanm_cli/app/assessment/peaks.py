@@ -7,7 +7,8 @@ three times the error of the peak wherever that was above 3 %. Corrections by fi
 fifth of it on coarse notches, where their own stress is as poor.
 
 Left out are places where the stress has no bound or is judged otherwise: those that contacts press on, ends
-of held and bonded surfaces, single nodes, sharp inward corners. What grows towards those has no peak
+of held and bonded surfaces, single nodes, sharp inward corners, and loads larger than the stress, which is a
+difference there. What grows towards those has no peak
 elsewhere: nodes count that have the largest stress among the boundary nodes around them.
 """
 
@@ -19,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.app.scene.assemble import single_nodes
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -59,38 +60,49 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
     found = {}
     for name, body in built.scene.bodies.items():
         source = built.condensed.source(name, *state.unknowns).toarray()[:, 0]
-        lack = traction_error(body, fields[name].rest, source)
+        lack, applied = traction_error(body, fields[name].rest, source)
         unbounded, touching = _left_out(built, state, name)
-        peak = _peak(body.model.cloud, fields[name].von_mises, lack, unbounded, touching)
+        stress = fields[name].von_mises
+        peak = _peak(body.model.cloud, stress, lack, applied > stress, unbounded, touching)
         if peak is not None:
             found[name] = peak
     return found
 
 
-def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> FloatArray:
+def traction_error(
+    body: ElasticBody, displacement: FloatArray, source: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """What the stress of a ``displacement`` (N, 2) misses of the tractions of a right-hand side ``source``
-    (r,), as sizes (n,); 0 inside the body and in held directions."""
-    cloud, found = body.model.cloud, np.zeros(len(body.model.cloud.points))
+    (r,), and these themselves, as sizes (n,); 0 inside the body and in held directions."""
+    cloud = body.model.cloud
+    missing, applied = np.zeros((2, len(cloud.points)))
     stress = body.model.stress(displacement)
     for name, surface in cloud.surfaces.items():
-        missing = traction_of(stress[surface.index], surface.normal)
-        springs, held = body.springs.get(name, NO_SPRING), body.held.get(name, FREE)
-        for axis, spring in enumerate(springs):
-            missing[:, axis] += spring * displacement[surface.index, axis]
-            missing[:, axis] -= source[body.condition_rows(name, axis)]
-            missing[:, axis] *= not held[axis]
-        np.maximum.at(found, surface.index, np.hypot(*missing.T))
-    return found
+        free = ~np.array(body.held.get(name, FREE))
+        rows = [body.condition_rows(name, axis) for axis in (0, 1)]
+        given = source[np.stack(rows, axis=1)] - displacement[surface.index] * body.springs.get(
+            name, NO_SPRING
+        )
+        lack = traction_of(stress[surface.index], surface.normal) - given
+        np.maximum.at(missing, surface.index, np.hypot(*(lack * free).T))
+        np.maximum.at(applied, surface.index, np.hypot(*(given * free).T))
+    return missing, applied
 
 
 def _peak(
-    cloud: Cloud, stress: FloatArray, lack: FloatArray, unbounded: FloatArray, touching: FloatArray
+    cloud: Cloud,
+    stress: FloatArray,
+    lack: FloatArray,
+    loaded: BoolArray,
+    unbounded: FloatArray,
+    touching: FloatArray,
 ) -> Peak | None:
-    """The peak of the von Mises ``stress`` (n,) with the traction error ``lack`` (n,), away from places
-    (s, 2) where it is ``unbounded`` and from those (t, 2) that are ``touching`` others; None without any."""
+    """The peak of the von Mises ``stress`` (n,) with the traction error ``lack`` (n,), away from ``loaded``
+    nodes (n,), from places (s, 2) where it is ``unbounded`` and from those (t, 2) that are ``touching``
+    others; None without any."""
     bounded = np.ones(len(stress), dtype=bool)
     bounded[_near(cloud, unbounded, SINGULAR * thickness(cloud))] = False
-    free = bounded.copy()
+    free = bounded & ~loaded
     free[_near(cloud, touching, 0.0)] = False
     nodes = cloud.boundary_nodes
     around = cKDTree(cloud.points[nodes]).query_ball_point(cloud.points[nodes], AROUND * cloud.spacing[nodes])
@@ -117,12 +129,14 @@ def _near(cloud: Cloud, places: FloatArray, radius: float) -> IntArray:
 
 
 def _left_out(built: CondensedScene, state: State, name: str) -> tuple[FloatArray, FloatArray]:
-    """Where the stress of a body has no bound (s, 2), and where others press on it or are bonded to it
-    (t, 2)."""
+    """Where the stress of a body has no bound (s, 2), and where it is clamped, or others press on it or are
+    bonded to it (t, 2)."""
     body = built.scene.bodies[name]
     cloud = body.model.cloud
     single = [node for node, _ in single_nodes(built.case, name, cloud)]
     unbounded, touching = [cloud.points[[*_singular(body), *single]]], [np.zeros((0, 2))]
+    clamped = [surface for surface, axes in body.gripped.items() if all(axes)]
+    touching += [cloud.points[cloud.surfaces[surface].index] for surface in clamped]
     for pairing in built.condensed.reported:
         for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
             if owner == name:
