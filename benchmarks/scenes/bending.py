@@ -190,6 +190,25 @@ def c_frame() -> Scene:
     return Scene("c_frame", "clamped frame", given, elements=True)
 
 
+BRACKET = [(0.0, 0.0), (8.0, 0.0), (8.0, 22.0), (30.0, 22.0), (30.0, 28.0), (0.0, 28.0)]
+
+
+@scene
+def bracket() -> Scene:
+    """An angle with rounded corners, clamped below, its arm pressed by a rigid roller near the tip."""
+    names = ["foot", "inside", "under", "tip", "top", "back"]
+    given = case(
+        "stress",
+        {"alloy": ALLOY},
+        [polygon("angle", "alloy", BRACKET, names=names, rounding=[0.0, 0.0, 3.0, 1.5, 1.5, 5.0])],
+        support=[held("angle.foot")],
+        contact=[on_disk("roller", "angle.top", (24.0, 33.0), 5.0)],
+        load=[pushed("press", "roller", uy=-0.1)],
+        probe=[probe("tip", "angle", 30.0, 25.0)],
+    )
+    return Scene("bracket", "bracket with rounded corners", given, elements=True)
+
+
 PORTAL = [
     (0.0, 0.0),
     (4.0, 0.0),

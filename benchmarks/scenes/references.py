@@ -45,7 +45,7 @@ SOFT = 1e-6
 """Springs that hold loose bodies where they last were, relative to their modulus over their area."""
 SETTLED, ROUNDS = 1e-4, 60
 PASSES = 200
-LEVELS = ((0.5, 0.1, 0.1), (0.4, 0.03, 0.06), (0.3, 0.02, 0.04), (0.22, 0.01, 0.026), (0.17, 0.006, 0.02))
+LEVELS = ((0.5, 0.1, 0.1), (0.4, 0.03, 0.06), (0.3, 0.02, 0.04), (0.12, 0.01, 0.026), (0.06, 0.006, 0.02))
 """Spacings of the meshes: over the thickness, at corners, and of patches over their width."""
 Zones = list[tuple[Array, float, float]]
 """Place, spacing and radius."""

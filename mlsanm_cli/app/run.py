@@ -23,6 +23,7 @@ from mlsanm_cli.app.assessment.checks import (
     force_balance,
 )
 from mlsanm_cli.app.assessment.energy import energy_error
+from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
 from mlsanm_cli.app.assessment.pressed_ends import end_warnings
 from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
@@ -163,6 +164,7 @@ def carry_out(
             with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last)
             adapted = replace(adapted, accuracy=accuracy)
+        adapted = replace(adapted, accuracy=adapted.accuracy.with_deflection(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
         figures = estimates["pressure"], estimates["displacement"], adapted.accuracy.from_law
         for warning in check_estimates(built, *figures):
@@ -213,7 +215,9 @@ def _follow(
     check_linear(linear)
     check_spacing(built, recorder.last)
     with context.phase("output"):
-        recorder.energies = energy_error(built, recorder.last, recorder.stressed)
+        fields = recorder.stress_fields(built, recorder.last)
+        recorder.energies = energy_error(built, recorder.last, fields)
+        recorder.peaks = boundary_peaks(built, recorder.last, fields)
     for warning in end_warnings(built, recorder.last):
         recorder.warn(warning)
     # First: where units are mixed up the checks that follow fail, for that reason.
@@ -224,6 +228,7 @@ def _follow(
         check_balance(force_balance(built, recorder.last)),
         check_energy(recorder.energies),
         *check_points(recorder.energies),
+        *check_peaks(built.case, recorder.peaks),
         check_held(built),
         check_open(built),
         *built.weak,

@@ -156,6 +156,12 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
     estimates = summary.get("error_estimate") or {}
     if "displacement" in estimates:
         rows.append(("error estimate", _percent(estimates["displacement"], "of the displacements")))
+    peaks = summary.get("peak_stress") or {}
+    if peaks:
+        body, peak = max(peaks.items(), key=lambda one: float(one[1]["error"]))
+        x, y = (number(value) for value in peak["place"])
+        off = _percent(peak["error"], "error")
+        rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {off}"))
     rows += [(label(key), _limited(key, summary)) for key in _QUALITY if key in summary]
     sizes = [
         f"{number(summary[key])} {label(key)}"

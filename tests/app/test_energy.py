@@ -132,6 +132,25 @@ def test_the_error_is_that_of_the_deflection_of_a_beam(
     assert summary["energy_error"] == pytest.approx(deflection(tmp_path / "run") - 1.0, abs=0.02)
 
 
+@pytest.mark.parametrize(("spacing", "degree"), [(0.2, 4), (0.14, 4), (0.14, 3)])
+def test_estimates_know_what_clamped_ends_cost_at_high_degrees(
+    spacing: float, degree: int, tmp_path: Path
+) -> None:
+    # Fits of the next degree alone said a tenth to a third of it.
+    text = beam(0.04, 3.0) + CLAMPED
+    fine = solve(text, tmp_path / "fine", "mls.degree=2")
+    summary = solve(text, tmp_path / "run", f"body.beam.spacing={spacing}", f"mls.degree={degree}")
+    assert (fine["status"], summary["status"]) == ("done", "done")
+    tips = []
+    for name in ("fine", "run"):
+        data = read_run(tmp_path / name)
+        right = data.bodies["beam"].points[:, 0] > 3.0 - 1e-9
+        tips.append(float(data.states[-1].bodies["beam"]["displacement"][right, 1].mean()))
+    error = abs(tips[1] / tips[0] - 1.0)
+    assert error > 0.005
+    assert error / 3.0 <= summary["error_estimate"]["displacement"] <= 3.0 * error
+
+
 def test_frames_with_three_nodes_across_have_degree_2_and_say_how_many_they_want(tmp_path: Path) -> None:
     # At degree 4, which fits passed, the frame was useless.
     corners = [[0, 0], [1, 0], [1, 9], [9, 9], [9, 0], [10, 0], [10, 10], [0, 10]]

@@ -9,11 +9,12 @@ Measured against over-refined runs and closed formulas, see the method's page; n
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import corrected_state, halved_pressure, l2
@@ -74,6 +75,12 @@ class Accuracy:
                 self.from_bulk[pairing.name], self.from_contact[pairing.name], away
             )
         return {"displacement": self.displacement, "pressure": pressure}
+
+    def with_deflection(self, energies: EnergyVerdict | None) -> Accuracy:
+        """The same with what only the energies tell of the displacements' error."""
+        if self.displacement is None or energies is None:
+            return self
+        return replace(self, displacement=float(np.hypot(self.displacement, energies.deflection)))
 
     @property
     def bulk_leads(self) -> bool:

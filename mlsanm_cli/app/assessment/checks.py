@@ -76,13 +76,15 @@ class Verdict:
 class EnergyVerdict:
     """Twice the strain energy over the work less 1, per body, ``energy_error``, the farthest from 0, how
     far bodies are strained, what part of the work half of the spacing would add under single nodes, and what
-    there is across the thinnest part."""
+    there is across the thinnest part. ``deflection`` is what these errors are of all displacements (root mean
+    square), as far as nothing else sees them."""
 
     energy_error: float
     bodies: Mapping[str, float]
     strains: Mapping[str, float] = field(default_factory=dict)
     pointed: Mapping[str, float] = field(default_factory=dict)
     thin: Mapping[str, str] = field(default_factory=dict)
+    deflection: float = 0.0
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:

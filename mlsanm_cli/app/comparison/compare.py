@@ -30,6 +30,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import fields_of
 
 SHARED = ("cloud", "operators")
 CONDENSED = ("factorization", "condensation")
@@ -163,7 +164,8 @@ def _judged(built: CondensedScene, base: Measured) -> list[str]:
         return []
     last = base.states[max(base.states)]
     check_spacing(built, last)
-    texts = [check_balance(force_balance(built, last)), check_energy(energy_error(built, last))]
+    fields, _ = fields_of(built, [last], stress=True)[0]
+    texts = [check_balance(force_balance(built, last)), check_energy(energy_error(built, last, fields))]
     return [text for text in texts if text]
 
 

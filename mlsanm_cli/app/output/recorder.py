@@ -15,6 +15,7 @@ import numpy as np
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.app.assessment.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.assessment.overlaps import check_overlaps, within_themselves
+from mlsanm_cli.app.assessment.peaks import Peak
 from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
@@ -82,6 +83,7 @@ class Recorder(RunWriter):
         self._starts: Mapping[str, FloatArray] = {}
         self.checked: State | None = None
         self.energies: EnergyVerdict | None = None
+        self.peaks: Mapping[str, Peak] = {}
         self.stressed: tuple[State, Mapping[str, Fields]] | None = None
         self.failed_at: dict[str, Any] = {}
 
@@ -246,6 +248,12 @@ class Recorder(RunWriter):
             clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
             check_overlaps(built, self.last, clouds, {name: one.displacement for name, one in fields.items()})
         return self.linear_residual or 0.0
+
+    def stress_fields(self, built: CondensedScene, state: State) -> Mapping[str, Fields]:
+        """The fields of all bodies with stresses in a state; they are solved for unless it was saved last."""
+        if self.stressed is not None and self.stressed[0] is state:
+            return self.stressed[1]
+        return fields_of(built, [state], stress=True, starts=self._starts)[0][0]
 
     def failure(self, error: NumericalError, prepared: SceneModel, built: CondensedScene | None) -> None:
         """Record a failure, and write failure.vtu: the state that was judged last, or the model if none was.

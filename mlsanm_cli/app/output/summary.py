@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from mlsanm_cli.app.assessment.checks import (
@@ -103,6 +103,7 @@ def summarise(
             for p in built.condensed.reported
         }
         summary["error_estimate"] = adapted.accuracy.figures(built, state)
+        summary["peak_stress"] = {name: asdict(peak) for name, peak in recorder.peaks.items()}
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
         if built.condensed.moments:
             summary["plates"] = plates_turned(built, state)
