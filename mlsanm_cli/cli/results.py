@@ -156,6 +156,8 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
     estimates = summary.get("error_estimate") or {}
     if "displacement" in estimates:
         rows.append(("error estimate", _percent(estimates["displacement"], "of the displacements")))
+    if "energy" in estimates:
+        rows.append(("error estimate", _percent(estimates["energy"], "of the energy")))
     rows += [(label(key), _limited(key, summary)) for key in _QUALITY if key in summary]
     sizes = [
         f"{number(summary[key])} {label(key)}"
