@@ -14,29 +14,11 @@ from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
-from mlsanm_cli.mechanics.finite.estimate import nodal
 
-ESTIMATE_WARNING = 0.025
-"""Estimated errors of the energy above this are warned of. Sound scenes have 0.0001 to 0.005; a block between
-bonded plates, 30 % down with nu = 0.44, has 0.06 to 0.13 with even spacings and is 3 to 10 % too stiff."""
 FEWEST = 4
 """Nodes over a contact below which its pressures are hardly known."""
 SHARP = 20
 """Nodes over a contact with which half of a spacing at its ends matters."""
-
-
-def unresolved(scene: FiniteScene, state: FiniteState, estimate: float) -> str:
-    """The warning of an ``estimate`` of the energy's error, with the place that most of it comes from."""
-    acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
-    shares = {name: nodal(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
-    name = max(shares, key=lambda one: float(shares[one].max()))
-    node = int(np.argmax(shares[name]))
-    x, y = scene.bodies[name].elastic.model.cloud.points[node]
-    return (
-        f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), most of it at "
-        f"({x:.6g}, {y:.6g}) of body {name}: give it finer nodes there that grow slowly, as with "
-        f'[[body.refine]] at = [{x:.6g}, {y:.6g}], growth = 0.1, or spacing = "auto"'
-    )
 
 
 def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import FiniteEarlier, plain_mark
+from mlsanm_cli.app.finite.estimate import EnergyError
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
@@ -34,7 +35,6 @@ from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import BodyState, write_single
 from mlsanm_cli.io.vtu_lines import LinesWriter
-from mlsanm_cli.mechanics.finite.estimate import unaccounted
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
@@ -173,11 +173,9 @@ class FiniteRecorder(RunWriter):
         # Bodies that only move have forces of round-off.
         stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         tiny = ROUND_OFF * stiffest * float(np.abs(step.state.displacement).max())
-        acting = scene.acting(step.state.whole, step.state.traction)
-        parts = scene.parts(step.state.displacement)
-        found = [unaccounted(body, parts[name], acting[name]) for name, body in scene.bodies.items()]
-        rest, energy = np.sum(found, axis=0)
-        self.unaccounted, self.energy = max(self.unaccounted, rest), max(self.energy, energy)
+        found = EnergyError.of(scene, step.state)
+        self.unaccounted = max(self.unaccounted, found.total)
+        self.energy = max(self.energy, found.energy)
         self.balance = forces.rest / max(self.largest, tiny) if self.largest else 0.0
 
     @property

@@ -14,7 +14,8 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import interrupted_run
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.end import ESTIMATE_WARNING, few_nodes, held_at_points, unresolved
+from mlsanm_cli.app.finite.end import few_nodes, held_at_points
+from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError
 from mlsanm_cli.app.finite.fields import (
     SceneForces,
     contact_summary,
@@ -92,7 +93,7 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
     if recorder.estimate > ESTIMATE_WARNING:
-        recorder.warn(unresolved(scene, recorder.last, recorder.estimate))
+        recorder.warn(EnergyError.of(scene, recorder.last).warning(scene, recorder.estimate))
     if recorder.last.pressed is not None:
         for text in few_nodes(scene, recorder.last.pressed):
             recorder.warn(text)

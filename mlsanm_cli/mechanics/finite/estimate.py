@@ -25,15 +25,9 @@ STRAIN = 1e-8
 """Strains below are of round-off: bodies that only move have no energy to be wrong by."""
 
 
-def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> tuple[float, float]:
-    """The estimate eta and the energy that it counts by, both per thickness, in a state of ``displacement``
-    (2N,) and load ``factors`` (L,)."""
-    eta = float(nodal(body, displacement, factors).sum())
-    return eta, _energy(body, displacement, factors)
-
-
-def nodal(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-    """What the nodes add to the estimate (n,)."""
+def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+    """What the nodes add to the estimate eta (n,), per thickness, in a state of ``displacement`` (2N,) and
+    load ``factors`` (L,)."""
     elastic, model = body.elastic, body.elastic.model
     cloud, count = model.cloud, len(model.cloud.points)
     series = BodySeries(body, 0)
@@ -48,7 +42,8 @@ def nodal(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> Fl
     return np.asarray(found / model.material.modulus)
 
 
-def _energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> float:
+def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> float:
+    """What the estimate counts by, per thickness, in the same state."""
     gradient, warm = body.gradient(displacement), body.stretch(factors)
     stress = body.law.stress(gradient, warm)
     xx, xy, yx, yy = gradient + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
