@@ -156,6 +156,8 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
     estimates = summary.get("error_estimate") or {}
     if "displacement" in estimates:
         rows.append(("error estimate", _percent(estimates["displacement"], "of the displacements")))
+    if "energy" in estimates:
+        rows.append(("error estimate", _percent(estimates["energy"], "of the energy")))
     peaks = summary.get("peak_stress") or {}
     if peaks:
         body, peak = max(peaks.items(), key=lambda one: float(one[1]["error"]))

@@ -50,12 +50,14 @@ def assemble(
     springs: Springs = MappingProxyType({}),
     timed: Timed = nullcontext,
     touching: Collection[str] = (),
+    unloaded: int = 0,
 ) -> ElasticBody:
     """Choose the conditions of every surface and set up the rows.
 
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
     Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
     where that holds it, which changes nothing but its rigid motion. ``touching`` are the surfaces in contact.
+    The last ``unloaded`` of the held nodes only say where the body is, and take no force from its pieces.
     The system is factorised within ``timed()``.
     """
     cloud = model.cloud
@@ -82,14 +84,14 @@ def assemble(
         factorise = partial(square.factorise, rows, choice, model.nodes)
     else:
         weight = row_weights(model, held, single, table, grips)
-        known = pieces.rows_known(list(held_nodes))
+        known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
         strong = partial(_strong, model, pieces, grips, loads, pulls, known)
         sums = pieces.sums(known)
         factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
     # What rows are made from, in place of them: they are many times as large. The weights and the places
     # halfway between nodes tell what nodes and normals do not of the curves behind them.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
-    chosen = [held, held_nodes, springs, solver.name, sorted(touching)]
+    chosen = [held, held_nodes, springs, solver.name, sorted(touching), unloaded]
     content = digest(model.rows_content, weight, curves, chosen)
     equations = Equations(content, factorise)
     single_held = tuple(held_nodes)

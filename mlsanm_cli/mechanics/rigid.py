@@ -24,6 +24,8 @@ from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.startup import dgeqp3
 
 ROTATION = 2
+DIGITS = 9
+"""Places of nodes, relative to the body's size, to so many digits decide where it is pinned."""
 HELD = 1e-9
 """Smaller singular values of what holds a body are round-off."""
 
@@ -117,6 +119,8 @@ def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
     if not free.components:
         return []
     patterns = patterns / np.maximum(np.abs(patterns).max(axis=0), np.finfo(float).tiny)
+    # Places as far from each other are many: their last digits, other ones in other units, must not choose.
+    patterns = np.round(patterns, DIGITS)
     return [(place // 2, place % 2) for place in independent_rows(patterns)]
 
 

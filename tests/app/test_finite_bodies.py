@@ -408,8 +408,8 @@ def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words:
     text = HEAD + body("disk", "rubber", 0.17, shape)
     text += load("press", "disk.flat", "displacement", displacement=[0.0, -2e-3])
     text += contact("c", "disk.arc", obstacle=plane([-across, 1.0 - up], [across, up]))
-    (warning,) = solve(text, tmp_path / "run")["warnings"]
-    assert words in warning
+    warnings = solve(text, tmp_path / "run")["warnings"]
+    assert sum(words in one for one in warnings) == 1
 
 
 def test_a_body_that_only_moves_is_in_balance(tmp_path: Path) -> None:

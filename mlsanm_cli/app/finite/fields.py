@@ -10,6 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
@@ -17,8 +18,7 @@ from mlsanm_cli.contact.finite.meeting import NOWHERE
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import Side
-from mlsanm_cli.contact.geometry.profile import half_width, is_singular, unrolled
-from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
@@ -198,18 +198,8 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
         if contact.slave.around is not None:
             order, arc = unrolled(arc, contact.slave.around, pressure)
             pressure = pressure[order]
-        found[contact.name] = {
-            "peak_pressure": float(pressure.max(initial=0.0)),
-            "half_width": half_width(arc, pressure),
-            "singular_ends": is_singular(arc, pressure),
-            "force": pressed[0].tolist(),
-            "closed_nodes": int((record.status != OPEN).sum()),
-            "stick_nodes": int((record.status == STICK).sum()),
-            "slip_nodes": int((record.status == SLIP).sum()),
-            "min_gap": float(np.nanmin(record.gap)),
-            "dissipated_work": record.dissipated_work,
-            "max_cone_ratio": _cone(record, contact.friction) if contact.friction else None,
-        }
+        found[contact.name] = record_summary(record, arc, pressure, pressed[0])
+        found[contact.name]["max_cone_ratio"] = _cone(record, contact.friction) if contact.friction else None
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
         count = 2 * sum(side.count for side in contact.sides)

@@ -12,6 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import FiniteEarlier, plain_mark
+from mlsanm_cli.app.finite.estimate import EnergyError
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
@@ -44,6 +45,8 @@ TALLIES = (
     "largest",
     "stability",
     "residual",
+    "unaccounted",
+    "energy",
     "iterations",
     "factorizations",
     "solves",
@@ -73,6 +76,7 @@ class FiniteRecorder(RunWriter):
         self.steps = self._saved = self.renewed = self._rows = 0
         self.last: FiniteState | None = None
         self.balance = self.largest = 0.0
+        self.unaccounted = self.energy = 0.0
         self.stability = float("inf")
         self.turns: list[Turn] = []
 
@@ -102,7 +106,7 @@ class FiniteRecorder(RunWriter):
             return None
         self.last, self._rows = before.mark.state, before.rows
         for name in TALLIES:
-            setattr(self, name, before.figures[name])
+            setattr(self, name, before.figures.get(name, 0.0))
         self.turns += [Turn(**one) for one in before.figures["turns"]]
         self.warnings += before.figures["warnings"]
         positions = self._file.saved_positions()
@@ -169,7 +173,15 @@ class FiniteRecorder(RunWriter):
         # Bodies that only move have forces of round-off.
         stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         tiny = ROUND_OFF * stiffest * float(np.abs(step.state.displacement).max())
+        found = EnergyError.of(scene, step.state)
+        self.unaccounted = max(self.unaccounted, found.total)
+        self.energy = max(self.energy, found.energy)
         self.balance = forces.rest / max(self.largest, tiny) if self.largest else 0.0
+
+    @property
+    def estimate(self) -> float:
+        """The estimated error of the energy, over the largest on the path."""
+        return float(self.unaccounted / self.energy) if self.energy else 0.0
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
         """Record a failure, and write the last good state as failure.vtu."""

@@ -15,6 +15,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import interrupted_run
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.end import few_nodes, held_at_points
+from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError
 from mlsanm_cli.app.finite.fields import (
     SceneForces,
     contact_summary,
@@ -91,6 +92,8 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
         recorder.warn(
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
+    if recorder.estimate > ESTIMATE_WARNING:
+        recorder.warn(EnergyError.of(scene, recorder.last).warning(scene, recorder.estimate))
     if recorder.last.pressed is not None:
         for text in few_nodes(scene, recorder.last.pressed):
             recorder.warn(text)
@@ -130,6 +133,7 @@ def _summary(
         summary["force_balance"] = recorder.balance
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability
+        summary["error_estimate"] = {"energy": recorder.estimate}
         summary["finite_strain"] = {
             "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
             **extremes(scene, state),
@@ -140,6 +144,7 @@ def _summary(
             ],
         }
     limits = {"residual": scene.case.solver.tolerance, "force_balance": BALANCE_LIMIT, "ellipticity": 0.0}
+    limits["error_estimate"] = ESTIMATE_WARNING
     if "stability" in summary:
         limits["stability"] = CONTACT_LIMIT
     return summary | {

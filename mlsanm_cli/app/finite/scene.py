@@ -131,7 +131,10 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         pinned, moves = _pins(prepared, name, loose)
         loose = tuple(replace(one, moves=moves) if one.body == name else one for one in loose)
         held_nodes = (*prepared.held_nodes[name], *pinned)
-        elastic = assemble(model, prepared.held[name], held_nodes, solver, prepared.acting.springs[name])
+        # Pins turn with bodies that may turn; of others they say that these do not.
+        turning = len(pinned) if moves.shape[0] == moves.shape[1] else 0
+        springs = prepared.acting.springs[name]
+        elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
         sides = [side for contact in contacts for side in contact.sides if side.body == name]
         loads = _plated(name, elastic, plates, with_more(_loads(case, prepared, name, elastic), free))
         if moves.shape[1]:
@@ -140,8 +143,6 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
             first += moves.shape[1]
         law, loads = law_of(case, name), with_sides(loads, elastic, sides)
-        # Pins turn with bodies that may turn; of others they say that these do not.
-        turning = len(pinned) if moves.shape[0] == moves.shape[1] else 0
         bodies[name] = FiniteBody(elastic, law, loads, turning)
     supports = _supports(case)
     args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.output.fine_views import View, Views
 from mlsanm_cli.app.output.writer import body_datasets
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.arrays import IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
@@ -146,16 +146,23 @@ def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> di
             "closed_nodes": len(record.pressure),
             "stick_nodes": len(record.pressure),
         }
-    arc = slave_arc(pairing)
+    return record_summary(record, slave_arc(pairing), record.pressure, force)
+
+
+def record_summary(
+    record: ContactRecord, arc: FloatArray, pressure: FloatArray, force: FloatArray
+) -> dict[str, Any]:
+    """The engineer's figures by a contact's ``record``, its ``pressure`` (c,) at ``arc`` lengths (c,), in one
+    row also where the contact goes all around, and its ``force`` (2,)."""
     return {
-        "peak_pressure": float(record.pressure.max(initial=0.0)),
-        "half_width": half_width(arc, record.pressure),
-        "singular_ends": is_singular(arc, record.pressure),
+        "peak_pressure": float(pressure.max(initial=0.0)),
+        "half_width": half_width(arc, pressure),
+        "singular_ends": is_singular(arc, pressure),
         "force": force.tolist(),
         "closed_nodes": int((record.status != OPEN).sum()),
         "stick_nodes": int((record.status == STICK).sum()),
         "slip_nodes": int((record.status == SLIP).sum()),
-        "min_gap": float(record.gap.min()),
+        "min_gap": float(np.nanmin(record.gap)),
         "dissipated_work": None if np.isnan(record.dissipated_work) else record.dissipated_work,
     }
 

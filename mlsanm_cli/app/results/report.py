@@ -23,6 +23,8 @@ MOST_VARIED = 15
 """Keys of cases that are shown side by side."""
 MOST_CONTACTS = 4
 """Of more contacts only so many are drawn, those with the largest pressures."""
+ALONE = ("displacement", "energy")
+"""What errors are estimated of, other than pressures of contacts."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
 CHECKS = {
     "residual": ("equations of contact", "below"),
@@ -178,11 +180,13 @@ def _checks(summary: Mapping[str, Any]) -> str:
     estimate: Mapping[str, Any] = summary.get("error_estimate") or {}
     limit = limits.get("error_estimate")
     named = {"displacement": estimate.get("displacement"), **(estimate.get("pressure") or {})}
+    if "energy" in estimate:
+        named = {"energy": estimate["energy"]}
     for name, value in named.items():
         if value is None:
             rows.append([f"error estimate, {name}", "not available", "", ""])
             continue
-        what = f"error estimate, {name if name == 'displacement' else f'pressures of {name}'}"
+        what = f"error estimate, {name if name in ALONE else f'pressures of {name}'}"
         large = limit is not None and float(value) > limit
         limit_text = "" if limit is None else f"below {100.0 * float(limit):g} %"
         rows.append(

@@ -50,11 +50,12 @@ def spacing_of(case: Case, body: Body) -> Spacing:
         alone = all(side.body != body.name for contact in case.contact for side in contact.sides)
         sides = _clamped(case, body.name) if alone or bends(outline) else ()
         clamped = [curve_at(case, place, "support")[0] for place in sides]
+        finite = case.model.strain == "finite" and not bends(outline)
         zones = [
             *arc_zones(outline, far, finer),
             *narrow_zones(outline, far, ACROSS * finer, GROWTH),
             *_contact_zones(case, body, far),
-            *(zone for curve in clamped for zone in clamped_zones(curve, far)),
+            *(zone for curve in clamped for zone in clamped_zones(curve, far, finite)),
         ]
     for refine in body.refine:
         if refine.at is not None:

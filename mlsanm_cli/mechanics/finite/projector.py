@@ -52,7 +52,9 @@ class Weights:
         elastic = body.elastic
         model, pieces = elastic.model, elastic.pieces
         nodes = row_weights(model, elastic.held, elastic.held_nodes, body.table, elastic.gripped)
-        known: BoolArray = pieces.rows_known(list(elastic.held_nodes))
+        # Pins only say where a body is: they take no force from its pieces.
+        bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
+        known: BoolArray = pieces.rows_known(list(bearing))
         scale = np.tile(pieces.strength / (model.material.modulus * pieces.size), 3)
         return cls(nodes, np.where(known, scale, 0.0))
 

@@ -1,0 +1,56 @@
+"""How much of a body's energy its equations do not account for at finite strain.
+
+Residuals of equilibrium inside and of tractions on free sides, weighted by the spacing h and the modulus M of
+a uniaxial strain, estimate the error of the energy (Babuska and Rheinboldt 1978,
+doi:10.1002/nme.1620121010; Ainsworth and Oden 2000, section 2.2)::
+
+    eta = (sum of A h^2 |Div P + b|^2 + sum of w h |P N - t|^2) / M
+
+It is compared with the integral of S : E = P : (F - F^-T) / 2, which is twice the strain energy at small
+strain whatever the rotation. Fits of the next degree do not see what a crushed corner lacks: least squares
+make the state smooth there.
+
+Equation (29) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.law import determinant
+
+STRAIN = 1e-8
+"""Strains below are of round-off: bodies that only move have no energy to be wrong by."""
+
+
+def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+    """What the nodes add to the estimate eta (n,), per thickness, in a state of ``displacement`` (2N,) and
+    load ``factors`` (L,)."""
+    elastic, model = body.elastic, body.elastic.model
+    cloud, count = model.cloud, len(model.cloud.points)
+    series = BodySeries(body, 0)
+    series.put(0, displacement, factors)
+    left = series.rows(0)
+    found = cloud.areas * cloud.spacing**2 * (left[:count] ** 2 + left[count : 2 * count] ** 2)
+    for name, index, _, held in body.conditions:
+        weight = cloud.surfaces[name].weight * cloud.spacing[index]
+        for component in (0, 1):
+            if not held[component]:
+                np.add.at(found, index, weight * left[elastic.condition_rows(name, component)] ** 2)
+    return np.asarray(found / model.material.modulus)
+
+
+def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> float:
+    """What the estimate counts by, per thickness, in the same state."""
+    gradient, warm = body.gradient(displacement), body.stretch(factors)
+    stress = body.law.stress(gradient, warm)
+    xx, xy, yx, yy = gradient + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
+    turned = np.stack([yy, -yx, -xy, xx]) / (1.0 + determinant(gradient))
+    if warm is not None:
+        turned *= warm**2
+    strain = 0.5 * (np.stack([xx, xy, yx, yy]) - turned)
+    areas = body.elastic.model.cloud.areas
+    least = STRAIN**2 * body.elastic.model.material.modulus * areas.sum()
+    return float(areas @ (stress * strain).sum(axis=0) + least)

@@ -1,0 +1,88 @@
+"""What runs at finite strain say of their own errors, and what their results must not depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.projector import Weights
+from tests.app.scenes import solve
+from tests.case_text import body, box, contact, disk, head, load, material, plane, pushed, support
+
+CRUSHED = 1.515
+"""Force on a block 2 x 1, nu = 0.44, 30 % down between bonded plates: nine-node finite elements,
+extrapolated from 24 x 24 and 40 x 40 (1.5475, 1.5266), good to 1 %."""
+
+
+def block(spacing: float | None) -> str:
+    return (
+        head("strain", strain="finite")
+        + material("rubber", E=1.0, nu=0.44, law="neo-hookean")
+        + body("pad", "rubber", spacing, box([0.0, 2.0], [0.0, 1.0]))
+        + support("pad.bottom", ux=0.0, uy=0.0)
+        + load("press", "pad.top", "displacement", displacement=[0.0, -0.3])
+    )
+
+
+def test_crushed_corners_that_are_not_resolved_are_told(tmp_path: Path) -> None:
+    """Even nodes, the same at degree 2: a tenth too stiff, without a word."""
+    summary = solve(block(0.1), tmp_path / "even")
+    error = -summary["forces"]["press"][1] / CRUSHED - 1.0
+    estimate = summary["error_estimate"]["energy"]
+    assert 0.03 <= error <= 3.0 * estimate <= 9.0 * error
+    (warning,) = summary["warnings"]
+    assert "estimated error of the energy" in warning
+    assert any(f"at = [{x}, {y}]" in warning for x in (0, 2) for y in (0, 1))
+
+
+def test_crushed_corners_have_fine_nodes(tmp_path: Path) -> None:
+    summary = solve(block(None), tmp_path / "graded")
+    assert summary["nodes"] <= 700
+    assert not summary["warnings"]
+    assert -summary["forces"]["press"][1] == pytest.approx(CRUSHED, rel=0.035)
+
+
+def seal(length: float, modulus: float) -> str:
+    """An O-ring in a groove of unlike walls, in some units."""
+    groove = [[1.4, 1.0], [1.2, 0.0], [-1.1, 0.0], [-1.4, 1.0]]
+    walls = {"kind": "polyline", "points": [[length * x, length * y] for x, y in groove]}
+    lid = plane([0.0, 2.0 * length], [0.0, -1.0])
+    return (
+        head("strain", strain="finite")
+        + material("rubber", E=modulus, nu=0.4, law="neo-hookean")
+        + body("ring", "rubber", 0.15 * length, disk([0.0, length], length))
+        + contact("groove", "ring.arc", obstacle=walls, friction=0.2)
+        + contact("lid", "ring.arc", obstacle=lid, friction=0.2)
+        + pushed("close", "lid", uy=-0.3 * length)
+    )
+
+
+def figures(summary: Mapping[str, Any], length: float, modulus: float) -> list[float]:
+    found = [one / (length * modulus) for one in summary["forces"]["close"]]
+    return found + [one["peak_pressure"] / modulus for one in summary["contacts"].values()]
+
+
+def test_units_do_not_matter(tmp_path: Path) -> None:
+    """Pins were nodes that lay equally far, by their last digits: forces differed by 0.5 %."""
+    units = ((1.0, 1.0), (1000.0, 1.0), (0.007, 3e5))
+    one, *others = [figures(solve(seal(*some), tmp_path / str(k)), *some) for k, some in enumerate(units)]
+    for other in others:
+        assert other == pytest.approx(one, rel=1e-5, abs=1e-6)
+
+
+def test_pieces_with_pins_are_in_balance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pins of a loose body take no force: pieces around them had no equations of force and moment."""
+    of, found = Weights.of, list[Weights]()
+
+    def kept(body: FiniteBody) -> Weights:
+        found.append(of(body))
+        return found[-1]
+
+    monkeypatch.setattr(Weights, "of", kept)
+    solve(seal(1.0, 1.0), tmp_path / "run")
+    assert found
+    assert all((one.pieces > 0.0).all() for one in found)
