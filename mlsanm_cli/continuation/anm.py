@@ -30,8 +30,8 @@ _STEEP = 1e7
 _LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
-# A step of less than this part of the one before it begins on the path itself.
-_ASTRAY = 0.01
+# A step begins on the path itself where its start's residual leads astray by more than this part of its unit.
+_ASTRAY = 0.1
 # Shortest step that the size of the next one is guessed from.
 _SHORT = 1e-6
 
@@ -51,18 +51,16 @@ class AnmFollower(Follower):
         except SingularTangentError as error:
             raise Stopped(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
         direction, unit = self._direction()
-        before = 0.0
         while not self._stopped:
             self._allow()
             series = self._series(here, direction, unit)
+            if series.astray > _ASTRAY:
+                here, series = self._returned(here, series, direction)
             cut = self._soon(series)
             branch = cut or self._gauge.branch(series)
-            if not cut and branch.length * unit < _ASTRAY * before:
-                here, series, branch = self._returned(here, series, branch, direction)
             if not cut:
                 self._judge(here, series, branch)
-            before = branch.length * unit
-            self._piece = self._piece if cut else branch
+                self._piece = self._straight(series, branch)
             limit = branch.length if self._barrier is None or cut else self._barrier(branch)
             if cut or limit < branch.length:
                 piece = branch.shortened(limit)
@@ -70,12 +68,12 @@ class AnmFollower(Follower):
                 raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
             if ahead is not None:
-                self._piece = branch
+                self._piece = self._straight(series, branch)
             yield self._step(branch, end, unit)
             if ahead is None:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, self._effort = ahead, effort
-            direction, unit = self._onward(branch)
+            direction, unit = self._onward(self._straight(series, branch))
 
     def _direction(self) -> tuple[tuple[FloatArray, float], float]:
         """Return the direction in which to leave the start point, and a guess of the step's length."""
@@ -92,6 +90,12 @@ class AnmFollower(Follower):
         direction = branch.x[1], float(branch.lam[1])
         return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
+    @staticmethod
+    def _straight(series: Series, branch: Branch) -> Branch:
+        """Return the straight piece along the path itself, as long as a piece of the ``series``."""
+        along, rise = series.direction
+        return Branch(np.array([series.x[0], along]), np.array([series.lam[0], rise]), branch.length)
+
     def _series(self, here: ExpansionPoint, direction: tuple[FloatArray, float], unit: float) -> Series:
         with np.errstate(over="ignore", invalid="ignore"):
             series = expand(self._problem, self._metric, here, self._options.order, direction, unit)
@@ -106,28 +110,26 @@ class AnmFollower(Follower):
             piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
             crossing = piece.first_crossing(self._lam_end)
             piece = piece if crossing is None else piece.shortened(crossing)
-            self._piece = piece
+            self._piece = self._straight(series, piece)
             limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
             good = limit < piece.length and self._gauge.good(piece, limit)
         return piece.shortened(limit) if good else None
 
     def _returned(
-        self, here: ExpansionPoint, series: Series, branch: Branch, direction: tuple[FloatArray, float]
-    ) -> tuple[ExpansionPoint, Series, Branch]:
-        """Return the station on the path itself, its series and its piece of path; those given where that is
-        no better. Where a motion is hardly resisted, what residual is left moves it far off the path."""
+        self, here: ExpansionPoint, series: Series, direction: tuple[FloatArray, float]
+    ) -> tuple[ExpansionPoint, Series]:
+        """Return the station on the path itself and its series; those given where there is none. Where a
+        motion is hardly resisted, what residual is left leads far off the path, or back along it."""
         if residual_norm(self._problem, here.x, here.lam) <= self._options.goal:
-            return here, series, branch
+            return here, series
         point = self._corrected(here, (here.x, here.lam), None)
         if point is None:
-            return here, series, branch
+            return here, series
         try:
             better = self._station(point.x, point.lam, self._effort)
         except SingularTangentError:
-            return here, series, branch
-        again = self._series(better, direction, series.unit)
-        longer = self._gauge.branch(again)
-        return (better, again, longer) if longer.length > branch.length else (here, series, branch)
+            return here, series
+        return better, self._series(better, direction, series.unit)
 
     def _judge(self, here: ExpansionPoint, series: Series, branch: Branch) -> None:
         """Stop where the longest good piece of path that begins at ``here`` is none."""

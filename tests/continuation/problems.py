@@ -74,6 +74,34 @@ class Scalar:
         return True
 
 
+class Yielding:
+    """y = lam and y z = eta in units of its ``scale``: z is hardly held where y is small."""
+
+    size = 2
+
+    def __init__(self, eta: float, scale: float) -> None:
+        self.eta = eta
+        self.scale = np.array([1.0, scale])
+        self.counts = Counts()
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        self.counts.residuals += 1
+        return np.array([x[0] - lam, x[0] * x[1] - self.eta])
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        self.counts.tangents += 1
+        return DenseTangent(np.array([[1.0, 0.0], [x[1], x[0]]]), self.counts)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.array([-1.0, 0.0])
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        return np.array([0.0, -convolution(x[:, 0], x[:, 1])])
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return True
+
+
 class Circle:
     """x^2 + lam^2 = 1, one unknown; folds at lam = -1 and 1."""
 

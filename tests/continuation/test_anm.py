@@ -15,14 +15,10 @@ from mlsanm_cli.continuation import (
     follow,
     locate,
 )
-from mlsanm_cli.continuation.corrector import residual_norm
-from mlsanm_cli.continuation.expansion import Series
 from mlsanm_cli.continuation.problem import FloatArray
-from mlsanm_cli.continuation.ranges import RangeOfValidity
-from mlsanm_cli.continuation.series import Branch
 
 from .contact_problems import Contact, hertz, open_start, random_contact
-from .problems import Bratu, Circle, Scalar, Truss
+from .problems import Bratu, Circle, Scalar, Truss, Yielding
 
 BRATU_FOLD = 3.513830719
 
@@ -141,19 +137,11 @@ def test_pieces_join_and_hold_every_load_factor(drift: float) -> None:
         assert np.abs(problem.residual(x, level)).max() <= 1.01e-8
 
 
-def test_where_series_beside_the_path_are_good_for_nothing_steps_begin_on_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """As where a motion is hardly resisted: a residual within the tolerance stands for a far wrong place."""
-    problem, _, _ = hertz(40, 1e-3)
-    options, branch = AnmOptions(order=12), RangeOfValidity.branch
-
-    def spoiled(self: RangeOfValidity, series: Series) -> Branch:
-        off = residual_norm(problem, series.x[0], float(series.lam[0])) > options.goal
-        return branch(self, series).shortened(0.0) if off and series.lam[0] > 0.0 else branch(self, series)
-
-    monkeypatch.setattr(RangeOfValidity, "branch", spoiled)
-    assert walked(problem, open_start(problem), 0.0, 1.0, options)[-1].lam == 1.0
+@pytest.mark.parametrize("scale", [1e-2, 1e-4, 1e-6])
+def test_what_is_hardly_held_turns_no_path_back(scale: float) -> None:
+    """A residual within the tolerance moves it by more than a step is long."""
+    problem = Yielding(1e-9, scale)
+    walked(problem, np.array([1e-4, 1e-5]), 1e-4, 1.0, AnmOptions(pade=False))
 
 
 @pytest.mark.parametrize("drift", [1.0, 0.01])

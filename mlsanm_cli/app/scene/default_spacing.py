@@ -45,6 +45,11 @@ AT_ENDS = 10.0
 """Spacings between the outermost of several such places and the end of the surface."""
 BESIDE = 8.0
 """Spacings along short faces next to a surface in contact."""
+TOUCHING = 0.01
+AT_TIPS, AROUND_TIPS = 20.0, 3.0
+"""Curved surfaces that lie in each other, up to this part of the distance over which fields of a corner fade
+out, and end at one: spacings at the tip, and how far nodes are as fine, as parts of that distance. A hub on a
+keyed shaft opened 1.3 % too far without, and opens within 0.5 %."""
 SMOOTH = float(np.cos(np.radians(10.0)))
 """Faces whose normals differ by no more than this cosine tells make no corner."""
 BY_BOND_ENDS, AT_BOND_ENDS, SLOWLY = 2.0, 4.0, 0.12
@@ -189,6 +194,8 @@ def contact_zone(
     if not own.closed:
         yield from _end_zones(points, apart, far)
         yield from _beside_zones(own, rest, far)
+        if other is not None:
+            yield from _tip_zones(own, rest, other, far)
     nearest = np.flatnonzero(apart <= apart.min() + FLAT * own.length)
     place = points[nearest[len(nearest) // 2]]
     distances = [float(np.hypot(*(_along(curve) - place).T).min()) for curve in rest]
@@ -214,6 +221,22 @@ def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zon
             corner = (apart <= FLAT * own.length) & (normal @ curve.normals(ends).T < SMOOTH)
             if corner.any():
                 yield Zone(curve, curve.length / BESIDE, 0.0, GROWTH)
+
+
+def _tip_zones(own: Curve, rest: Sequence[Curve], other: Curve, far: float) -> Iterator[Zone]:
+    """Finer nodes where a curved surface that lies in the ``other`` one ends at a corner."""
+    ends = np.array([0.0, own.length])
+    for point, normal in zip(own.points(ends), own.normals(ends), strict=True):
+        x, y = point.tolist()
+        for curve in rest:
+            both = np.array([0.0, curve.length])
+            apart = np.hypot(*(curve.points(both) - point).T)
+            corner = (apart <= FLAT * own.length) & (curve.normals(both) @ normal < SMOOTH)
+            curved = float(np.abs(own.curvature(_places(own))).max())
+            span = min(own.length, curve.length, 1.0 / curved if curved else np.inf)
+            gap = np.hypot(*(other.points(other.closest(point[None])) - point).T)[0]
+            if curved and corner.any() and gap < TOUCHING * span < TOUCHING * AT_TIPS * far:
+                yield Zone.around((x, y), span / AT_TIPS, span / AROUND_TIPS, GROWTH)
 
 
 def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:

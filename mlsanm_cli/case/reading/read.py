@@ -183,14 +183,24 @@ def _with_law(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _has_loose_bodies(data: Mapping[str, Any]) -> bool:
-    """Whether some body has neither supports nor loads."""
+    """Whether some body, with those bonded to it, has neither supports nor loads."""
     acting = [*_tables(data, "support"), *_tables(data, "load")]
-    named = [one.get("body") for one in acting]
-    for one in acting:
-        sides = one.get("boundary")
-        sides = sides if isinstance(sides, tuple) else (sides,)
-        named += [side.split(".")[0] for side in sides if isinstance(side, str)]
-    return any(body.get("name") not in named for body in _tables(data, "body"))
+    held = {one.get("body") for one in acting}.union(*(_owners(one.get("boundary")) for one in acting))
+    groups = [
+        _owners(one.get("slave")) | _owners(one.get("master"))
+        for one in _tables(data, "contact")
+        if one.get("friction") == "bonded"
+    ]
+    # Through as many bonds as there are.
+    for _ in groups:
+        held = held.union(*(group for group in groups if group & held))
+    return any(body.get("name") not in held for body in _tables(data, "body"))
+
+
+def _owners(sides: Any) -> set[str]:
+    """The bodies of one side or several."""
+    named = sides if isinstance(sides, tuple) else (sides,)
+    return {side.split(".")[0] for side in named if isinstance(side, str)}
 
 
 def _tables(data: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
@@ -205,7 +215,7 @@ def _rubs(contact: Any) -> bool:
 
 def _exact(contact: Any) -> Any:
     given = contact.get("regularization", {}) if isinstance(contact, Mapping) else None
-    if not isinstance(given, Mapping):
+    if not isinstance(given, Mapping) or contact.get("friction") == "bonded":
         return contact
     return {**contact, "regularization": {"law": "exact", **given}}
 
