@@ -78,6 +78,8 @@ def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, ac
     """The state in which bodies that some sets of closed nodes leave loose are at rest, searched from a set
     (m,)."""
     stiff, solves = springs(condensed), 0
+    loaded = (condensed.balance.constant + condensed.balance.load @ factors).any()
+    clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
     place = np.zeros(len(stiff))
     for share in SOFTER:
         try:
@@ -87,13 +89,16 @@ def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, ac
         solves += solved.solves
         pull = share * stiff * (solved.motion - place)
         active, place = solved.active, solved.motion
+        if not loaded and condensed.largest_compliance * solved.pressure.max(initial=0.0) <= clear:
+            # Bodies that overlapped as drawn only had to be moved.
+            return _Solved(np.zeros_like(active), np.zeros(len(active)), solved.motion, solves)
         if at_rest(condensed, factors, solved.pressure, pull):
             if not solved.pressure.any():
                 break
             # What is left of the springs' pull presses on nothing.
-            loaded = solved.pressure > NOTHING * solved.pressure.max()
-            pressure = np.where(loaded, solved.pressure, 0.0)
-            return _Solved(active & loaded, pressure, solved.motion, solves)
+            pressed = solved.pressure > NOTHING * solved.pressure.max()
+            pressure = np.where(pressed, solved.pressure, 0.0)
+            return _Solved(active & pressed, pressure, solved.motion, solves)
     raise _unbalanced()
 
 
