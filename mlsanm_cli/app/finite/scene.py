@@ -30,7 +30,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, Turning, Warming
-from mlsanm_cli.mechanics.finite.projector import Projector, Weights
+from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
@@ -109,7 +109,12 @@ class FiniteScene:
     @cached_property
     def weights(self) -> Mapping[str, Weights]:
         """The weights of the bodies' rows, for the whole path."""
-        return {name: Weights.of(body) for name, body in self.bodies.items()}
+        found = {}
+        for name, body in self.bodies.items():
+            sides = [side for contact in self.contacts for side in contact.sides if side.body == name]
+            rows = [side.corner_rows(body.elastic) for side in sides]
+            found[name] = Weights.of(body, np.concatenate([NO_ROWS, *rows]))
+        return found
 
     def projector(self, name: str, displacement: FloatArray, factors: FloatArray) -> Projector:
         """A body's equations by the rows of a state of it, its pins turned as it is there."""
