@@ -22,7 +22,6 @@ from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Body, Case, Displacement, Place, Platen
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
@@ -50,8 +49,6 @@ FEWEST = 30
 ACROSS = 3.5
 """And so many spacings across all parts: with four nodes across portal frames were useless at degree 4, and
 2 % off at degree 2, with three rings were 42 and 20 % off."""
-TOUCHING = 1e-3
-"""Gaps and places that differ by less than this part of a surface's length are the same."""
 OFF_POINT = 1e-3
 """Nodes held farther than this part of the spacing from where a support was put are reported."""
 
@@ -157,8 +154,7 @@ def prepare(
     grids = grids and case.model.strain == "small"
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
     # Of higher degrees nodal contacts are less stable, but where sides answer in closed form, too.
-    finite = case.model.strain == "finite"
-    unsure = [one for one in pairings if (rubs_corners(one) if finite else one.name not in ranges)]
+    unsure = [one for one in pairings if one.name not in ranges] if case.model.strain == "small" else []
     nodal = {name for pairing in unsure for name in pairing.bodies}
     models |= {body.name: modelled(body, low=True) for body in case.body if body.name in nodal}
     try:
@@ -181,27 +177,6 @@ def prepare(
         held_motions=found.held,
         weak=found.weak,
     )
-
-
-def rubs_corners(pairing: Pairing) -> bool:
-    """Whether a contact with friction begins at an end or a corner of either surface.
-
-    Pressures have no bound there, and no fit of higher degrees follows them: with friction up to the corners
-    of a block, 30 % down, its contact lost its stability at degree 4.
-    """
-    if not pairing.friction:
-        return False
-    surfaces = [(pairing.slave, pairing.points)]
-    if pairing.master is not None:
-        surfaces.append((pairing.master, pairing.partner))
-    for surface, points in surfaces:
-        curve = surface.curve
-        near = pairing.gap <= pairing.gap.min() + TOUCHING * curve.length
-        corners = np.append(corners_of(curve), [] if curve.closed else [0.0, curve.length])
-        away = np.abs(curve.closest(points[near])[:, None] - corners)
-        if (away <= TOUCHING * curve.length).any():
-            return True
-    return False
 
 
 def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:

@@ -215,8 +215,8 @@ class Mls(Section):
 
     degree: AutoDegree = "auto"
     """Degree of the local polynomials, 1 to 6; `"auto"` is 4, and 2 for bodies whose contacts have nodal
-    pressures at small strain, or friction that begins at a corner at finite strain, whose parts are too thin
-    for 4, or that have slits or come with their nodes."""
+    pressures at small strain, whose parts are too thin for 4, or that have slits or come with their
+    nodes."""
     scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
     """All equations in the least-squares sense, or square systems by collocation or with ghost nodes."""
     neighbors: AutoCount = "auto"

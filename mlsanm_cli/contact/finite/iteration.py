@@ -336,6 +336,11 @@ class Iteration:
         status[chosen], slip_sign[chosen] = found.status, found.slip_sign
         solves = len(answers) + len(touched)
         compliance = d_gap @ (seen @ push)
+        stuck = np.flatnonzero((found.status == STICK) & (mu > 0.0))
+        if len(stuck):
+            # What sticks does not give way along the surface either.
+            slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
+            compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
         unbalanced = lack.by_traction[: sum(one.count for one in pressing.loose)] @ push
         sets = NodeSets(status, slip_sign)
         args = (chosen, compliance, unbalanced, solves, settled, used)
