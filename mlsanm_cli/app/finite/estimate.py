@@ -20,7 +20,7 @@ ESTIMATE_WARNING = 0.015
 bonded plates, 30 % down with nu = 0.44, have 0.06 to 0.13 with even spacings and are 3 to 12 % too stiff,
 with automatic ones 0.017, and the one 2 x 1 is 2.8 % too stiff."""
 WORK_WARNING = 0.03
-"""Work that is missing by more than this part of the energy is warned of. Sound scenes have up to 0.01, with
+"""Work that is missing by more than this part of the energy is warned of. Sound scenes have up to 0.02, with
 few nodes in a contact up to 0.04; a ring with two spacings across, 9 % too stiff, has 0.04."""
 BESIDE = 1.5
 """Nodes up to so many spacings from those that are pressed do not count: what pressures do there is known in
