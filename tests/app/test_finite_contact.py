@@ -182,6 +182,46 @@ def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> No
     assert forces[1] == pytest.approx(-2.009, rel=0.04)
 
 
+def test_friction_up_to_corners(tmp_path: Path) -> None:
+    """A block with friction up to its corners, three tenths down, stays upright: it swayed, and stopped
+    at nine tenths of the path, as corners had two tractions."""
+    text = (
+        head("strain", strain="finite")
+        + material("rubber", E=1.0, nu=0.44, law="neo-hookean")
+        + body("block", "rubber", 0.1, box([0.0, 1.0], [0.0, 1.0]))
+        + support("block.bottom", ux=0.0, uy=0.0)
+        + pushed("down", "lid", uy=-0.3)
+        + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]), friction=0.3)
+        + table("mls", degree=4)
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    lateral, down = summary["forces"]["down"]
+    assert down == pytest.approx(-0.635, rel=0.01)
+    assert abs(lateral) <= 0.004 * abs(down)
+
+
+def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
+    """A loose trapezoid between plates with friction up to its corners, a sixth down. It was refused for its
+    stability, as if what sticks could slide; the force is that of its mirror image, to 0.2 %."""
+    points = [[-1.0, 0.0], [1.0, 0.0], [0.7, 0.6], [-0.7, 0.6]]
+    shape = {"kind": "polygon", "points": points, "names": ["bottom", "right", "top", "left"]}
+    text = (
+        head("strain", strain="finite")
+        + material("rubber", E=1.0, nu=0.4, law="neo-hookean")
+        + body("pad", "rubber", None, shape)
+        + contact("floor", "pad.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.4)
+        + contact("lid", "pad.top", obstacle=plane([0.0, 0.6], [0.0, -1.0]), friction=0.4)
+        + pushed("down", "lid", uy=-0.1)
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["stability"] > 0.5
+    lateral, down = summary["forces"]["down"]
+    assert down == pytest.approx(-0.5515, rel=3e-3)
+    assert abs(lateral) <= 0.008 * abs(down)
+
+
 def test_plate_makes_an_even_state(tmp_path: Path) -> None:
     """A smooth plate on a block on a smooth base: even strains, the pressure Cauchy's stress."""
     plate = 'kind = "plane", point = [0.0, 2.0], normal = [0.0, -3.0]'

@@ -71,6 +71,6 @@ def test_one_plate_on_two_bodies_in_contact(tmp_path: Path) -> None:
     summary = solve(text, tmp_path / "run")
     assert summary["status"] == "done"
     forces = [summary["contacts"][name]["force"][1] for name in ("one", "other")]
-    assert sum(forces) == pytest.approx(0.2, rel=1e-8)
+    assert sum(forces) == pytest.approx(0.2, rel=1e-7)
     # Springs at +-0.75 by a force at 0.15: their bending and the turn of the plate change that a little.
     assert forces[1] / forces[0] == pytest.approx(1.5, rel=0.1)

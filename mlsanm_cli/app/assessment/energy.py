@@ -56,7 +56,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         if body.model.tips is not None:
             energies[name] += energy_at_tips(cloud, material, rest[1], body.model.tips)
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
-        thin[name] = _thin(cloud)
+        thin[name] = thin_part(cloud)
         strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
         degrees, free = built.scene.degrees(name, state.factors), material.expansion
         blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
@@ -94,7 +94,7 @@ def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapp
     return float(np.sqrt(lost / whole)) if whole > 0.0 else 0.0
 
 
-def _thin(cloud: Cloud) -> str:
+def thin_part(cloud: Cloud) -> str:
     """Where a body that bends has too few nodes across, and how many it wants; "" where it has enough."""
     thinnest = cloud.thinnest
     if thinnest.spacings > BENT - 1.5:

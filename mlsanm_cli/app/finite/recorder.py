@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import FiniteEarlier, plain_mark
-from mlsanm_cli.app.finite.estimate import EnergyError
+from mlsanm_cli.app.finite.estimate import EnergyError, missing_works
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
@@ -46,6 +46,7 @@ TALLIES = (
     "stability",
     "residual",
     "unaccounted",
+    "missing",
     "energy",
     "iterations",
     "factorizations",
@@ -77,6 +78,7 @@ class FiniteRecorder(RunWriter):
         self.last: FiniteState | None = None
         self.balance = self.largest = 0.0
         self.unaccounted = self.energy = 0.0
+        self.missing: dict[str, float] = {}
         self.stability = float("inf")
         self.turns: list[Turn] = []
 
@@ -163,7 +165,7 @@ class FiniteRecorder(RunWriter):
 
     def _count(self, scene: FiniteScene, step: FiniteStep) -> None:
         self.steps += self.last is not None
-        self.last = step.state
+        before, self.last = self.last, step.state
         self.count(step, [step.state.residual, *(one.residual for one in step.saved), 0.0])
         self.renewed += step.renewed
         self.turns += step.turns
@@ -175,6 +177,9 @@ class FiniteRecorder(RunWriter):
         tiny = ROUND_OFF * stiffest * float(np.abs(step.state.displacement).max())
         found = EnergyError.of(scene, step.state)
         self.unaccounted = max(self.unaccounted, found.total)
+        if before is not None:
+            for name, one in missing_works(scene, before, step.state).items():
+                self.missing[name] = self.missing.get(name, 0.0) + one
         self.energy = max(self.energy, found.energy)
         self.balance = forces.rest / max(self.largest, tiny) if self.largest else 0.0
 
@@ -182,6 +187,11 @@ class FiniteRecorder(RunWriter):
     def estimate(self) -> float:
         """The estimated error of the energy, over the largest on the path."""
         return float(self.unaccounted / self.energy) if self.energy else 0.0
+
+    @property
+    def energy_error(self) -> float:
+        """The work of the stresses less that of the forces on their bodies, over the largest energy."""
+        return sum(map(abs, self.missing.values())) / (0.5 * self.energy) if self.energy else 0.0
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
         """Record a failure, and write the last good state as failure.vtu."""

@@ -15,7 +15,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import interrupted_run
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.end import few_nodes, held_at_points
-from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError
+from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError, check_work
 from mlsanm_cli.app.finite.fields import (
     SceneForces,
     contact_summary,
@@ -94,6 +94,8 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
         )
     if recorder.estimate > ESTIMATE_WARNING:
         recorder.warn(EnergyError.of(scene, recorder.last).warning(scene, recorder.estimate))
+    if text := check_work(scene, recorder.missing, recorder.energy_error):
+        recorder.warn(text)
     if recorder.last.pressed is not None:
         for text in few_nodes(scene, recorder.last.pressed):
             recorder.warn(text)
@@ -134,6 +136,7 @@ def _summary(
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability
         summary["error_estimate"] = {"energy": recorder.estimate}
+        summary["energy_error"] = recorder.energy_error
         summary["finite_strain"] = {
             "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
             **extremes(scene, state),

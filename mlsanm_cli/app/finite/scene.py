@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
+from mlsanm_cli.app.finite.free_motions import driving, free_motions_of, pins_of, plated
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
@@ -29,11 +30,10 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, Turning, Warming
-from mlsanm_cli.mechanics.finite.projector import Projector, Weights
+from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, Warming
+from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.solve.load_factors import stage_factors
 
@@ -109,7 +109,12 @@ class FiniteScene:
     @cached_property
     def weights(self) -> Mapping[str, Weights]:
         """The weights of the bodies' rows, for the whole path."""
-        return {name: Weights.of(body) for name, body in self.bodies.items()}
+        found = {}
+        for name, body in self.bodies.items():
+            sides = [side for contact in self.contacts for side in contact.sides if side.body == name]
+            rows = [side.corner_rows(body.elastic) for side in sides]
+            found[name] = Weights.of(body, np.concatenate([NO_ROWS, *rows]))
+        return found
 
     def projector(self, name: str, displacement: FloatArray, factors: FloatArray) -> Projector:
         """A body's equations by the rows of a state of it, its pins turned as it is there."""
@@ -122,13 +127,13 @@ class FiniteScene:
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Take over clouds, conditions and loads of a scene that the checks have let pass."""
     solver = direct_solver(case)
-    loose, driven, plates = _free(case, prepared)
+    loose, driven, plates = free_motions_of(case, prepared)
     free = sum(one.count for one in loose) + len(driven) + sum(len(one.components) for one in plates)
     contacts = tuple(_contact(case, prepared, one, free) for one in prepared.pairings)
-    contacts = tuple(_driving(one, number, driven, len(case.moved)) for number, one in enumerate(contacts))
+    contacts = tuple(driving(one, number, driven, len(case.moved)) for number, one in enumerate(contacts))
     bodies, first = {}, len(case.moved)
     for name, model in prepared.models.items():
-        pinned, moves = _pins(prepared, name, loose)
+        pinned, moves = pins_of(prepared, name, loose)
         loose = tuple(replace(one, moves=moves) if one.body == name else one for one in loose)
         held_nodes = (*prepared.held_nodes[name], *pinned)
         # Pins turn with bodies that may turn; of others they say that these do not.
@@ -136,7 +141,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
         sides = [side for contact in contacts for side in contact.sides if side.body == name]
-        loads = _plated(name, elastic, plates, with_more(_loads(case, prepared, name, elastic), free))
+        loads = plated(name, elastic, plates, with_more(_loads(case, prepared, name, elastic), free))
         if moves.shape[1]:
             # The last rows of single nodes are the pins'.
             last = elastic.rows - 3 * elastic.pieces.count
@@ -147,99 +152,6 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     supports = _supports(case)
     args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
     return FiniteScene(case, bodies, *args, plates)
-
-
-def _free(
-    case: Case, prepared: SceneModel
-) -> tuple[tuple[LooseMotions, ...], tuple[DrivenObstacle, ...], tuple[Plate, ...]]:
-    """What moves as it likes: loose bodies in the order of all bodies, then obstacles, then plates."""
-    found = {one.body: one for one in prepared.rigid_constraints if isinstance(one, mechanics.FloatingBody)}
-    loose = []
-    for name, model in prepared.models.items():
-        if name in found:
-            unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
-            size, anchors = float(np.ptp(model.nodes, axis=0).max()), tuple(prepared.held_nodes[name])
-            loose.append(LooseMotions(name, unknown, size, anchors, np.zeros((0, 0))))
-    number = sum(one.count for one in loose)
-    names = [pairing.name for pairing in prepared.pairings]
-    driven: list[DrivenObstacle] = []
-    for constraint in prepared.rigid_constraints:
-        if isinstance(constraint, mechanics.Obstacle):
-            for one in constraint.motions:
-                if one.prescribed is None:
-                    place = names.index(constraint.contact)
-                    driven.append(DrivenObstacle(place, one.component, number + len(driven), one.force))
-    plates = tuple(_plates(case, prepared, number + len(driven)))
-    return tuple(loose), tuple(driven), plates
-
-
-def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
-    """All plates, whose unknown motions are those from a ``number`` on."""
-    loads, found = len(case.moved), list[Plate]()
-    platens = [one for one in prepared.rigid_constraints if isinstance(one, mechanics.Platen)]
-    count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
-    for platen in platens:
-        unknown = [one for one in platen.motions if one.prescribed is None]
-        surfaces = {body: platen.surfaces_of(body) for body in platen.bodies}
-        size = max(float(np.ptp(prepared.models[body].nodes, axis=0).max()) for body in surfaces)
-        components = tuple(one.component for one in unknown)
-        force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
-        motion = np.zeros((3, count))
-        for one in platen.motions:
-            if one.prescribed is not None:
-                motion[one.component, :loads] = one.prescribed
-                continue
-            motion[one.component, loads + number] = 1.0 / size if one.component == ROTATION else 1.0
-            number += 1
-        place = (np.array(platen.center), size, components, number - len(unknown))
-        found.append(Plate(platen.name, surfaces, platen.loads, *place, force, motion))
-    return found
-
-
-def _plated(name: str, body: ElasticBody, plates: Sequence[Plate], loads: Loads) -> Loads:
-    """The ``loads`` of a body, with the motions of its ``plates``."""
-    turning = []
-    for plate in (one for one in plates if name in one.surfaces):
-        for surface in plate.surfaces[name]:
-            arms = body.model.cloud.points[body.model.cloud.surfaces[surface].index] - plate.center
-            for component in np.flatnonzero(body.held[surface]).tolist():
-                rows = body.condition_rows(surface, component)
-                loads.sources[rows] += plate.motion[component]
-                if plate.motion[2].any():
-                    turning.append(Turning(plate.motion[2], component, rows, arms))
-    return replace(loads, turning=turning)
-
-
-def _pins(
-    prepared: SceneModel, name: str, loose: Sequence[LooseMotions]
-) -> tuple[list[tuple[int, int]], FloatArray]:
-    """Where a loose body is pinned, and by how much its free motions move the pins."""
-    own = next((one for one in loose if one.body == name), None)
-    if own is None:
-        return [], np.zeros((0, 0))
-    cloud = prepared.models[name].cloud
-    springs = prepared.acting.springs[name]
-    free = free_motions(cloud, prepared.held[name], prepared.held_nodes[name], springs)
-    # Inside: on a side in contact a pin would have no field in closed form.
-    outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
-    inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
-    pinned = [(int(inner[node]), component) for node, component in pins(cloud.points[inner], free)]
-    places = [2 * node + component for node, component in pinned]
-    patterns = free.patterns(cloud.points)[places]
-    scale = np.array([own.size if one == ROTATION else 1.0 for one in free.components])
-    known = [free.components.index(component) for component in own.components]
-    return pinned, (patterns / scale)[:, known]
-
-
-def _driving(contact: AnyContact, number: int, driven: Sequence[DrivenObstacle], loads: int) -> AnyContact:
-    """The contact with the free motions of its obstacle."""
-    if isinstance(contact, BodyContact):
-        return contact
-    motion = contact.motion.copy()
-    for one in driven:
-        if one.contact == number:
-            motion[one.component, loads + one.number] = 1.0
-    return replace(contact, motion=motion)
 
 
 def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> AnyContact:

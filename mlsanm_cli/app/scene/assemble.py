@@ -153,8 +153,9 @@ def prepare(
     # At finite strain pressures live at the nodes.
     grids = grids and case.model.strain == "small"
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
-    # Of higher degrees nodal contacts are less stable.
-    nodal = {name for pairing in pairings if pairing.name not in ranges for name in pairing.bodies}
+    # Of higher degrees nodal contacts are less stable, but where sides answer in closed form, too.
+    unsure = [one for one in pairings if one.name not in ranges] if case.model.strain == "small" else []
+    nodal = {name for pairing in unsure for name in pairing.bodies}
     models |= {body.name: modelled(body, low=True) for body in case.body if body.name in nodal}
     try:
         found = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), free, loads, ranges)

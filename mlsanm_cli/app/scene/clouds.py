@@ -17,6 +17,7 @@ from mlsanm_cli.app.scene.default_spacing import (
     bond_zones,
     clamped_zones,
     contact_zone,
+    nodal_zone,
 )
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones
@@ -97,6 +98,8 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
                     yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
                     continue
                 yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
+                if case.model.strain == "finite":
+                    yield nodal_zone(own, far)
 
 
 def _far(case: Case, name: str) -> float:

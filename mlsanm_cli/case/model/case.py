@@ -87,7 +87,8 @@ class Body(Section):
     spacing: Annotated[AutoLength, LENGTH] = "auto"
     """Node spacing away from refinements. `"auto"` is 1/20 of the body's size or 1/6 of its mean thickness,
     whichever is smaller, less for strongly orthotropic materials, and finer along arcs, in narrow
-    parts, at ends of clamped sides, and near contacts close to another boundary."""
+    parts, at ends of clamped sides, near contacts close to another boundary, and at finite strain along
+    surfaces in contact."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Seed of the random generator that places the nodes; it changes the cloud, not its spacing."""
     shape: Shape
@@ -215,8 +216,8 @@ class Mls(Section):
 
     degree: AutoDegree = "auto"
     """Degree of the local polynomials, 1 to 6; `"auto"` is 4, and 2 for bodies whose contacts have nodal
-    pressures, as all do at finite strain, whose parts are too thin for 4, or that have slits or come with
-    their nodes."""
+    pressures at small strain, whose parts are too thin for 4, or that have slits or come with their
+    nodes."""
     scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
     """All equations in the least-squares sense, or square systems by collocation or with ghost nodes."""
     neighbors: AutoCount = "auto"

@@ -22,12 +22,13 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.answers import Answer, Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
-from mlsanm_cli.contact.finite.iteration import Done, Iteration, Used
+from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.update import Done, Used
 from mlsanm_cli.mechanics.finite.projector import Projector
 
 AnyContact: TypeAlias = RigidContact | BodyContact

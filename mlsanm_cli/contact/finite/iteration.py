@@ -15,8 +15,8 @@ from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
+from mlsanm_cli.contact.finite.update import Done, Imbalance, Responses, Used
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
@@ -31,60 +31,6 @@ REACH = 0.1
 DAMPED = 1e-5
 """Free motions are held back by this part of the stiffness within an iteration: something has to where
 nothing touches yet, and steps that are 0 in the end change nothing."""
-
-
-@dataclass(frozen=True)
-class Done:
-    """What an iteration found: updates, also of the ``free`` motions, ``sets`` of all nodes, the ``chosen``
-    ones (c,) that might touch and their ``compliance`` (k, k), gaps by pressures that do not turn: what a
-    body's equations resist pressures with, whatever loads that turn with their surfaces do to its balance.
-    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say. What was ``used`` may be used
-    again close by."""
-
-    du: FloatArray
-    dp: FloatArray
-    dq: FloatArray
-    free: FloatArray
-    traction: FloatArray
-    sets: NodeSets
-    chosen: IntArray
-    compliance: FloatArray
-    unbalanced: FloatArray
-    solves: int
-    settled: bool
-    used: Used
-
-    def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
-        """The least resistance of a contact with closed nodes, on those between two others, to pressures that
-        change from node to node; of what is held nothing is known."""
-        least = np.inf
-        number = np.full(len(self.sets.status), -1, dtype=np.int64)
-        number[self.chosen] = np.arange(len(self.chosen))
-        for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
-            own = self.sets.closed[here] & ~contact.slave.held
-            inner = own[1:-1] & own[:-2] & own[2:]
-            some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
-            soft = sum(
-                pressing.projectors[side.body].body.elastic.model.material.contact_compliance(
-                    one.normal[some]
-                )
-                for side in contact.sides
-            )
-            place = number[here][some]
-            part = self.compliance[np.ix_(place, place)]
-            weight = contact.slave.weight[some]
-            resistance = constrained_resistance(weight, np.diag(soft), part, self.unbalanced[:, place])
-            least = min(least, resistance)
-        return least
-
-
-@dataclass(frozen=True)
-class Used:
-    """The bodies' ``factorised`` derivatives, and their ``answers`` to the ``touched`` (t,) tractions."""
-
-    factorised: Mapping[str, Factorised]
-    touched: IntArray
-    answers: Mapping[str, _Answers]
 
 
 @dataclass(frozen=True)
@@ -174,7 +120,7 @@ class Iteration:
             np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
         )
 
-    def _answers(self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray) -> _Answers:
+    def _answers(self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray) -> Responses:
         """A body's displacements by the ``touched`` tractions and by its free motions."""
         pressing, projector = self.pressing, self.pressing.projectors[name]
         place = np.searchsorted(pressing.columns[name], touched)
@@ -188,7 +134,7 @@ class Iteration:
         some = sparse.csr_array(columns[:, np.concatenate([pressing.free + place[own], moves])])
         found = -factorised.solve_unrefined(projector.scaled_columns(some))
         pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
-        return _Answers(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
+        return Responses(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
 
     def _moves(self, name: str) -> IntArray:
         """Which free motions move a body."""
@@ -204,14 +150,14 @@ class Iteration:
         u: FloatArray,
         applied: FloatArray,
         touched: IntArray,
-        answers: Mapping[str, _Answers],
+        answers: Mapping[str, Responses],
         z: FloatArray,
-    ) -> _Lack:
+    ) -> Imbalance:
         """What is out of balance (d,) after the displacements ``z`` (2N,), and how that changes by touched
         tractions and by free motions."""
         pressing = self.pressing
         shape = (pressing.free, len(touched))
-        lack = _Lack(np.zeros(pressing.free), np.zeros(shape), np.zeros((pressing.free,) * 2))
+        lack = Imbalance(np.zeros(pressing.free), np.zeros(shape), np.zeros((pressing.free,) * 2))
         for one in (some for some in pressing.loose if some.count):
             here, answer = self._here(one.body), answers[one.body]
             body = pressing.projectors[one.body].body
@@ -269,7 +215,7 @@ class Iteration:
         jump: FloatArray,
         chosen: IntArray,
         used: Used,
-        lack: _Lack,
+        lack: Imbalance,
         first: bool,
     ) -> Done:
         pressing, touched, answers = self.pressing, used.touched, used.answers
@@ -336,31 +282,15 @@ class Iteration:
         status[chosen], slip_sign[chosen] = found.status, found.slip_sign
         solves = len(answers) + len(touched)
         compliance = d_gap @ (seen @ push)
+        stuck = np.flatnonzero((found.status == STICK) & (mu > 0.0))
+        if len(stuck):
+            # What sticks does not give way along the surface either.
+            slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
+            compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
         unbalanced = lack.by_traction[: sum(one.count for one in pressing.loose)] @ push
         sets = NodeSets(status, slip_sign)
         args = (chosen, compliance, unbalanced, solves, settled, used)
         return Done(du, whole_p, whole_q, free, moving, sets, *args)
-
-
-@dataclass(frozen=True)
-class _Answers:
-    """Displacements of a body by its ``own`` (k,) of the touched tractions, (2n, k), and by its free
-    ``moves`` (d,), (2n, d); and what ``pieces`` (3k, k + d) lack by both directly."""
-
-    own: IntArray
-    by_traction: FloatArray
-    moves: IntArray
-    by_motion: FloatArray
-    pieces: sparse.csr_array
-
-
-@dataclass(frozen=True)
-class _Lack:
-    """What is out of balance ``now`` (d,), by touched tractions (d, t) and by free motions (d, d)."""
-
-    now: FloatArray
-    by_traction: FloatArray
-    by_motion: FloatArray
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.energy import extended, over_body
 from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
 from mlsanm_cli.mechanics.finite.law import determinant
 
@@ -54,3 +55,29 @@ def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> f
     areas = body.elastic.model.cloud.areas
     least = STRAIN**2 * body.elastic.model.material.modulus * areas.sum()
     return float(areas @ (stress * strain).sum(axis=0) + least)
+
+
+def missing_work(body: FiniteBody, displacement: FloatArray, factors: FloatArray, way: FloatArray) -> float:
+    """What the stress of a state of ``displacement`` (2N,) and load ``factors`` (L,) does on a small ``way``
+    (2N,) less what all forces do, per thickness.
+
+    Forces of what is held are known as stresses next to singular corners, or not at all: a smooth field with
+    the ``way`` of what is held is taken off, so that they do nothing. Equation (30) of docs/method.md.
+    """
+    elastic, moved = body.elastic, way.reshape(-1, 2)
+    cloud = elastic.model.cloud
+    held = np.zeros(moved.shape, dtype=bool)
+    for name, components in elastic.held.items():
+        held[cloud.surfaces[name].index] |= np.array(components)
+    for node, component in elastic.held_nodes[: len(elastic.held_nodes) - body.pins]:
+        held[node, component] = True
+    if moved[held].any():
+        moved = moved - extended(cloud, moved, held)
+    stress = body.law.stress(body.gradient(displacement), body.stretch(factors))
+    found = over_body(cloud, stress.T, body.gradient(moved.ravel()).T)
+    series = BodySeries(body, 0)
+    series.put(0, displacement, factors)
+    found -= float((series.outline_forces()[1].T * body.applied.points.seen(moved)[0]).sum())
+    if body.loads.force is not None:
+        found -= over_body(cloud, body.loads.force @ factors, moved)
+    return found

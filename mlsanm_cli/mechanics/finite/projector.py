@@ -38,6 +38,8 @@ REFINEMENTS, REFINED = 8, 1e-7
 """Most refinements of a solution, and the part of it by which the last one that matters changes it: the next
 would change it by this part of that, at most. A bar on springs of 1e-5 of its modulus takes four."""
 
+NO_ROWS: IntArray = np.zeros(0, dtype=np.int64)
+
 
 @dataclass(frozen=True)
 class Weights:
@@ -47,11 +49,12 @@ class Weights:
     pieces: FloatArray
 
     @classmethod
-    def of(cls, body: FiniteBody) -> Weights:
-        """As the linear body has them."""
+    def of(cls, body: FiniteBody, left_out: IntArray = NO_ROWS) -> Weights:
+        """As the linear body has them, but for rows (m,) ``left_out``."""
         elastic = body.elastic
         model, pieces = elastic.model, elastic.pieces
         nodes = row_weights(model, elastic.held, elastic.held_nodes, body.table, elastic.gripped)
+        nodes[left_out] = 0.0
         # Pins only say where a body is: they take no force from its pieces.
         bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
         known: BoolArray = pieces.rows_known(list(bearing))

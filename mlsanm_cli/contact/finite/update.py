@@ -1,0 +1,94 @@
+"""What a step of Newton's method on bodies and contacts at finite strain finds, and what it is found from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.sets import NodeSets
+from mlsanm_cli.contact.response.coercivity import constrained_resistance
+from mlsanm_cli.mechanics.finite.projector import Factorised
+
+if TYPE_CHECKING:
+    from mlsanm_cli.contact.finite.exact import Pressing
+
+
+@dataclass(frozen=True)
+class Done:
+    """What an iteration found: updates, also of the ``free`` motions, ``sets`` of all nodes, the ``chosen``
+    ones (c,) that might touch and their ``compliance`` (k, k), gaps by pressures that do not turn: what a
+    body's equations resist pressures with, whatever loads that turn with their surfaces do to its balance.
+    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say. What was ``used`` may be used
+    again close by."""
+
+    du: FloatArray
+    dp: FloatArray
+    dq: FloatArray
+    free: FloatArray
+    traction: FloatArray
+    sets: NodeSets
+    chosen: IntArray
+    compliance: FloatArray
+    unbalanced: FloatArray
+    solves: int
+    settled: bool
+    used: Used
+
+    def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
+        """The least resistance of a contact with closed nodes, on those between two others, to pressures that
+        change from node to node; of what is held nothing is known."""
+        least = np.inf
+        number = np.full(len(self.sets.status), -1, dtype=np.int64)
+        number[self.chosen] = np.arange(len(self.chosen))
+        for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
+            own = self.sets.closed[here] & ~contact.slave.held
+            inner = own[1:-1] & own[:-2] & own[2:]
+            some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
+            soft = sum(
+                pressing.projectors[side.body].body.elastic.model.material.contact_compliance(
+                    one.normal[some]
+                )
+                for side in contact.sides
+            )
+            place = number[here][some]
+            part = self.compliance[np.ix_(place, place)]
+            weight = contact.slave.weight[some]
+            resistance = constrained_resistance(weight, np.diag(soft), part, self.unbalanced[:, place])
+            least = min(least, resistance)
+        return least
+
+
+@dataclass(frozen=True)
+class Used:
+    """The bodies' ``factorised`` derivatives, and their ``answers`` to the ``touched`` (t,) tractions."""
+
+    factorised: Mapping[str, Factorised]
+    touched: IntArray
+    answers: Mapping[str, Responses]
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Displacements of a body by its ``own`` (k,) of the touched tractions, (2n, k), and by its free
+    ``moves`` (d,), (2n, d); and what ``pieces`` (3k, k + d) lack by both directly."""
+
+    own: IntArray
+    by_traction: FloatArray
+    moves: IntArray
+    by_motion: FloatArray
+    pieces: sparse.csr_array
+
+
+@dataclass(frozen=True)
+class Imbalance:
+    """What is out of balance ``now`` (d,), by touched tractions (d, t) and by free motions (d, d)."""
+
+    now: FloatArray
+    by_traction: FloatArray
+    by_motion: FloatArray
