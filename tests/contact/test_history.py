@@ -188,9 +188,9 @@ def test_a_guided_plate_backs_out_of_an_inclined_overlap_without_friction() -> N
     assert residual(guide, event.state) == 0.0
     assert event.state.values.motion[0] == pytest.approx(1e-4 / 0.8, rel=0.02)
     assert not event.state.values.pressure.any()
-    for event in event_driven_path(guide, event.state, np.array([1.0, 0.0]), [1.0]):
-        assert residual(guide, event.state) <= 1e-8
-    assert guide.weight @ event.state.values.pressure == pytest.approx(planes.force)
+    for one in event_driven_path(guide, event.state, np.array([1.0, 0.0]), [1.0]):
+        assert residual(guide, one.state) <= 1e-8
+    assert guide.weight @ one.state.values.pressure == pytest.approx(planes.force)
 
 
 def test_gaps_count_as_nothing_by_what_closing_them_would_take() -> None:
