@@ -15,7 +15,7 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.elasticity import von_mises
 from tests.app.scenes import Quiet
 from tests.app.test_foreign import PULLED, polar_plate, write, write_gmsh
-from tests.case_text import body, box, head, load, material, support
+from tests.case_text import body, box, head, item, load, material, pin, support
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square
 
 EXACT = 302.1
@@ -86,3 +86,14 @@ def test_traction_errors_are_what_is_missing_of_the_tractions(degree: int) -> No
     (missing, _), right = traction_error(body_of, exact, source), body_of.model.cloud.surfaces["right"].index
     assert missing[right] == pytest.approx(5.0)
     assert np.delete(missing, right).max() <= 1e-9 * STEEL.modulus
+
+
+def test_round_off_has_no_peak(tmp_path: Path) -> None:
+    # Rollers that nothing presses had been said to be 170 % off at stresses of 1e-17.
+    text = head("stress") + material("steel", E=210e3, nu=0.3, alpha=1e-5)
+    text += body("bar", "steel", 0.5, box([0.0, 4.0], [0.0, 1.0])) + pin("bar", [0.0, 0.0], ux=0.0, uy=0.0)
+    text += pin("bar", [4.0, 0.0], uy=0.0)
+    text += item("load", name="heat", kind="temperature", body="bar", temperature="100*(1+x)")
+    summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
+    assert not summary.get("peak_stress")
+    assert not summary["warnings"]
