@@ -32,6 +32,8 @@ NARROWED = 0.6
 """Ranges that would become narrower than this part of themselves are narrowed."""
 FLAT = 1e-9
 """Surfaces whose gap varies by less than this part of the range are parallel."""
+NOTHING = 1e-10
+"""Pressures below this part of the largest of all contacts are round-off."""
 UNSEEN = 1e-3
 """Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
 
@@ -99,7 +101,7 @@ def ranged(
         if name not in grids:
             continue
         grid, room, nodes = grids[name], ranges[name], grids[name].hats.nodes
-        closed = np.any([state.active[condensed.spans[name]] for state in states], axis=0)
+        closed = np.any([_pressed(state, condensed.spans[name]) for state in states], axis=0)
         seen = summits(condensed, name, room, states)
         beyond = np.concatenate(
             [
@@ -148,6 +150,13 @@ def ranged(
             even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
             result[name] = replace(grid, first=first, last=last, count=SAMPLES, hats=even, provisional=False)
     return result
+
+
+def _pressed(state: ExactState, span: slice) -> BoolArray:
+    """Which places (m,) of a contact touch in a state; none where only round-off presses, as under a body
+    that no load acts on, which touches at one place however fine the grid is."""
+    nothing = float(state.pressure[span].max(initial=0.0)) <= NOTHING * float(state.pressure.max(initial=0.0))
+    return np.zeros_like(state.active[span]) if nothing else state.active[span]
 
 
 def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
