@@ -51,11 +51,7 @@ def first_grid(limits: ContactRange) -> ContactGrid:
     widest = (limits.last - limits.first) / max(FIRST, PER_PLACE * limits.places)
     parts = [np.array([limits.first, limits.nearest, limits.last])]
     for sign, room in ((-1.0, limits.nearest - limits.first), (1.0, limits.last - limits.nearest)):
-        steps = [FINEST * widest]
-        while sum(steps) < room:
-            steps.append(min(GROWTH * steps[-1], widest))
-        away = np.cumsum(steps)
-        parts.append(limits.nearest + sign * away[:-1] * room / away[-1])
+        parts.append(limits.nearest + sign * _growing(room, FINEST * widest, widest))
     hats = limits.hats(spaced_apart(np.concatenate(parts), 0.5 * FINEST * widest))
     return ContactGrid(
         limits.facing,
@@ -67,6 +63,17 @@ def first_grid(limits: ContactRange) -> ContactGrid:
         limits.corners,
         provisional=True,
     )
+
+
+def _growing(room: float, step: float, widest: float) -> FloatArray:
+    """Places between 0 and ``room``, the first intervals as long as ``step``, the last ones ``widest``."""
+    if room <= 0.0:
+        return np.zeros(0)
+    steps = [step]
+    while sum(steps) < room:
+        steps.append(min(GROWTH * steps[-1], widest))
+    away = np.cumsum(steps)
+    return np.asarray(away[:-1] * room / away[-1])
 
 
 def spaced_apart(nodes: FloatArray, least: float) -> FloatArray:
@@ -136,7 +143,11 @@ def ranged(
             first, last = min(first, grid.first), max(last, grid.last)
             # Not as fine as where something touches at last: it may have come a long way.
             steps = max(float(np.median(grid.hats.steps)), width / FIRST)
-            more = [np.arange(grid.first - steps, first, -steps), np.arange(grid.last + steps, last, steps)]
+            widest = max(steps, (room.last - room.first) / max(FIRST, PER_PLACE * room.places))
+            more = [
+                grid.first - _growing(grid.first - first, steps, widest),
+                grid.last + _growing(last - grid.last, steps, widest),
+            ]
             nodes = np.concatenate([[first], *more, inner, [last]])
             finest = float(grid.hats.steps[grid.hats.steps > 0.0].min())
             wider = room.hats(spaced_apart(nodes, 0.5 * finest))

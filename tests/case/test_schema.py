@@ -78,6 +78,17 @@ master = "block.top"
     assert laws == ["exact", "hyperbolic", "hyperbolic"]
 
 
+def test_bonds_have_no_law_where_other_contacts_have_the_exact_one() -> None:
+    # A tyre bonded on a wheel, with friction on its rail or without loads of its own, was refused for a law
+    # that the case does not name.
+    glue = (
+        '[[contact]]\nname = "glue"\nslave = "cylinder.flat"\nmaster = "block.bottom"\nfriction = "bonded"\n'
+    )
+    text = HERTZ.replace('boundary = "cylinder.flat"', 'boundary = "cylinder.arc"')
+    laws = [one.regularization.law for one in parse(text + glue, (RUBS,)).case.contact]
+    assert laws == ["exact", "hyperbolic"]
+
+
 def test_whole_numbers_are_numbers_and_become_floats() -> None:
     case = parse(SQUARE + CLAMP + PULL).case
     assert isinstance(case.material["rubber"].E, float)
