@@ -166,8 +166,9 @@ def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
 
 
 def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
-    # Two blocks glued along a part of their faces, pressed: stresses are those of one. The contact had been
-    # asked to take in the glued part.
+    # Two blocks glued along a part of their faces, pressed: stresses are those of one. The corner of the
+    # other block, far off, was taken for the end of the contact, with a pressure of 1000 there; and the
+    # contact had been asked to take in the glued part.
     text = HEAD.format("strain") + material("a", 1000.0)
     text += body("low", "a", [0.0, 10.0], [0.0, 5.0], 0.5) + body("high", "a", [0.0, 10.0], [5.0, 10.0], 0.5)
     text += '[[support]]\nboundary = "low.bottom"\nuy = 0.0\n'
@@ -178,7 +179,7 @@ def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
     text += glue + "from = [4.0, 5.0]\nto = [10.0, 5.0]\n" + slit + "from = [0.0, 5.0]\nto = [4.0, 5.0]\n"
     summary = solve(text, tmp_path / "run")
     assert summary["contacts"]["slit"]["force"][1] == pytest.approx(40.0, rel=0.01)
-    assert summary["contacts"]["slit"]["peak_pressure"] == pytest.approx(10.0, rel=0.03)
+    assert summary["contacts"]["slit"]["peak_pressure"] == pytest.approx(10.0, rel=0.05)
     assert not [text for text in summary["warnings"] if "continues without a corner" in text]
 
 

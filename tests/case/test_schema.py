@@ -81,11 +81,18 @@ master = "block.top"
 def test_bonds_have_no_law_where_other_contacts_have_the_exact_one() -> None:
     # A tyre bonded on a wheel, with friction on its rail or without loads of its own, was refused for a law
     # that the case does not name.
-    glue = (
-        '[[contact]]\nname = "glue"\nslave = "cylinder.flat"\nmaster = "block.bottom"\nfriction = "bonded"\n'
-    )
-    text = HERTZ.replace('boundary = "cylinder.flat"', 'boundary = "cylinder.arc"')
-    laws = [one.regularization.law for one in parse(text + glue, (RUBS,)).case.contact]
+    tyre = """
+[[body]]
+name = "tyre"
+material = "steel"
+shape = {kind = "disk", center = [0.0, 5.0], radius = 1.0}
+[[contact]]
+name = "glue"
+slave = "tyre.arc"
+master = "block.left"
+friction = "bonded"
+"""
+    laws = [one.regularization.law for one in parse(HERTZ + tyre, (RUBS,)).case.contact]
     assert laws == ["exact", "hyperbolic"]
 
 
