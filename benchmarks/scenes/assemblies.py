@@ -176,7 +176,7 @@ def fulcrum() -> Scene:
     def balance(result: Result) -> float:
         return float(abs(result.force("pivot")[1]) - abs(result.force("hold")[1]))
 
-    return Scene("fulcrum", "lever on a fulcrum", given, [Figure("balance", balance, 30.0)], elements=True)
+    return Scene("fulcrum", "lever on a fulcrum", given, [Figure("balance", balance, 30.0)])
 
 
 @scene
