@@ -94,6 +94,9 @@ friction = "bonded"
 """
     laws = [one.regularization.law for one in parse(HERTZ + tyre, (RUBS,)).case.contact]
     assert laws == ["exact", "hyperbolic"]
+    # What is bonded to a held body is not loose.
+    laws = [one.regularization.law for one in parse(HERTZ + tyre).case.contact]
+    assert laws == ["hyperbolic", "hyperbolic"]
 
 
 def test_whole_numbers_are_numbers_and_become_floats() -> None:

@@ -183,14 +183,21 @@ def _with_law(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _has_loose_bodies(data: Mapping[str, Any]) -> bool:
-    """Whether some body has neither supports nor loads."""
+    """Whether some body has neither supports nor loads, nor a bond to one that has."""
     acting = [*_tables(data, "support"), *_tables(data, "load")]
-    named = [one.get("body") for one in acting]
+    named = {one.get("body") for one in acting}
     for one in acting:
-        sides = one.get("boundary")
-        sides = sides if isinstance(sides, tuple) else (sides,)
-        named += [side.split(".")[0] for side in sides if isinstance(side, str)]
+        named |= _bodies_of(one.get("boundary"))
+    bonds = [one for one in _tables(data, "contact") if one.get("friction") == "bonded"]
+    joined = [_bodies_of(one.get("slave")) | _bodies_of(one.get("master")) for one in bonds]
+    for _ in joined:
+        named |= {body for bodies in joined if bodies & named for body in bodies}
     return any(body.get("name") not in named for body in _tables(data, "body"))
+
+
+def _bodies_of(boundaries: Any) -> set[Any]:
+    sides = boundaries if isinstance(boundaries, tuple) else (boundaries,)
+    return {side.split(".")[0] for side in sides if isinstance(side, str)}
 
 
 def _tables(data: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
