@@ -17,6 +17,7 @@ from benchmarks.scenes.scene import (
     Figure,
     Move,
     Pair,
+    Result,
     Scene,
     box,
     case,
@@ -188,18 +189,31 @@ def disks_case(count: int, friction: float, walls: str) -> tuple[dict[str, Any],
         contact=contacts,
         load=[weighed(f"weight{i}", name, 0.0, -1.0) for i, name in enumerate(names)],
         stage=[{f"weight{i}": 1.0 for i in range(count)}],
+        probe=[probe(name, name, *place.tolist()) for name, place in zip(names, places, strict=True)],
     )
     lean = float((width - 2.0 * radius) / (places[1, 1] - places[0, 1])) if count > 1 else 0.0
     return given, lean
 
 
 def disk_figures(count: int, lean: float) -> list[Figure]:
-    """Statics: what lies above goes down each pair, its horizontal part to the walls."""
+    """Statics: what lies above goes down each pair along its centres as displaced, its horizontal part to the
+    walls."""
     weight = float(np.pi * 25.0)
+    places = shaft_places(count, 5.0, 17.0)
+
+    def across(pair: int) -> Callable[[Result], float]:
+        names = f"disk{pair}", f"disk{pair - 1}"
+        drawn = places[pair] - places[pair - 1]
+
+        def ratio(result: Result) -> float:
+            now = drawn + result.moved(names[0]) - result.moved(names[1])
+            force = result.force(f"pair{pair}")
+            return abs(float(force[0] / force[1] * now[1] / now[0]))
+
+        return ratio
+
     figures = [Figure("floor", lambda r: abs(r.force("floor")[1]), count * weight)]
-    for i in range(1, count):
-        above = (count - i) * weight
-        figures.append(Figure(f"pair{i}", size_of(f"pair{i}"), above * lean))
+    figures += [Figure(f"across to up, pair{i}", across(i), 1.0, 0.3) for i in range(1, count)]
     for i in range(count):
         above = ((count - i) if i else 0) + ((count - i - 1) if i + 1 < count else 0)
         figures.append(Figure(f"wall{i}", size_of(f"wall{i}"), above * weight * lean))

@@ -189,7 +189,7 @@ def imbalance(given: Table, result: Result) -> float | None:
 
     for one in given.get("contact", []):
         force = result.force(one["name"])
-        largest = max(largest, result.pressed(one["name"]))
+        largest = max(largest, abs(result.pressed(one["name"])))
         add(listed(one["slave"])[0].split(".")[0], force)
         if "master" in one:
             add(listed(one["master"])[0].split(".")[0], -force)
@@ -199,8 +199,12 @@ def imbalance(given: Table, result: Result) -> float | None:
         else:
             free[one["body"]] &= np.array([key not in one for key in ("ux", "uy")])
     for one in given.get("load", []):
-        if one["kind"] not in ("obstacle", "temperature"):
-            add(one["body"] if "body" in one else one["boundary"].split(".")[0], result.exerted(one["name"]))
+        if one["kind"] in ("obstacle", "temperature"):
+            continue
+        bodies = {side.split(".")[0] for side in listed(one.get("boundary", one.get("body", "")))}
+        add(min(bodies), result.exerted(one["name"]))
+        for name in bodies if len(bodies) > 1 else ():
+            free[name][:] = False  # what of a common plate's force each body gets is not reported
     if not largest:
         return None
     return max(float(np.abs(sums[name][free[name]]).max(initial=0.0)) for name in sums) / largest

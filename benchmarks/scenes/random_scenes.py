@@ -203,6 +203,7 @@ def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
     if ran.code:
         return told | {"outcome": "too long" if ran.code == -1 else "refused", "text": ran.message[:400]}
     faults = []
+    pressed = max((ran.result.pressed(name) for name in ran.summary.get("contacts") or {}), default=0.0)
     sides = imbalance(given, ran.result)
     if sides is not None and sides > SIDES:
         faults.append(f"forces on a body do not add up: {sides:.1e}")
@@ -213,7 +214,8 @@ def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
         if other.code:
             faults.append(f"{variant.name} refused: {other.message[:200]}")
             continue
-        force = difference(vectors(ran, "contacts", "force"), vectors(other, "contacts", "force", variant))
+        forces = vectors(ran, "contacts", "force"), vectors(other, "contacts", "force", variant)
+        force = difference(*forces, least=pressed)
         place = difference(
             vectors(ran, "probes", "displacement"), vectors(other, "probes", "displacement", variant)
         )

@@ -31,7 +31,7 @@ import itertools
 
 import tomli_w
 
-from benchmarks.scenes import bending, fits, layers, machines, profiles  # noqa: F401  (they register their scenes)
+from benchmarks.scenes import assemblies, bending, fits, layers, machines, profiles  # noqa: F401  (they register their scenes)
 from benchmarks.scenes.elements import Side, Solid, value_of
 from benchmarks.scenes.judge import REFERENCE
 from benchmarks.scenes.scene import SCENES, Array, Scene, Table

@@ -32,7 +32,7 @@ from mlsanm_cli.solve.grid_refinement import refined, sampled
 WIDE = 0.05
 """Half the width of the patches that a search begins with, as a part of the range."""
 ROUNDS = 60
-TURNED, SETTLED, TURNINGS = 3e-3, 3e-4, 4
+TURNED, SETTLED, TURNINGS = 1e-3, 3e-4, 4
 """Directions turn where they are off by the first angle, and then until they are off by less than the second,
 so many times at most, or twice as many where a motion is held that they push along."""
 ACCURACY, FRICTIONAL, SMOOTHED = 0.3, 2.0, 10.0

@@ -25,6 +25,8 @@ CARRIED = 1e-8
 """What holds carry of all that presses is no more than this part of it."""
 ASIDE = 0.01
 """Curvatures are looked at over this part of the range on both sides."""
+ALIKE = 1e-3
+"""Curvatures that differ by less than this part are alike: patches move on both surfaces."""
 
 
 def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
@@ -51,7 +53,7 @@ def _turn(grid: ContactGrid, middle: float) -> float:
     bends = [
         abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
     ]
-    return float(np.angle(inward[0] / -outward[0])) if bends[0] > bends[1] else 0.0
+    return float(np.angle(inward[0] / -outward[0])) if bends[0] > (1.0 - ALIKE) * bends[1] else 0.0
 
 
 def unturned(

@@ -32,6 +32,8 @@ NARROWED = 0.6
 """Ranges that would become narrower than this part of themselves are narrowed."""
 FLAT = 1e-9
 """Surfaces whose gap varies by less than this part of the range are parallel."""
+NOTHING = 1e-10
+"""Pressures below this part of the largest of all contacts are round-off."""
 UNSEEN = 1e-3
 """Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
 
@@ -49,11 +51,7 @@ def first_grid(limits: ContactRange) -> ContactGrid:
     widest = (limits.last - limits.first) / max(FIRST, PER_PLACE * limits.places)
     parts = [np.array([limits.first, limits.nearest, limits.last])]
     for sign, room in ((-1.0, limits.nearest - limits.first), (1.0, limits.last - limits.nearest)):
-        steps = [FINEST * widest]
-        while sum(steps) < room:
-            steps.append(min(GROWTH * steps[-1], widest))
-        away = np.cumsum(steps)
-        parts.append(limits.nearest + sign * away[:-1] * room / away[-1])
+        parts.append(limits.nearest + sign * _growing(room, FINEST * widest, widest))
     hats = limits.hats(spaced_apart(np.concatenate(parts), 0.5 * FINEST * widest))
     return ContactGrid(
         limits.facing,
@@ -65,6 +63,17 @@ def first_grid(limits: ContactRange) -> ContactGrid:
         limits.corners,
         provisional=True,
     )
+
+
+def _growing(room: float, step: float, widest: float) -> FloatArray:
+    """Places between 0 and ``room``, the first intervals as long as ``step``, the last ones ``widest``."""
+    if room <= 0.0:
+        return np.zeros(0)
+    steps = [step]
+    while sum(steps) < room:
+        steps.append(min(GROWTH * steps[-1], widest))
+    away = np.cumsum(steps)
+    return np.asarray(away[:-1] * room / away[-1])
 
 
 def spaced_apart(nodes: FloatArray, least: float) -> FloatArray:
@@ -99,7 +108,7 @@ def ranged(
         if name not in grids:
             continue
         grid, room, nodes = grids[name], ranges[name], grids[name].hats.nodes
-        closed = np.any([state.active[condensed.spans[name]] for state in states], axis=0)
+        closed = np.any([_pressed(state, condensed.spans[name]) for state in states], axis=0)
         seen = summits(condensed, name, room, states)
         beyond = np.concatenate(
             [
@@ -134,7 +143,11 @@ def ranged(
             first, last = min(first, grid.first), max(last, grid.last)
             # Not as fine as where something touches at last: it may have come a long way.
             steps = max(float(np.median(grid.hats.steps)), width / FIRST)
-            more = [np.arange(grid.first - steps, first, -steps), np.arange(grid.last + steps, last, steps)]
+            widest = max(steps, (room.last - room.first) / max(FIRST, PER_PLACE * room.places))
+            more = [
+                grid.first - _growing(grid.first - first, steps, widest),
+                grid.last + _growing(last - grid.last, steps, widest),
+            ]
             nodes = np.concatenate([[first], *more, inner, [last]])
             finest = float(grid.hats.steps[grid.hats.steps > 0.0].min())
             wider = room.hats(spaced_apart(nodes, 0.5 * finest))
@@ -148,6 +161,13 @@ def ranged(
             even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
             result[name] = replace(grid, first=first, last=last, count=SAMPLES, hats=even, provisional=False)
     return result
+
+
+def _pressed(state: ExactState, span: slice) -> BoolArray:
+    """Which places (m,) of a contact touch in a state; none where only round-off presses, as under a body
+    that no load acts on, which touches at one place however fine the grid is."""
+    nothing = float(state.pressure[span].max(initial=0.0)) <= NOTHING * float(state.pressure.max(initial=0.0))
+    return np.zeros_like(state.active[span]) if nothing else state.active[span]
 
 
 def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:

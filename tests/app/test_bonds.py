@@ -165,6 +165,24 @@ def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
     np.testing.assert_allclose(split["contacts"]["glue"]["force"], [-0.1, 0.0], atol=1e-9)
 
 
+def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
+    # Two blocks glued along a part of their faces, pressed: stresses are those of one. The corner of the
+    # other block, far off, was taken for the end of the contact, with a pressure of 1000 there; and the
+    # contact had been asked to take in the glued part.
+    text = HEAD.format("strain") + material("a", 1000.0)
+    text += body("low", "a", [0.0, 10.0], [0.0, 5.0], 0.5) + body("high", "a", [0.0, 10.0], [5.0, 10.0], 0.5)
+    text += '[[support]]\nboundary = "low.bottom"\nuy = 0.0\n'
+    text += '[[support]]\nbody = "low"\nnear = [0.0, 0.0]\nux = 0.0\n'
+    text += load("press", "high.top", "pressure", "pressure = 10.0")
+    glue = bond("glue", "high.bottom", "low.top")
+    slit = glue.replace("glue", "slit").replace('friction = "bonded"\n', "")
+    text += glue + "from = [4.0, 5.0]\nto = [10.0, 5.0]\n" + slit + "from = [0.0, 5.0]\nto = [4.0, 5.0]\n"
+    summary = solve(text, tmp_path / "run")
+    assert summary["contacts"]["slit"]["force"][1] == pytest.approx(40.0, rel=0.01)
+    assert summary["contacts"]["slit"]["peak_pressure"] == pytest.approx(10.0, rel=0.05)
+    assert not [text for text in summary["warnings"] if "continues without a corner" in text]
+
+
 def test_a_bond_ends_where_a_surface_goes_on(tmp_path: Path) -> None:
     # A post on a block, against both of one piece; the block is cut where the post begins and ends.
     push = load("push", "post.right", "traction", "traction = [-0.5, 0.0]")

@@ -15,7 +15,7 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.elasticity import von_mises
 from tests.app.scenes import Quiet
 from tests.app.test_foreign import PULLED, polar_plate, write, write_gmsh
-from tests.case_text import body, box, head, load, material, support
+from tests.case_text import body, box, contact, disk, head, item, load, material, support
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square
 
 EXACT = 302.1
@@ -86,3 +86,20 @@ def test_traction_errors_are_what_is_missing_of_the_tractions(degree: int) -> No
     (missing, _), right = traction_error(body_of, exact, source), body_of.model.cloud.surfaces["right"].index
     assert missing[right] == pytest.approx(5.0)
     assert np.delete(missing, right).max() <= 1e-9 * STEEL.modulus
+
+
+def test_round_off_has_no_peak(tmp_path: Path) -> None:
+    # Rollers that nothing presses had been said to be 170 % off at stresses of 1e-17; grids of contacts that
+    # nothing presses shrank to a point, and the run was refused for what nodal pressures made of the others.
+    text = head("stress") + material("steel", E=210e3, nu=0.3)
+    text += body("base", "steel", 0.5, box([-3.0, 3.0], [-2.0, 0.0])) + support("base.bottom", ux=0.0, uy=0.0)
+    text += body("left", "steel", 0.3, disk([-1.5, 1.0], 1.0)) + body(
+        "right", "steel", 0.3, disk([1.5, 1.0], 1.0)
+    )
+    text += contact("pressed", "left.arc", "base.top") + contact("idle", "right.arc", "base.top")
+    text += item("load", name="weight", kind="body-force", body="left", body_force=[0.0, -1.0])
+    summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
+    assert summary["status"] == "done"
+    assert "right" not in summary["peak_stress"]
+    hertz = np.sqrt(np.pi * 0.5 * 210e3 / np.pi)
+    assert summary["contacts"]["pressed"]["peak_pressure"] == pytest.approx(hertz, rel=1e-3)

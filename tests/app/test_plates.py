@@ -54,6 +54,19 @@ def test_pure_bending(way: str, scheme: str, tmp_path: Path) -> None:
     assert abs(summary["energy_error"]) <= 0.02
 
 
+def test_loads_of_one_plate_add_up(tmp_path: Path) -> None:
+    # A moment alone was told to need a direction, although another load gives it.
+    turn = 'rotation = "free"'
+    both = plate('"beam.right"', f"fx = -3.0\n{turn}") + plate('"beam.right"', "moment = 2.0").replace(
+        '"plate"', '"turn"'
+    )
+    apart = solve(BEAM + both, tmp_path / "two")
+    once = solve(BEAM + plate('"beam.right"', "fx = -3.0\nmoment = 2.0"), tmp_path / "one")
+    for name in ("rotation", "moment"):
+        assert apart["plates"]["beam.right"][name] == pytest.approx(once["plates"]["beam.right"][name])
+    assert apart["forces"]["plate"] == pytest.approx([-3.0, 0.0])
+
+
 def test_a_hinge_takes_an_eccentric_push(tmp_path: Path) -> None:
     # A block under a plate that is pushed next to its middle: compression and bending of a column.
     text = HEAD + body("block", [-0.5, 0.5], [0.0, 3.0]) + held("block.bottom", "uy")

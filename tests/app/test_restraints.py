@@ -193,3 +193,37 @@ def test_a_support_beside_all_nodes_tells_where_it_is() -> None:
     (told,) = (note for note in prepared(text + pinned).notes if "holds its node" in note)
     assert told.startswith("the support of base near (0, 2.64) holds its node at (")
     assert told.endswith("0.0174 away")
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_disks_lean_by_their_displaced_centres(tmp_path: Path, swapped: bool) -> None:
+    """Two disks in a rigid shaft press on each other along the line of their centres, whichever is the slave.
+
+    The master's rotation was left free, as its normals were taken to be those of the pressures' directions,
+    and what pressed on it was 0.3 % off to the other side; directions that are off by less than 0.003 stayed.
+    """
+    rise = float(np.sqrt(100.0 - 49.0))
+    roles = ("high.arc", "low.arc")[:: -1 if swapped else 1]
+    text = (
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("low", "steel", 1.0, disk([5.0, 5.0], 5.0))
+        + body("high", "steel", 1.0, disk([12.0, 5.0 + rise], 5.0))
+        + contact("floor", "low.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+        + contact("left", "low.arc", obstacle=plane([0.0, 0.0], [1.0, 0.0]))
+        + contact("right", "high.arc", obstacle=plane([17.0, 0.0], [-1.0, 0.0]))
+        + contact("pair", *roles)
+        + weight("high", -8.0)
+    )
+    text += item("probe", name="low", body="low", point=[5.0, 5.0])
+    text += item("probe", name="high", body="high", point=[12.0, 5.0 + rise])
+    assert [note.split(":")[0] for note in prepared(text).notes if "rotation" in note] == [
+        "body low",
+        "body high",
+    ]
+    summary = solve(text, tmp_path / "run", "contact.*.accuracy=0.01")
+    moved = np.subtract(*(summary["probes"][name]["displacement"] for name in ("high", "low")))
+    lean = (7.0 + moved[0]) / (rise + moved[1])
+    assert lean * rise / 7.0 >= 1.003
+    force = np.abs(summary["contacts"]["pair"]["force"])
+    assert force[0] / force[1] == pytest.approx(lean, rel=5e-4)

@@ -78,6 +78,27 @@ master = "block.top"
     assert laws == ["exact", "hyperbolic", "hyperbolic"]
 
 
+def test_bonds_have_no_law_where_other_contacts_have_the_exact_one() -> None:
+    # A tyre bonded on a wheel, with friction on its rail or without loads of its own, was refused for a law
+    # that the case does not name.
+    tyre = """
+[[body]]
+name = "tyre"
+material = "steel"
+shape = {kind = "disk", center = [0.0, 5.0], radius = 1.0}
+[[contact]]
+name = "glue"
+slave = "tyre.arc"
+master = "block.left"
+friction = "bonded"
+"""
+    laws = [one.regularization.law for one in parse(HERTZ + tyre, (RUBS,)).case.contact]
+    assert laws == ["exact", "hyperbolic"]
+    # What is bonded to a held body is not loose.
+    laws = [one.regularization.law for one in parse(HERTZ + tyre).case.contact]
+    assert laws == ["hyperbolic", "hyperbolic"]
+
+
 def test_whole_numbers_are_numbers_and_become_floats() -> None:
     case = parse(SQUARE + CLAMP + PULL).case
     assert isinstance(case.material["rubber"].E, float)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.solve.grid_ranges import spaced_apart
+from mlsanm_cli.solve.grid_ranges import _growing, spaced_apart
 
 
 def test_no_interval_is_round_off() -> None:
@@ -17,3 +17,13 @@ def test_no_interval_is_round_off() -> None:
     assert (found[0], found[-1]) == (nodes.min(), nodes.max())
     assert np.diff(found) == pytest.approx(np.full(8, 0.1))
     assert spaced_apart(np.array([0.0, 1e-9, 1.0]), 0.1).tolist() == [0.0, 1.0]
+
+
+def test_ranges_grow_by_ever_longer_intervals() -> None:
+    # A range narrowed to the tip of a leaf spring and widened again had 28,000 intervals as fine as the tip.
+    places = _growing(45.0, 0.0016, 1.9)
+    steps = np.diff(np.concatenate([[0.0], places, [45.0]]))
+    assert len(places) <= 60
+    assert steps[0] == pytest.approx(0.0016, rel=0.1)
+    assert (steps[1:] <= 1.31 * steps[:-1]).all()
+    assert steps.max() <= 1.9

@@ -171,6 +171,28 @@ def test_an_overlap_as_drawn_pushes_apart() -> None:
     assert event.state.values.motion[0] == pytest.approx(1e-4, rel=0.02)
 
 
+def test_a_guided_plate_backs_out_of_an_inclined_overlap_without_friction() -> None:
+    # Whatever presses nothing rubs nowhere: at rest the node that comes free last had taken a traction beyond
+    # its limit, and the run was refused.
+    planes = half_planes(40)
+    condensed = planes.condensed
+
+    gap = replace(condensed.gap, constant=condensed.gap.constant - 1e-4, motion=np.full((40, 1), 0.8))
+    guide = replace(
+        condensed,
+        gap=gap,
+        slip=replace(condensed.slip, motion=np.full((40, 1), 0.6)),
+        balance=replace(condensed.balance.take(slice(0, 1)), motion=np.zeros((1, 1))),
+    )
+    event = start(guide, np.zeros(2))
+    assert residual(guide, event.state) == 0.0
+    assert event.state.values.motion[0] == pytest.approx(1e-4 / 0.8, rel=0.02)
+    assert not event.state.values.pressure.any()
+    for one in event_driven_path(guide, event.state, np.array([1.0, 0.0]), [1.0]):
+        assert residual(guide, one.state) <= 1e-8
+    assert guide.weight @ one.state.values.pressure == pytest.approx(planes.force)
+
+
 def test_gaps_count_as_nothing_by_what_closing_them_would_take() -> None:
     # A node of a grid that is fine somewhere: closed over a gap that is little to all others, it pulled at
     # its body with 0.2 % of the peak pressure.

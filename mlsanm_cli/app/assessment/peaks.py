@@ -41,6 +41,7 @@ RELEVANT = 0.2
 UPRIGHT = 0.2
 """Normals with a product below this are those of a plane of symmetry and of a face at a right angle to it."""
 ROUND_OFF = 1e-12
+"""Of places, and of stresses against what displacements would cause if they were strains."""
 PEAK_WARNING = 0.03
 """Estimated errors of peak stresses above this are warned of."""
 
@@ -58,15 +59,23 @@ class Peak:
 def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> dict[str, Peak]:
     """The peaks of all bodies that have one on their free boundaries, from the ``fields`` of a state."""
     found = {}
-    for name, body in built.scene.bodies.items():
+    bodies = built.scene.bodies
+    largest = max(_strained(body, fields[name].displacement) for name, body in bodies.items())
+    for name, body in bodies.items():
         source = built.condensed.source(name, *state.unknowns).toarray()[:, 0]
         lack, applied = traction_error(body, fields[name].rest, source)
         unbounded, touching = _left_out(built, state, name)
         stress = fields[name].von_mises
         peak = _peak(body.model.cloud, stress, lack, applied > stress, unbounded, touching)
-        if peak is not None:
+        if peak is not None and peak.stress > ROUND_OFF * largest:
             found[name] = peak
     return found
+
+
+def _strained(body: ElasticBody, displacement: FloatArray) -> float:
+    """The stress that a body's ``displacement`` (n, 2) would cause over its own size."""
+    points = body.model.cloud.points
+    return float(body.model.material.modulus * np.abs(displacement).max() / np.ptp(points, axis=0).max())
 
 
 def traction_error(

@@ -41,6 +41,8 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
                 end = cloud.points[node]
                 if elastic.held.get(name) == (True, True) or _ends_with(contact, end, cloud.spacing[node]):
                     continue
+                if _is_bonded(built, body, end, cloud.spacing[node]):
+                    continue
                 near = np.hypot(*(places - end).T) <= NEAR * cloud.spacing[node]
                 if (closed & near & (pressure > PRESSED * mean)).any():
                     listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
@@ -50,6 +52,15 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
                         f"so that the end carries what belongs beyond it: add it to the contact, as in "
                         f"contact.{pairing.name}.{'slave' if slave else 'master'} = [{listed}]"
                     )
+
+
+def _is_bonded(built: CondensedScene, body: str, end: FloatArray, spacing: float) -> bool:
+    """Whether a bond begins at the ``end`` (2,) of a surface of a body, as at the tip of a crack."""
+    for pairing in built.condensed.bonds.pairings:
+        for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
+            if owner == body and (np.hypot(*(places - end).T) <= NEAR * spacing).any():
+                return True
+    return False
 
 
 def _ends_with(contact: Contact, end: FloatArray, spacing: float) -> bool:

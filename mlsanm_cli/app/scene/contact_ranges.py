@@ -15,7 +15,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import points_of
-from mlsanm_cli.contact.geometry.contact_grid import Facing
+from mlsanm_cli.contact.geometry.contact_grid import Facing, turned
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
@@ -133,7 +133,11 @@ def _clear(
     tips = [tip for side, stretch in zip(sides, chosen, strict=True) for tip in side.ends_of(stretch)]
     if isinstance(facing.obstacle, Chain):
         tips += as_complex(facing.obstacle.points[~facing.obstacle.smooth]).tolist()
-    exact_ends = base.closest(as_real(np.array(tips, dtype=np.complex128))).tolist()
+    at = as_real(np.array(tips, dtype=np.complex128))
+    ends = base.closest(at)
+    away, along = at - base.points(ends), turned(base.normals(ends))
+    # What lies beyond an end of the base is closest to that end.
+    exact_ends = ends[np.abs((away * along).sum(axis=1)) <= TOUCHING * base.length].tolist()
     if base.closed:
         # Rows of places go on beyond where the curve begins.
         exact_ends += [end + base.length for end in exact_ends]

@@ -10,6 +10,7 @@ import numpy as np
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.contact.geometry.contact_grid import turned
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.functionals import resultant
@@ -171,10 +172,12 @@ class _Frame:
         share = pairing.weight[chosen] / pairing.weight[chosen].sum()
         middle = share @ points
         lever = float(np.sqrt(share @ ((points - middle) ** 2).sum(axis=1))) or 1.0
+        partner, normal = pairing.partner[chosen], pairing.normal[chosen]
         own = points, pairing.slave.normal[pairing.position[chosen]]
-        # Where pressures have the directions of the slave's normals a round master turns by where they act,
-        # which keeps their lines through its centre: it stays unknown.
-        return cls(pairing, middle, lever, share, (own, (pairing.partner[chosen], pairing.normal[chosen])))
+        if pairing.master is not None:  # pressures may have the directions of the slave's normals
+            curve = pairing.master.curve
+            normal = normals_towards(curve, curve.closest(partner), own[1])
+        return cls(pairing, middle, lever, share, (own, (partner, normal)))
 
     def squares(self, points: FloatArray, normal: FloatArray) -> FloatArray:
         """Mean squares (3, 3) of what rigid motions do across normals (m, 2) at ``points`` (m, 2)."""

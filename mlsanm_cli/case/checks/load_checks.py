@@ -18,7 +18,7 @@ def check_loads(sound: Sound, report: Report) -> None:
         if isinstance(load, Stretch):
             check_ends(load, path, report)
         if isinstance(load, Platen | ObstacleMotion):
-            _check_moving(load, path, report)
+            _check_moving(sound, load, path, report)
             if isinstance(load, Platen):
                 _check_turning(load, path, report)
         elif isinstance(load, Traction | Pressure):
@@ -99,7 +99,7 @@ def _check_temperature(sound: Sound, load: Temperature, path: KeyPath, report: R
         report.add(path, message, f"give alpha in [material.{body.material}]")
 
 
-def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) -> None:
+def _check_moving(sound: Sound, load: Platen | ObstacleMotion, path: KeyPath, report: Report) -> None:
     single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
     if load.force is not None and load.displacement is not None:
         report.add(
@@ -110,12 +110,20 @@ def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) 
         report.add(
             (*path, single[0]), f'"{both}" gives both components already', "ux or fx, and uy or fy instead"
         )
-    elif not load.control and not (isinstance(load, ObstacleMotion) and load.rotation):
+    elif not (load.control or _turns(sound, load)):
         what = "a platen" if isinstance(load, Platen) else "the motion of an obstacle"
         report.add(path, f"{what} needs a direction", "give force, displacement, or ux/uy/fx/fy")
     for u, f in (("ux", "fx"), ("uy", "fy")):
         if u in single and f in single:
             report.add((*path, f), f"{u} is given for this direction too", "give one of the two")
+
+
+def _turns(sound: Sound, load: Platen | ObstacleMotion) -> bool:
+    """Whether a load turns an obstacle, or is a moment on a plate that other loads give directions."""
+    if isinstance(load, ObstacleMotion):
+        return load.rotation != 0.0
+    plates = [one for one in sound.loads.values() if isinstance(one, Platen) and one.control]
+    return load.moment is not None and load.label in [one.label for one in plates]
 
 
 def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:

@@ -183,24 +183,21 @@ def _with_law(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _has_loose_bodies(data: Mapping[str, Any]) -> bool:
-    """Whether some body, with those bonded to it, has neither supports nor loads."""
+    """Whether some body has neither supports nor loads, nor a bond to one that has."""
     acting = [*_tables(data, "support"), *_tables(data, "load")]
-    held = {one.get("body") for one in acting}.union(*(_owners(one.get("boundary")) for one in acting))
-    groups = [
-        _owners(one.get("slave")) | _owners(one.get("master"))
-        for one in _tables(data, "contact")
-        if one.get("friction") == "bonded"
-    ]
-    # Through as many bonds as there are.
-    for _ in groups:
-        held = held.union(*(group for group in groups if group & held))
-    return any(body.get("name") not in held for body in _tables(data, "body"))
+    named = {one.get("body") for one in acting}
+    for one in acting:
+        named |= _bodies_of(one.get("boundary"))
+    bonds = [one for one in _tables(data, "contact") if one.get("friction") == "bonded"]
+    joined = [_bodies_of(one.get("slave")) | _bodies_of(one.get("master")) for one in bonds]
+    for _ in joined:
+        named |= {body for bodies in joined if bodies & named for body in bodies}
+    return any(body.get("name") not in named for body in _tables(data, "body"))
 
 
-def _owners(sides: Any) -> set[str]:
-    """The bodies of one side or several."""
-    named = sides if isinstance(sides, tuple) else (sides,)
-    return {side.split(".")[0] for side in named if isinstance(side, str)}
+def _bodies_of(boundaries: Any) -> set[Any]:
+    sides = boundaries if isinstance(boundaries, tuple) else (boundaries,)
+    return {side.split(".")[0] for side in sides if isinstance(side, str)}
 
 
 def _tables(data: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
@@ -214,8 +211,10 @@ def _rubs(contact: Any) -> bool:
 
 
 def _exact(contact: Any) -> Any:
+    if isinstance(contact, Mapping) and contact.get("friction") == "bonded":
+        return contact
     given = contact.get("regularization", {}) if isinstance(contact, Mapping) else None
-    if not isinstance(given, Mapping) or contact.get("friction") == "bonded":
+    if not isinstance(given, Mapping):
         return contact
     return {**contact, "regularization": {"law": "exact", **given}}
 

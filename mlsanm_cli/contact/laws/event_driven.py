@@ -19,7 +19,7 @@ from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, 
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
-from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.condensed import EVEN, Condensed
 from mlsanm_cli.errors import NumericalError
 
 NEAR = 1e-9
@@ -71,7 +71,10 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
         return Event(0.0, state, 0)
     if not len(condensed.balance.constant):
         return Event(0.0, *increment(condensed, state, factors))
-    # Where nothing presses, friction would let a free body slide anywhere: it goes straight out.
+    parted = _parted(condensed, state)
+    if parted is not None:
+        return Event(0.0, parted, 0)
+    # What is wedged in goes straight out as far as it does: friction would let it slide anywhere.
     try:
         held, solves = increment(condensed, state, factors, slipping=False)
     except NoStateError as error:
@@ -79,6 +82,36 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
     if not residual(condensed, held) <= NEAR:
         raise NumericalError(OVERLAP, OVERLAP_HINT)
     return Event(0.0, held, solves)
+
+
+def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
+    """The state without pressures in which bodies that nothing holds have moved by as little as takes them
+    out of what they overlap; None if that cannot be.
+
+    Least distance by non-negative least squares (Lawson and Hanson 1974, doi:10.1137/1.9781611971217,
+    chapter 23).
+    """
+    from scipy.optimize import nnls  # for few runs
+
+    gap, balance = condensed.gap, condensed.balance
+    size = np.abs(np.vstack([gap.motion, condensed.slip.motion])).max(axis=0)
+    forces = np.abs(balance.pressure).max(axis=1)[:, None]
+    stiff = (np.abs(balance.motion) / np.where(forces > 0.0, forces, 1.0)).max(axis=0)
+    free = (size > 0.0) & (stiff * condensed.largest_compliance <= NEAR * size)
+    widest = float(np.abs(state.values.gap).max())
+    rows = gap.motion[:, free] / size[free]
+    depth = (EVEN * condensed.weight - state.values.gap) / widest
+    target = np.append(np.zeros(rows.shape[1]), 1.0)
+    multipliers, missed = nnls(np.vstack([rows.T, depth]), target)
+    rest = np.vstack([rows.T, depth]) @ multipliers - target
+    if missed <= NEAR:
+        return None
+    motion = np.zeros(len(size))
+    motion[free] = -rest[:-1] / rest[-1] * widest / size[free]
+    v = state.values
+    values = replace(v, motion=motion, gap=v.gap + gap.motion @ motion, slip=condensed.slip.motion @ motion)
+    moved = replace(state, values=values, stick_reference=values.slip)
+    return moved if residual(condensed, moved) <= NEAR else None
 
 
 def event_driven_path(
