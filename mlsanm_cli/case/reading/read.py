@@ -183,13 +183,14 @@ def _with_law(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _has_loose_bodies(data: Mapping[str, Any]) -> bool:
-    """Whether some body has neither supports nor loads."""
-    acting = [*_tables(data, "support"), *_tables(data, "load")]
+    """Whether some body has neither supports nor loads nor bonds."""
+    bonds = [one for one in _tables(data, "contact") if one.get("friction") == "bonded"]
+    acting = [*_tables(data, "support"), *_tables(data, "load"), *bonds]
     named = [one.get("body") for one in acting]
     for one in acting:
-        sides = one.get("boundary")
-        sides = sides if isinstance(sides, tuple) else (sides,)
-        named += [side.split(".")[0] for side in sides if isinstance(side, str)]
+        for sides in (one.get(key) for key in ("boundary", "slave", "master")):
+            sides = sides if isinstance(sides, tuple) else (sides,)
+            named += [side.split(".")[0] for side in sides if isinstance(side, str)]
     return any(body.get("name") not in named for body in _tables(data, "body"))
 
 
@@ -205,7 +206,7 @@ def _rubs(contact: Any) -> bool:
 
 def _exact(contact: Any) -> Any:
     given = contact.get("regularization", {}) if isinstance(contact, Mapping) else None
-    if not isinstance(given, Mapping):
+    if not isinstance(given, Mapping) or contact.get("friction") == "bonded":
         return contact
     return {**contact, "regularization": {"law": "exact", **given}}
 
