@@ -54,9 +54,6 @@ SOFTEST = 150.0
 of shear have so few digits left that pieces must be weaker in proportion."""
 PAIRED = 10.0
 """The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
-BESIDE = 1.5
-"""Pieces are as little known that have nodes within so many spacings of one that holds the body: stresses have
-no bound there, and what pieces beside it took of them gave a disk held in its middle three times its energy."""
 
 
 @dataclass(frozen=True)
@@ -291,14 +288,13 @@ class Pieces:
         return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
-        """Which of the 3k rows are known: those of closed pieces, but at single ``hidden`` (node, component)
-        pairs that hold the body, whose forces are in no flux, and beside them."""
-        known, points = np.tile(self.whole.closed, 3), self.cloud.points
+        """Which of the 3k rows are known: those of closed pieces, but where single ``hidden`` (node,
+        component) pairs hold the body, whose forces are in no flux."""
+        known = np.tile(self.whole.closed, 3)
         for node, component in hidden:
-            beside = np.hypot(*(points - points[node]).T) <= BESIDE * self.cloud.spacing[node]
             for level in self.levels:
-                own = level[beside][level[beside] >= 0]
-                known[np.concatenate([component * self.count + own, 2 * self.count + own])] = False
+                if level[node] >= 0:
+                    known[[component * self.count + level[node], 2 * self.count + level[node]]] = False
         return known
 
 

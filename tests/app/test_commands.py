@@ -43,8 +43,7 @@ def test_check_agrees_with_the_run(hertz_run: Path, tmp_path: Path) -> None:
     # A grid is found by the run.
     assert found["contact_unknowns"] is None
     assert any("a grid of their own" in note for note in found["notes"])
-    # At the node next to where the arc touches.
-    assert 0.0 <= found["contacts"]["interface"]["smallest_gap"] <= 0.01
+    assert 0.0 <= found["contacts"]["interface"]["smallest_gap"] <= 2e-5
     for name, body in summary["quality"]["bodies"].items():
         assert found["bodies"][name]["hole"] == body["hole"]
     assert found["bodies"]["block"]["finest"] == 0.25

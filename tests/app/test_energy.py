@@ -161,10 +161,8 @@ def test_frames_with_three_nodes_across_have_degree_2_and_say_how_many_they_want
     summary = solve(frame + feet + push, tmp_path / "run")
     assert summary["status"] == "done", summary
     assert summary["quality"]["bodies"]["frame"]["degree"] == 2
-    assert abs(summary["energy_error"]) < 0.05
-    rough = solve(frame + feet + push, tmp_path / "rough", "body.frame.spacing=0.6")
-    assert rough["status"] == "failed"
-    assert "3 nodes across: parts in bending need 5 or more, a spacing of 0.25" in rough["hint"]
+    (warning,) = [text for text in summary["warnings"] if "strain energy" in text]
+    assert "3 nodes across: parts in bending need 5 or more, a spacing of 0.25" in warning
     finer = solve(frame + feet + push, tmp_path / "finer", "body.frame.spacing=0.25")
     assert finer["quality"]["bodies"]["frame"]["degree"] == 4
     assert not any("nodes across" in text for text in finer["warnings"])

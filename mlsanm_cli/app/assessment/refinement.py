@@ -59,8 +59,6 @@ STICK_ZONE = 0.1
 """A stick zone is wider than this part of its contact."""
 TOLERANCE = 2e-4
 """Passes end when nothing that :class:`Pass` compares changed by more, relatively."""
-GOOD = 1e-6
-"""Errors of all displacements below this part of them ask for no finer bulk."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +137,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # Nodes in the bulk are wasted as long as it is the contact's own zones that are too coarse.
         more: tuple[Zone, ...] = ()
-        if accuracy.bulk_leads and (accuracy.displacement or 0.0) > GOOD:
+        if accuracy.bulk_leads:
             more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
             context.console.note(
