@@ -13,8 +13,10 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import filled
+from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH
 from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.places import Places
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
@@ -35,17 +37,19 @@ STRIPS = 512
 
 @dataclass(frozen=True)
 class Cloud:
-    """Nodes of one body: ``points`` (n, 2), ``spacing`` (n,) asked for there, and its surfaces."""
+    """Nodes of one body: ``points`` (n, 2), ``spacing`` (n,) asked for there, its surfaces, and its symmetry
+    if it was made to have one."""
 
     points: FloatArray
     spacing: FloatArray
     surfaces: dict[str, Surface]
+    mirror: Mirror | None = None
 
     @cached_property
     def content(self) -> str:
         """A digest of the nodes and surfaces."""
         surfaces = {s.name: [s.index, s.arc_length, s.normal] for s in self.surfaces.values()}
-        return digest(self.points, self.spacing, surfaces)
+        return digest(self.points, self.spacing, surfaces, self.mirror)
 
     @cached_property
     def boundary_nodes(self) -> IntArray:
@@ -129,7 +133,9 @@ class Cloud:
         a, b, c = (self.points[self.triangles[:, corner]] for corner in range(3))
         twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
         shares = np.repeat(twice / 6.0, 3)
-        return np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64)
+        areas: FloatArray = np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64)
+        # Four nodes on a circle have two triangulations, of which the mirror may show the other.
+        return areas if self.mirror is None else 0.5 * (areas + areas[self.mirror.image])
 
 
 def build_cloud(
@@ -138,23 +144,26 @@ def build_cloud(
     seed: int,
     limit: int = 50_000_000,
     memo: Memo = NO_CACHE,
+    line: Line | None = None,
     wanted: Sequence[tuple[float, float]] = (),
 ) -> Cloud:
     """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
 
     There are nodes at the points ``wanted``, or on the outline next to those that are closer to it than half
     a spacing; those so close to a corner or to another one have none.
+    About a ``line`` the cloud is its own mirror image if outline, spacing and points are, and if the line
+    does not run along the outline.
     Raises RunError when more than ``limit`` nodes would be needed.
     """
-    places = Places.of(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
-    steps = [
-        spacing.steps_along(curve, places.along(number).tolist())
-        for number, curve in enumerate(outline.curves)
-    ]
-    boundary = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
-    surfaces = _surfaces(outline, steps)
-    chords = boundary[_edges(surfaces.values())].reshape(-1, 4)
-    start = np.concatenate([boundary, places.inside(boundary, surfaces, spacing)])
+    half, places = None, Places.of(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
+    if line is not None and spacing.symmetric(line) and places.upon(line):
+        boundary, surfaces, edges = _bounded(outline, spacing, places, line)
+        half = halved(line, boundary, edges, surfaces, spacing)
+    if half is None:
+        boundary, surfaces, edges = _bounded(outline, spacing, places)
+    first, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)
+    inside = places.inside(boundary, surfaces, spacing)
+    start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
     far, zones = spacing.far, spacing.table()
 
     def fill() -> Arrays:
@@ -162,13 +171,19 @@ def build_cloud(
         if len(points) >= limit:
             hint = "use larger spacings or smaller refinements"
             raise RunError(f"more than {limit} nodes in one body", hint)
-        return {"points": relax(points, len(start), spacing)}
+        if half is None:
+            return {"points": relax(points, fixed, spacing)}
+        inner, upon = half.settled(points[len(first) :], spacing)
+        points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
+        return {"points": points, "upon": np.array(upon)}
 
     key = digest(boundary, start, chords, far, zones, seed, limit)
 
     def made() -> Cloud:
-        points = memo.value("clouds", key, fill)["points"]
-        return Cloud(points, spacing.at(points), surfaces)
+        kept = memo.value("clouds", key, fill)
+        points = kept["points"]
+        mirror = None if half is None else half.mirror(len(points), int(kept["upon"]))
+        return Cloud(points, spacing.at(points), surfaces, mirror)
 
     # The same nodes serve surfaces of other names.
     return memo.value("cloud", digest(key, list(surfaces)), made)
@@ -184,6 +199,20 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
             smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH)
             if name not in own and smooth.any():
                 yield place, name
+
+
+def _bounded(
+    outline: Outline, spacing: Spacing, places: Places, line: Line | None = None
+) -> tuple[FloatArray, dict[str, Surface], IntArray]:
+    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places``, and where curves cross a
+    ``line`` halfway."""
+    steps = [
+        spacing.steps_along(curve, line, places.along(number).tolist())
+        for number, curve in enumerate(outline.curves)
+    ]
+    points = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
+    surfaces = _surfaces(outline, steps)
+    return points, surfaces, _edges(surfaces.values())
 
 
 def _surfaces(outline: Outline, steps: list[FloatArray]) -> dict[str, Surface]:

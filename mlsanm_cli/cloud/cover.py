@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 LIMIT = 24
 TOLERANCE = 1.25
 """A node is content with a spacing this many times wider than asked for."""
+NEAR_LINE = 0.5
+"""Zones nearer to a line of symmetry than this part of what they ask for are put on it."""
 
 
 def cover(
@@ -18,12 +21,14 @@ def cover(
     wanted: FloatArray,
     planned: Spacing,
     growth: float,
+    line: Line | None = None,
 ) -> tuple[Zone, ...]:
-    """Round zones, LIMIT at most, for nodes ``points`` (n, 2) of ``spacing`` (n,) that want ``wanted`` (n,).
+    """Round zones, LIMIT at most or twice as many with a ``line`` of symmetry, for nodes ``points`` (n, 2) of
+    ``spacing`` (n,) that want ``wanted`` (n,).
 
     Greedy: the node that is farthest from what it wants becomes the middle of a zone, whose radius grows as
     long as most of the area inside wants the same; infinity wants nothing. ``planned`` is the spacing
-    without these zones.
+    without these zones. With a ``line`` they are their own mirror images, if ``planned`` and ``wanted`` are.
     """
     has = planned.at(points)
     area = spacing**2
@@ -35,6 +40,8 @@ def cover(
             break
         h = float(wanted[worst])
         middle = points[worst]
+        if line is not None and abs(middle[line.axis] - line.at) < NEAR_LINE * h:
+            middle = np.where(np.arange(2) == line.axis, line.at, middle)
         distance = np.hypot(*(points - middle).T)
         near = np.argsort(distance)
         fine = area[near] * (wanted[near] <= TOLERANCE * h)
@@ -42,6 +49,8 @@ def cover(
         # As far as every circle up to there mostly needs this spacing.
         last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1
         radius = max(float(distance[near[max(last, 0)]]), h)
-        zones.append(Zone.around((float(middle[0]), float(middle[1])), h, radius, growth))
-        has = np.minimum(has, Spacing(planned.far, (zones[-1],)).at(points))
+        places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)
+        added = tuple(Zone.around((float(x), float(y)), h, radius, growth) for x, y in places)
+        zones += added
+        has = np.minimum(has, Spacing(planned.far, added).at(points))
     return tuple(zones)

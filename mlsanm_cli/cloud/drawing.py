@@ -120,7 +120,7 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
             continue
         points = side.points
         if count == 1:
-            # Begins at its highest point, as disks do, wherever its points begin.
+            # Begins at its highest point, as disks do, so that nodes lie where a mirror line crosses it.
             top = max(range(len(points) - 1), key=lambda k: points[k][1])
             points, closed = (*points[top:-1], *points[: top + 1]), True
         elif after.first is not None:

@@ -16,6 +16,8 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
+from mlsanm_cli.cloud.halves import surface_images
+from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
@@ -87,6 +89,22 @@ def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | Non
     cloud = Cloud(points, np.ones(len(points)), surfaces)
     triangles = triangulate(points, cloud.edges, visibility_criterion(points, cloud.edges))
     return Cloud(points, _neighbour_distance(points, triangles), surfaces)
+
+
+def mirrored(cloud: Cloud, line: Line) -> Cloud | None:
+    """The same cloud as its own mirror image about a ``line``; None where its nodes or surfaces are none, or
+    the line runs along its outline."""
+    image = line.images(cloud.points, cloud.spacing)
+    if image is None:
+        return None
+    own = image == np.arange(len(image))
+    images = surface_images(image, cloud.surfaces)
+    if images is None or own[cloud.edges].all(axis=1).any():
+        return None
+    side = np.where(own, 0, np.sign(cloud.points[:, line.axis] - line.at)).astype(np.int64)
+    # Of a quad's two triangulations the mirror may show the other: distances of neighbours are then unlike.
+    spacing = 0.5 * (cloud.spacing + cloud.spacing[image])
+    return Cloud(cloud.points, spacing, cloud.surfaces, Mirror(line, image, side, images))
 
 
 def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:

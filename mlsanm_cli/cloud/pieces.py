@@ -1,7 +1,8 @@
 """Division of a cloud into connected pieces of about equally many nodes.
 
 By recursive bisection across the longer axis of inertia (Simon 1991, doi:10.1016/0956-0521(91)90014-V), all
-parts of one level at a time; then parts that are not connected by the triangles are split.
+parts of one level at a time; then parts that are not connected by the triangles are split. The pieces of a
+cloud with a mirror are their own images or each other's.
 """
 
 from __future__ import annotations
@@ -37,10 +38,25 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     alone = np.bincount(cloud.triangles.ravel(), minlength=len(cloud.points)) == 0
     along = cloud.edges[alone[cloud.edges].any(axis=1)]
     pairs = np.concatenate([along, *(cloud.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0)))])
+    mirror = cloud.mirror
     depth = nearest(cKDTree(cloud.points[cloud.boundary_nodes]), cloud.points)[0] / cloud.spacing
     wanted = np.clip((DEEPER * depth) ** 2, size, MOST)
     wanted = np.minimum(wanted, np.maximum((NARROWER * cloud.room / cloud.spacing) ** 2, FEWEST))
-    return _divided(cloud.points, pairs, wanted)
+    if mirror is None:
+        return _divided(cloud.points, pairs, wanted)
+    place = np.full(len(cloud.points), -1, dtype=np.int64)
+    place[mirror.own] = np.arange(len(mirror.own))
+    own = _divided(
+        cloud.points[mirror.own], place[pairs][(place[pairs] >= 0).all(axis=1)], wanted[mirror.own]
+    )
+    labels = own[mirror.place]
+    # What touches the mirror, or reaches across it, is one piece with its image.
+    touching = np.zeros(own.max() + 1, dtype=bool)
+    touching[labels[mirror.side == 0]] = True
+    touching[labels[pairs[mirror.side[pairs].prod(axis=1) < 0]]] = True
+    beyond = (mirror.side < 0) & ~touching[labels]
+    labels[beyond] += own.max() + 1
+    return np.unique(labels, return_inverse=True)[1].astype(np.int64)
 
 
 def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> IntArray:
@@ -56,12 +72,18 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     far = np.ones(len(cloud.points), dtype=bool)
     if len(stops):
         far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > APART * cloud.spacing
-    labels, count = np.full(len(cloud.points), -1, dtype=np.int64), 0
+    mirror, labels, count = cloud.mirror, np.full(len(cloud.points), -1, dtype=np.int64), 0
     for name in sorted(touching):
         for run in _runs(surfaces[name].index, far):
+            if mirror is not None:
+                # One side after the other: images of pairs are pairs.
+                run = run[mirror.side[run] > 0]
             pairs = len(run) // 2
             labels[run[: 2 * pairs]] = count + np.repeat(np.arange(pairs), 2)
             count += pairs
+    if mirror is not None:
+        beyond = np.flatnonzero((mirror.side < 0) & (labels[mirror.image] >= 0))
+        labels[beyond] = count + labels[mirror.image[beyond]]
     used, found = np.unique(labels[labels >= 0], return_inverse=True)
     labels[labels >= 0] = found if len(used) else -1
     return labels

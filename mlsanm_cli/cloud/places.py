@@ -10,6 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.mirror import SAME, Line
 from mlsanm_cli.cloud.spacing import APART, Spacing
 from mlsanm_cli.cloud.surface import Surface
 
@@ -38,6 +39,12 @@ class Places:
     def along(self, number: int) -> FloatArray:
         """The arc lengths of those on a curve."""
         return np.asarray(self.arc[self.curve == number])
+
+    def upon(self, line: Line) -> bool:
+        """Whether all inside are on a ``line``."""
+        points = self.points[self.curve < 0]
+        size = np.abs(points).max(initial=0.0) + abs(line.at)
+        return bool((np.abs(points[:, line.axis] - line.at) <= SAME * size).all())
 
     def inside(self, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing) -> FloatArray:
         """Those (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.startup import cKDTree
@@ -24,14 +25,20 @@ LONGEST = 0.2
 """Longest step, in spacings: a node cannot leap over its neighbours or leave the body."""
 
 
-def relax(points: FloatArray, fixed: int, spacing: Spacing) -> FloatArray:
+def relax(
+    points: FloatArray, fixed: int, spacing: Spacing, line: Line | None = None, upon: int = 0
+) -> FloatArray:
     """The nodes ``points`` (n, 2), all but the first ``fixed`` moved a little.
 
-    Each neighbour at distance d pushes with (h/d)^STEEPNESS, h the spacing at the node.
+    Each neighbour at distance d pushes with (h/d)^STEEPNESS, h the spacing at the node. With a ``line`` of
+    symmetry the nodes behind the first ``fixed`` are ``upon`` nodes on it and others on one side of it only;
+    the images of these follow them in what is returned.
     """
-    points, moving = points.copy(), slice(fixed, None)
+    end = len(points)
+    on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
+    points = points.copy() if line is None else np.concatenate([points, line.reflect(points[adjacent])])
     count = min(NEIGHBORS, len(points) - 1)
-    if len(points) == fixed or count < 1:
+    if end == fixed or count < 1:
         return points
     for sweep in range(SWEEPS):
         if sweep % LOOK == 0:
@@ -47,4 +54,7 @@ def relax(points: FloatArray, fixed: int, spacing: Spacing) -> FloatArray:
         size = np.sqrt((force**2).sum(axis=1))
         length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
         points[moving] += (h * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
+        if line is not None:
+            points[on, line.axis] = line.at
+            points[end:] = line.reflect(points[adjacent])
     return points

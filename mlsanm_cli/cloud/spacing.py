@@ -10,6 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
+from mlsanm_cli.cloud.mirror import SAME, Line
 from mlsanm_cli.cloud.search import PIECE, in_pieces
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
@@ -62,15 +63,27 @@ class Spacing:
         """The same with further zones."""
         return replace(self, zones=(*self.zones, *zones))
 
+    def symmetric(self, line: Line) -> bool:
+        """Whether it is its own mirror image: every zone has one among the zones."""
+        marks, asked = _marks(self.table())
+        images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
+        slack = SAME * asked[:, :1, None]
+        for image, wanted in zip(images, asked, strict=True):
+            like = np.isclose(asked, wanted, rtol=SAME, atol=0.0).all(axis=1)
+            near = [np.abs(marks - way).max(axis=(1, 2)) <= slack[:, 0, 0] for way in (image, image[::-1])]
+            if not (like & (near[0] | near[1])).any():
+                return False
+        return True
+
     @property
     def finest(self) -> float:
         """Smallest spacing anywhere."""
         return min([self.far, *(zone.spacing for zone in self.zones)])
 
-    def steps_along(self, curve: Curve, places: Sequence[float] = ()) -> FloatArray:
+    def steps_along(self, curve: Curve, line: Line | None = None, places: Sequence[float] = ()) -> FloatArray:
         """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h
-        between them and the ``places`` that are to have a node. Places closer than half
-        a spacing to an end or to another place get none.
+        between them and the ``places`` that are to have a node; so is its middle if it is on the ``line``.
+        Places closer than half a spacing to an end or to another place get none.
 
         Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it
         was asked for; two bodies' fine zones would otherwise no longer face each other. Raises RunError for
@@ -94,17 +107,17 @@ class Spacing:
         integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (density[1:] + density[:-1]))])
         if not integral[-1] <= MOST_STEPS:
             raise _too_many()
-        total = float(integral[-1])
-        ends, wanted = [0.0, total], np.zeros(0)
+        total, halved = float(integral[-1]), line is not None and _halved(curve, line)
+        ends, wanted = [0.0, *([0.5 * total] if halved else ()), total], np.zeros(0)
         if len(places):
             wanted = np.interp(places, s, integral)
         for place in wanted.tolist():
             if min(abs(place - end) for end in ends) > APART:
                 ends.append(place)
         # The small shift decides ties the same way in every system of units.
-        if len(ends) == 2:
-            least = 8 if curve.closed else 2
-            even = np.linspace(0.0, total, max(least, int(total + 0.5 - 1e-6)) + 1)
+        if len(ends) == 2 + halved:
+            part, least = 1 + halved, 8 if curve.closed else 2
+            even = np.linspace(0.0, total, max(least, part * int(total / part + 0.5 - 1e-6)) + 1)
         else:
             least = 4 if curve.closed else 1
             parts = [
@@ -115,6 +128,27 @@ class Spacing:
         steps = np.interp(even, integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
+
+
+def _halved(curve: Curve, line: Line) -> bool:
+    """Whether the middle of a curve is on the ``line``."""
+    middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
+    return bool(abs(middle - line.at) <= SAME * curve.length)
+
+
+def _marks(table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Three points (z, 3, 2) of every zone's line or arc, of a whole circle its centre, and what is asked for
+    there (z, 4): spacing, radius, growth, and the circle's radius."""
+    first, last = table[:, 1:3], table[:, 3:5]
+    marks = np.stack([first, 0.5 * (first + last), last], axis=1)
+    asked = np.concatenate([table[:, 6:9], np.zeros((len(table), 1))], axis=1)
+    for zone in np.flatnonzero(table[:, 0] == 1.0):
+        center, (radius, start, sweep) = table[zone, 1:3], table[zone, 3:6]
+        angle = start + sweep * np.array([0.0, 0.5, 1.0])
+        around = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        marks[zone] = center + (around if sweep < 2.0 * np.pi else 0.0)
+        asked[zone, 3] = radius
+    return marks, asked
 
 
 def _too_many() -> RunError:

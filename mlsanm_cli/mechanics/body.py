@@ -38,6 +38,7 @@ from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
+from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, nearest_nodes
@@ -104,11 +105,15 @@ class BodyModel:
             ghosts = ghost_owners(cloud, clamped)
             nodes = np.concatenate([nodes, ghost_points(cloud, ghosts)])
         tree = cloud.tree if nodes is cloud.points else cKDTree(nodes)
-        near = nearest_nodes(tree, cloud.points, max(settings.stencil_size, foresight))
+        mirror = cloud.mirror if nodes is cloud.points else None
+        points = cloud.points if mirror is None else cloud.points[mirror.own]
+        near = nearest_nodes(tree, points, max(settings.stencil_size, foresight))
         tips = known_tips(cloud.tips, material, settings)
-        stencils = build_stencils(nodes, tree, cloud.points, 2, settings, cloud.sight, near, tips)
+        stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near, tips)
         if not foresight:
             near = near[:, :0]
+        if mirror is not None:
+            stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
         return cls(name, cloud, material, settings, ghosts, nodes, tree, near, stencils)
 
     @cached_property

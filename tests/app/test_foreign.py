@@ -107,7 +107,7 @@ def test_points_with_tags_are_a_body_and_pull_evenly(tmp_path: Path) -> None:
     rows = "".join(f"{x},{y},{name}\n" for (x, y), name in zip(grid, tag, strict=True))
     (tmp_path / "plate.csv").write_text("x,y,tag\n" + rows)
     summary = run(write(tmp_path, CLOUD), out=tmp_path / "out", console=Quiet())
-    assert summary["nodes"] == 66
+    assert (summary["nodes"], summary["symmetry"]) == (66, "x = 0")
     stress = read_run(tmp_path / "out").states[-1].bodies["plate"]["stress"]
     assert stress == pytest.approx(np.tile([100.0, 0.0, 0.0], (66, 1)), abs=1e-6)
 

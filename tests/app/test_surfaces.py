@@ -303,7 +303,7 @@ def test_a_pressure_and_a_contact_share_a_surface(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("start", [0.0, 0.5 * np.pi])
 def test_a_closed_curve_begins_at_its_top_wherever_its_points_do(start: float) -> None:
-    """As disks do: its nodes are the same."""
+    """Without a node there the mirror image of a ring between plates was none, and the ring rolled away."""
     angle = start + np.linspace(0.0, 2.0 * np.pi, 25)
     points = [[float(x), float(y)] for x, y in zip(np.cos(angle), np.sin(angle), strict=True)]
     text = PARTS[: PARTS.index("[[support]]")].replace(

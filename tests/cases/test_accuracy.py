@@ -105,8 +105,7 @@ def test_the_over_refined_pressure_is_that_of_finite_elements(hertz: Truth) -> N
     [
         [],
         [SMOOTH],
-        # Of the first seed the error of the pressures is a fifth of that of others, by chance.
-        ["mls.degree=2", "body.cylinder.spacing=0.3", "body.block.spacing=0.4", "body.cylinder.seed=1"],
+        ["mls.degree=2", "body.cylinder.spacing=0.3", "body.block.spacing=0.4"],
         ["body.cylinder.spacing=0.1", "body.block.spacing=0.15"],
         ["mls.degree=4"],
         ["contact.interface.accuracy=1e-2"],

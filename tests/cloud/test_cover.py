@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.cloud.cover import LIMIT, TOLERANCE, cover
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 X = np.linspace(-1.0, 1.0, 41)
@@ -40,3 +41,18 @@ def test_a_few_dense_nodes_do_not_make_a_wide_zone() -> None:
     (zone, *others) = cover(points, has, wanted, Spacing(0.05), 0.2)
     assert all(one.radius <= 0.01 for one in (zone, *others))
     assert len(others) < LIMIT
+
+
+def test_what_is_wanted_symmetrically_is_given_symmetrically() -> None:
+    x, y = np.abs(POINTS[:, 0]), POINTS[:, 1]
+    adjacent, upon = np.hypot(x - 0.5, y - 0.1) < 0.25, np.hypot(x - 0.01, y + 0.6) < 0.2
+    wanted = np.where(adjacent, 0.02, np.where(upon, 0.025, np.inf))
+    spacing = Spacing(0.05)
+    for line in (Line(0, 0.0), Line(1, 0.3)):
+        points = POINTS if line.axis == 0 else POINTS[:, ::-1] + [0.0, 0.3]
+        assert not spacing.with_zones(cover(points, HAS, wanted, spacing, 0.2)).symmetric(line)
+        zones = cover(points, HAS, wanted, spacing, 0.2, line)
+        assert spacing.with_zones(zones).symmetric(line)
+        assert (spacing.with_zones(zones).at(points) <= TOLERANCE * wanted).all()
+        places = [row[1:3] for row in Spacing(0.05, zones).table()]
+        assert any(place[line.axis] == line.at for place in places)

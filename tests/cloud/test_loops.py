@@ -8,7 +8,8 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Segment, rectangle
-from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
+from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, mirrored, trace
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.splines import SplinePart
 from mlsanm_cli.errors import GeometryError
@@ -119,3 +120,22 @@ def test_given_normals_are_used_where_they_belong_to_the_curve() -> None:
     assert cloud.surfaces["a"].normal[3] == pytest.approx(normals[3])
     assert cloud.surfaces["a"].normal[8] == pytest.approx([0.0, -1.0])
     assert cloud.surfaces["b"].normal[0] == pytest.approx([1.0, 0.0])
+
+
+def test_nodes_that_come_with_a_body_are_their_own_images_if_they_are() -> None:
+    side = square(4)
+    inner = np.stack([one.ravel() for one in np.meshgrid(*[np.arange(1, 4) / 4] * 2)], axis=1)
+    points = np.concatenate([side, inner])
+    traced = trace(points, [loop(16, "")], CORNER)
+    for axis in (0, 1):
+        line = Line(axis, 0.5)
+        cloud = mirrored(cloud_of_nodes(points, traced), line)
+        assert cloud is not None
+        assert cloud.mirror is not None
+        np.testing.assert_allclose(line.reflect(points), points[cloud.mirror.image], atol=1e-15)
+        assert np.array_equal(cloud.mirror.side, np.sign(points[:, axis] - 0.5))
+        assert np.array_equal(cloud.spacing, cloud.spacing[cloud.mirror.image])
+        # An outline that runs along the line is in no half.
+        assert mirrored(cloud_of_nodes(points, traced), Line(axis, 0.0)) is None
+    points[-1, 0] += 1e-6
+    assert mirrored(cloud_of_nodes(points, traced), Line(0, 0.5)) is None

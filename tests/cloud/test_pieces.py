@@ -9,6 +9,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, annulus, disk, rectangle, sector
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.pieces import APART, FEW, MOST, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
@@ -74,8 +75,37 @@ def test_pieces_beside_small_holes_are_small() -> None:
     assert np.median(np.bincount(labels)[labels]) >= 8
 
 
-def test_pairs_are_neighbours_along_surfaces_away_from_corners() -> None:
-    cloud = build_cloud(BLOCK, Spacing(0.05), 0)
+UPRIGHT, LEVEL = Line(0, 0.0), Line(1, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [("block", UPRIGHT), ("block", LEVEL), ("disk", UPRIGHT), ("disk", LEVEL), ("ring", UPRIGHT)],
+)
+def test_pieces_of_mirrored_clouds_are_their_own_images_or_each_others(name: str, line: Line) -> None:
+    outline, spacing = BODIES[name]
+    if name == "block":
+        outline = rectangle((-1.0, 1.0), (-1.0, 1.0))
+        spacing = Spacing(0.1)
+    cloud = build_cloud(outline, spacing, 0, line=line)
+    mirror = cloud.mirror
+    assert mirror is not None
+    labels = divide(cloud, 16)
+    count = int(labels.max()) + 1
+    assert np.array_equal(np.unique(labels), np.arange(count))
+    image = np.full(count, -1)
+    image[labels] = labels[mirror.image]
+    assert np.array_equal(image[labels], labels[mirror.image])
+    assert np.array_equal(image[image], np.arange(count))
+    # One that reaches the mirror is its own image.
+    assert (image[labels[mirror.side == 0]] == labels[mirror.side == 0]).all()
+    assert (image != np.arange(count)).any()
+    assert parts_of(cloud, labels) == count
+
+
+@pytest.mark.parametrize("line", [None, Line(0, 0.0)], ids=["plain", "mirrored"])
+def test_pairs_are_neighbours_along_surfaces_away_from_corners(line: Line | None) -> None:
+    cloud = build_cloud(BLOCK, Spacing(0.05), 0, line=line)
     labels = pair_up(cloud, ["top"], ["bottom"])
     paired = np.flatnonzero(labels >= 0)
     top = cloud.surfaces["top"].index
@@ -90,6 +120,10 @@ def test_pairs_are_neighbours_along_surfaces_away_from_corners() -> None:
     corners = np.array([[-1.0, 1.0], [1.0, 1.0]])
     away = np.hypot(*(cloud.points[paired][:, None] - corners).transpose(2, 0, 1)).min(axis=1)
     assert (away > APART * cloud.spacing[paired]).all()
+    if cloud.mirror is not None:
+        beyond = labels[cloud.mirror.image]
+        pairs = {tuple(np.flatnonzero(labels == k)) for k in range(labels.max() + 1)}
+        assert {tuple(np.flatnonzero(beyond == k)) for k in range(labels.max() + 1)} == pairs
 
 
 def test_a_closed_surface_is_paired_all_around() -> None:

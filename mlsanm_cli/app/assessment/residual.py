@@ -17,6 +17,7 @@ import numpy as np
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cover import cover
+from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.patches import Patch
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
@@ -30,6 +31,8 @@ AWAY = 3.0
 GROWTH = 0.2
 WORTH = 1.15
 """A node that would become finer by less asks for nothing."""
+UNLIKE = 0.05
+"""What symmetric nodes ask for differs by less than this part of it if the loads are symmetric."""
 
 
 def residual_zones(
@@ -38,7 +41,8 @@ def residual_zones(
     patches: tuple[Patch, ...],
     planned: tuple[Zone, ...],
 ) -> tuple[Zone, ...]:
-    """Zones beyond the ``planned`` ones; none without defects, or where no residual stands out."""
+    """Zones beyond the ``planned`` ones; none without defects, or where no residual stands out. Those of a
+    body whose nodes are placed symmetrically are so too if what its nodes ask for is."""
     if not defects:
         return ()
     levels, ruled = {}, {}
@@ -51,9 +55,10 @@ def residual_zones(
     for body in built.case.body:
         cloud = built.scene.bodies[body.name].model.cloud
         finer = np.where(ruled[body.name], 1.0, _finer(levels[body.name], level, degree))
+        finer, line = _made_symmetric(finer, cloud.mirror)
         wanted = np.where(finer >= WORTH, cloud.spacing / finer, np.inf)
         spacing = spacing_of(built.case, body).with_zones((*planned, *zones))
-        zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH)
+        zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 
 
@@ -67,6 +72,17 @@ def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
     mean = np.add.reduceat(square[point], stencils.indptr[:-1]) / np.diff(stencils.indptr)
     result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.gripped)
     return result
+
+
+def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArray, Line | None]:
+    """The same (n,) with equal values at nodes that are each other's images, and the line of symmetry; as it
+    is, and no line, where these differ by more than round-off and the discretisation make them."""
+    if mirror is None:
+        return finer, None
+    image = finer[mirror.image]
+    if np.abs(finer - image).mean() > UNLIKE * (finer - 1.0).mean():
+        return finer, None
+    return np.maximum(finer, image), mirror.line
 
 
 def _near_contact(model: BodyModel, patches: tuple[Patch, ...]) -> BoolArray:

@@ -85,8 +85,7 @@ def summarise(
         summary |= {
             "nodes": nodes,
             "unknowns": 2 * nodes,
-            # For scripts that read it: no nodes are placed symmetrically any more.
-            "symmetry": None,
+            "symmetry": _symmetry(built),
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
             "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
             "condensation_solves": built.condensed.solves,
@@ -167,3 +166,10 @@ def _contact(built: CondensedScene, name: str, state: State, cone: float | None)
             "pressure_error_l2": profile.error_l2,
         }
     return figures
+
+
+def _symmetry(built: CondensedScene) -> str | None:
+    """The line about which the nodes of all bodies are placed symmetrically, if they are."""
+    mirrors = [body.model.cloud.mirror for body in built.scene.bodies.values()]
+    lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
+    return lines.pop() if len(lines) == 1 else None

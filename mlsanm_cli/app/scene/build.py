@@ -17,6 +17,7 @@ from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.app.scene.free_motions import MOTIONS, held_at_zero
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
+from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
@@ -103,7 +104,7 @@ def place(
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says, and
     bodies that come out as ``before`` stay."""
     with context.phase("cloud", "placing nodes"):
-        placed = clouds(case, zones, context.memo)
+        placed = clouds(case, zones, context.memo, line_of(case))
     with context.phase("operators", "building operators"):
         return prepare(case, placed, context.memo, before.models if before is not None else NOTHING)
 

@@ -34,6 +34,7 @@ from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
 from mlsanm_cli.case.model.files import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
 
@@ -112,16 +113,29 @@ def _finer(case: Case, body: Body) -> float:
     return math.sqrt(materials(case)[body.material].stretch)
 
 
-def clouds(case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE) -> dict[str, Cloud]:
-    """Node clouds of all bodies, refined in ``zones`` beyond what the case says."""
+def _brought(case: Case, body: Body, cloud: Cloud, line: Line | None) -> Cloud:
+    """The cloud whose nodes came with the body, its own mirror image if a ``line`` is given and it is one."""
+    cloud = with_cuts(case, body, cloud)
+    if line is None:
+        return cloud
+    from mlsanm_cli.cloud.loops import mirrored
+
+    return mirrored(cloud, line) or cloud
+
+
+def clouds(
+    case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: Line | None = None
+) -> dict[str, Cloud]:
+    """Node clouds of all bodies, refined in ``zones`` beyond what the case says, and about a ``line`` their
+    own mirror images where outline and spacing are."""
     placed = {}
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            placed[body.name] = with_cuts(case, body, imported_geometry(body.shape).cloud)
+            placed[body.name] = _brought(case, body, imported_geometry(body.shape).cloud, line)
         else:
             spacing = spacing_of(case, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]
             placed[body.name] = build_cloud(
-                outline_of(case, body), spacing, body.seed, memo=memo, wanted=wanted
+                outline_of(case, body), spacing, body.seed, memo=memo, line=line, wanted=wanted
             )
     return placed

@@ -420,7 +420,7 @@ def with_cuts(case: Case, body: Body, cloud: Cloud) -> Cloud:
             arc = whole.arc_length[nodes] - whole.arc_length[nodes[0]]
             arc = np.mod(arc, whole.curve.length)
             surfaces[own] = Surface(own, curve, whole.index[nodes], arc, whole.normal[nodes])
-    return Cloud(cloud.points, cloud.spacing, surfaces)
+    return Cloud(cloud.points, cloud.spacing, surfaces, cloud.mirror)
 
 
 def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:

@@ -1,0 +1,54 @@
+"""The line about which the nodes of a symmetric case are placed symmetrically."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.app.scene.clouds import spacing_of
+from mlsanm_cli.app.scene.surfaces import imported_geometry, outline_of
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Mesh, Points
+from mlsanm_cli.case.model.case import Body
+from mlsanm_cli.cloud.mirror import SAME, Line
+
+SAMPLES = 33
+
+
+def line_of(case: Case) -> Line | None:
+    """The line about which nodes are placed symmetrically: the middle of all bodies, if all are their own
+    mirror images about it.
+
+    Not so with friction, or other schemes than least squares: there errors that differ from side to side are
+    the better ones, as they cancel in part.
+    """
+    if case.mls.scheme != "least-squares" or any(contact.friction for contact in case.contact):
+        return None
+    if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
+        return None
+    points = [_points(case, body) for body in case.body]
+    boxes = np.array([[some.min(axis=0), some.max(axis=0)] for some in points])
+    size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
+    middle = boxes.mean(axis=1)
+    for axis in (0, 1):
+        line = Line(axis, float(middle[0, axis]))
+        same = np.abs(middle[:, axis] - line.at).max() <= SAME * size
+        if same and all(_symmetric(case, body, line, float(size)) for body in case.body):
+            return line
+    return None
+
+
+def _symmetric(case: Case, body: Body, line: Line, size: float) -> bool:
+    """Whether a body's spacing is its own mirror image, or the nodes are that came with it."""
+    if not body.has_nodes:
+        return spacing_of(case, body).symmetric(line)
+    points = _points(case, body)
+    return line.images(points, np.full(len(points), size / np.sqrt(len(points)))) is not None
+
+
+def _points(case: Case, body: Body) -> FloatArray:
+    """The nodes (n, 2) that came with a body, or points along its outline."""
+    if isinstance(body.shape, Mesh | Points):
+        return imported_geometry(body.shape).points
+    fractions = np.linspace(0.0, 1.0, SAMPLES)
+    curves = outline_of(case, body).curves
+    return np.concatenate([curve.points(curve.length * fractions) for curve in curves])

@@ -1,0 +1,130 @@
+"""Half of a body that is its own mirror image: nodes are placed there, the others are images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.startup import cKDTree
+
+ONTO = 0.3
+"""Nodes nearer to the line than this part of the spacing are put on it."""
+HOLE = 0.85
+"""Farther than this from all nodes, in spacings, the line gets one of its own.
+
+Nodes at equal steps along the line were tried as well: more clouds of degree 4 failed their certificate."""
+FINE = 0.1
+"""Holes are looked for in steps of this part of the spacing."""
+
+
+@dataclass(frozen=True)
+class Half:
+    """What lies on one side of the ``line``: boundary nodes there, ``start`` (s, 2), and ``chords`` (c, 4)
+    around it, the last ones the ``cuts`` (k, 2, 2) along the line. ``image`` (b,) and ``side`` (b,) are those
+    of all ``boundary`` nodes (b, 2), ``surfaces`` their images."""
+
+    line: Line
+    boundary: FloatArray
+    start: FloatArray
+    chords: FloatArray
+    cuts: FloatArray
+    image: IntArray
+    side: IntArray
+    surfaces: Mapping[str, tuple[str, IntArray]]
+
+    def settled(self, inner: FloatArray, spacing: Spacing) -> tuple[FloatArray, int]:
+        """The nodes ``inner`` (n, 2) of the half without holes along the line, nodes on it first, and the
+        number of these."""
+        line = self.line
+        inner = inner.copy()
+        upon = np.abs(inner[:, line.axis] - line.at) < ONTO * spacing.at(inner)
+        inner[upon, line.axis] = line.at
+        tree = cKDTree(np.concatenate([self.boundary, inner]))
+        filled = [node for cut in self.cuts for node in _fillings(cut, tree, spacing)]
+        added = np.array(filled).reshape(-1, 2)
+        return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
+
+    def mirror(self, count: int, upon: int) -> Mirror:
+        """The symmetry of ``count`` nodes: the boundary's, ``upon`` on the line, those next to it, their
+        images."""
+        first = len(self.boundary)
+        on = np.arange(first, first + upon)
+        adjacent, beyond = np.split(np.arange(first + upon, count), 2)
+        image = np.concatenate([self.image, on, beyond, adjacent])
+        side = [self.side, np.zeros_like(on), np.ones_like(adjacent), -np.ones_like(beyond)]
+        return Mirror(self.line, image, np.concatenate(side), self.surfaces)
+
+
+def halved(
+    line: Line,
+    boundary: FloatArray,
+    edges: IntArray,
+    surfaces: Mapping[str, Surface],
+    spacing: Spacing,
+) -> Half | None:
+    """The half of the body whose ``boundary`` nodes (b, 2) are joined by ``edges`` (e, 2).
+
+    None where they are not their own mirror images, or the line runs along the boundary.
+    """
+    image = line.images(boundary, spacing.at(boundary))
+    if image is None:
+        return None
+    own = np.arange(len(boundary)) == image
+    side = np.where(own, 0, np.sign(boundary[:, line.axis] - line.at)).astype(np.int64)
+    images = surface_images(image, surfaces)
+    ends = side[edges]
+    if images is None or (ends == 0).all(axis=1).any():
+        return None
+    crossing = ends.prod(axis=1) < 0
+    if not np.array_equal(image[edges[crossing, 0]], edges[crossing, 1]):
+        return None
+    points = boundary[edges]
+    middle = points.mean(axis=1)
+    middle[:, line.axis] = line.at
+    adjacent = (ends.sum(axis=1) > 0) | crossing
+    outside = ends[:, :, None] < 0
+    chords = np.where(outside, middle[:, None], points)[adjacent]
+    along = 1 - line.axis
+    crossed = np.sort(np.concatenate([boundary[own, along], middle[crossing, along]]))
+    if len(crossed) % 2:
+        return None
+    cuts = np.full((len(crossed) // 2, 2, 2), line.at)
+    cuts[:, :, along] = crossed.reshape(-1, 2)
+    chords = np.concatenate([chords, cuts]).reshape(-1, 4)
+    return Half(line, boundary, boundary[side >= 0], chords, cuts, image, side, images)
+
+
+def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:
+    """Nodes (2,) that holes along a ``cut`` (2, 2) through the body need, from its lower end upwards."""
+    segment = Segment((float(cut[0, 0]), float(cut[0, 1])), (float(cut[1, 0]), float(cut[1, 1])))
+    steps = spacing.steps_along(segment)
+    fine = np.interp(np.arange(0.0, len(steps) - 1.0, FINE), np.arange(len(steps)), steps)
+    places = segment.points(fine)
+    sizes, last = spacing.at(places), -np.inf
+    for k in np.flatnonzero(nearest(tree, places)[0] > HOLE * sizes):
+        if fine[k] - last >= sizes[k]:
+            last = fine[k]
+            yield places[k]
+
+
+def surface_images(
+    image: IntArray, surfaces: Mapping[str, Surface]
+) -> dict[str, tuple[str, IntArray]] | None:
+    """The image of every surface and of its nodes (b,), by their places there; None where there are none."""
+    places = {name: {int(node): k for k, node in enumerate(s.index)} for name, s in surfaces.items()}
+    images = {}
+    for name, surface in surfaces.items():
+        seen = image[surface.index].tolist()
+        other = next((o for o, known in places.items() if known.keys() == set(seen)), None)
+        if other is None:
+            return None
+        images[name] = other, np.array([places[other][node] for node in seen], dtype=np.int64)
+    return images

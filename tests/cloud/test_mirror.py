@@ -1,0 +1,245 @@
+"""Clouds that are their own mirror images, and those that cannot be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.memo import Memo
+
+UPRIGHT, LEVEL = Line(0, 0.3), Line(1, -0.2)
+
+
+def polygon(*corners: tuple[float, float]) -> Outline:
+    names = tuple(f"edge{number}" for number in range(len(corners)))
+    return Outline(names, tuple(map(Segment, corners, (*corners[1:], corners[0]))))
+
+
+BLOCK = rectangle((-0.7, 1.3), (-0.7, 0.3))
+FINE = Spacing(0.1, (Zone.around((0.3, 0.3), 0.01, 0.05, 0.12),))
+BESIDE = Spacing(0.1, tuple(Zone.around((0.3 + x, 0.3), 0.01, 0.05, 0.2) for x in (-0.4, 0.4)))
+SCENES: dict[str, tuple[Outline, Spacing, Line]] = {
+    "block": (BLOCK, Spacing(0.07), UPRIGHT),
+    "level": (BLOCK, Spacing(0.07), LEVEL),
+    "zone": (BLOCK, FINE, UPRIGHT),
+    "two zones": (BLOCK, BESIDE, UPRIGHT),
+    "zone along an edge": (BLOCK, Spacing(0.1, (Zone(BLOCK.curves[2], 0.03, 0.05, 0.2),)), UPRIGHT),
+    "disk": (disk((0.3, 0.0), 0.5), Spacing(0.06), UPRIGHT),
+    "half-disk": (half_disk((0.3, 0.5), 0.5, "lower"), Spacing(0.06), UPRIGHT),
+    "ring": (annulus((0.3, 0.0), (0.5, 1.0)), Spacing(0.08), UPRIGHT),
+    "sector": (sector((0.0, -0.2), (0.5, 1.0), (-0.6, 0.6)), Spacing(0.05), LEVEL),
+    "roof": (polygon((-0.7, 0.0), (1.3, 0.0), (1.3, 0.5), (0.3, 1.0), (-0.7, 0.5)), Spacing(0.08), UPRIGHT),
+}
+
+
+def mirrored(name: str, seed: int = 0) -> tuple[Cloud, Mirror]:
+    outline, spacing, line = SCENES[name]
+    cloud = build_cloud(outline, spacing, seed, line=line)
+    assert cloud.mirror is not None
+    return cloud, cloud.mirror
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_nodes_and_surfaces_are_their_own_images(name: str) -> None:
+    cloud, mirror = mirrored(name)
+    image, side, line = mirror.image, mirror.side, mirror.line
+    inner = np.arange(len(cloud.points)) >= len(cloud.boundary_nodes)
+    assert np.array_equal(image[image], np.arange(len(image)))
+    assert np.array_equal(side[image], -side)
+    assert ((image == np.arange(len(image))) == (side == 0)).all()
+    away = np.abs(line.reflect(cloud.points) - cloud.points[image])
+    assert away[inner].max() <= 1e-15
+    assert away.max() <= 1e-13
+    adjacent = cloud.points[:, line.axis] - line.at
+    assert (np.sign(adjacent[side != 0]) == side[side != 0]).all()
+    assert not adjacent[(side == 0) & inner].any()
+    assert np.abs(adjacent[side == 0]).max() <= 1e-13
+    assert np.abs(cloud.areas - cloud.areas[image]).max() == 0.0
+    for surface in cloud.surfaces.values():
+        other, places = mirror.surfaces[surface.name]
+        back = cloud.surfaces[other]
+        assert np.array_equal(image[surface.index], back.index[places])
+        assert np.abs(surface.normal * line.signs - back.normal[places]).max() <= 1e-12
+        assert np.abs(surface.weight - back.weight[places]).max() <= 1e-12
+        assert mirror.surfaces[other][0] == surface.name
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.06, 0.07, 0.08])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_boundary_has_nodes_where_the_line_crosses_it(name: str, spacing: float) -> None:
+    """A support `near` such a place finds one on the line, and leaves the scene symmetric."""
+    outline, _, line = SCENES[name]
+    cloud = build_cloud(outline, Spacing(spacing), 0, line=line)
+    assert cloud.mirror is not None
+    ends = cloud.mirror.side[cloud.edges]
+    assert (ends.prod(axis=1) >= 0).all()
+    crossings = 4 if name == "ring" else 2
+    assert (cloud.mirror.side[cloud.boundary_nodes] == 0).sum() == crossings
+
+
+def test_images_of_surfaces() -> None:
+    names = {name: image for name, (image, _) in mirrored("block")[1].surfaces.items()}
+    assert names == {"bottom": "bottom", "right": "left", "top": "top", "left": "right"}
+    names = {name: image for name, (image, _) in mirrored("level")[1].surfaces.items()}
+    assert names == {"bottom": "top", "right": "right", "top": "bottom", "left": "left"}
+    names = {name: image for name, (image, _) in mirrored("roof")[1].surfaces.items()}
+    assert (names["edge2"], names["edge3"], names["edge0"]) == ("edge3", "edge2", "edge0")
+
+
+@pytest.mark.parametrize("name", ["block", "zone", "ring", "sector"])
+def test_what_belongs_to_one_half_says_it_all(name: str) -> None:
+    cloud, mirror = mirrored(name)
+    own, place = mirror.own, mirror.place
+    assert (mirror.side[own] >= 0).all()
+    assert np.array_equal(place[own], np.arange(len(own)))
+    found = cloud.points[own][place]
+    found[mirror.side < 0] = mirror.line.reflect(found[mirror.side < 0])
+    assert np.abs(found - cloud.points).max() <= 1e-13
+
+
+def holes(cloud: Cloud, spacing: Spacing, targets: FloatArray) -> float:
+    """Distance to the nearest node, in spacings, the largest of all ``targets`` (e, 2) in the body."""
+    targets = targets[cloud.holds(targets)]
+    return float((np.asarray(cKDTree(cloud.points).query(targets)[0]) / spacing.at(targets)).max())
+
+
+@pytest.mark.parametrize(("name", "seed"), [("block", 0), ("zone", 1), ("zone", 2), ("disk", 3)])
+def test_nodes_along_the_line_are_as_even_as_elsewhere(name: str, seed: int) -> None:
+    cloud, mirror = mirrored(name, seed)
+    outline, spacing, line = SCENES[name]
+    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
+    fine = np.linspace(low, high, 401)[1:-1]
+    fine[:, line.axis] = line.at
+    everywhere = np.stack(np.meshgrid(*np.linspace(low, high, 151)[1:-1].T), axis=-1).reshape(-1, 2)
+    ordinary = holes(build_cloud(outline, spacing, seed), spacing, everywhere)
+    assert holes(cloud, spacing, fine) <= ordinary + 0.05
+    assert holes(cloud, spacing, everywhere) <= ordinary + 0.1
+    # Nor do nodes crowd there.
+    assert cloud.separation.closest >= 0.5
+    upon = np.sort(cloud.points[mirror.side == 0, 1 - line.axis])
+    assert (np.diff(upon) >= 0.5 * spacing.finest).all()
+
+
+@pytest.mark.parametrize(
+    ("outline", "spacing", "line"),
+    [
+        (BLOCK, Spacing(0.07), Line(0, 0.31)),
+        (BLOCK, Spacing(0.07), Line(0, 0.3 + 1e-6)),
+        (polygon((-0.7, 0.0), (1.3, 0.0), (1.3, 0.5), (-0.7, 0.6)), Spacing(0.07), UPRIGHT),
+        (BLOCK, Spacing(0.1, (Zone.around((0.31, 0.3), 0.01, 0.05, 0.12),)), UPRIGHT),
+        # Too far from the boundary to show there.
+        (BLOCK, Spacing(0.1, (Zone.around((0.5, -0.2), 0.03, 0.1, 1.0),)), UPRIGHT),
+        (BLOCK, Spacing(0.1, (Zone(BLOCK.curves[1], 0.03, 0.05, 0.2),)), UPRIGHT),
+        (half_disk((0.3, 0.5), 0.5, "lower"), Spacing(0.06), Line(1, 0.5)),
+        (rectangle((-0.7, 1.3), (-0.2, 0.3)), Spacing(0.06), LEVEL),
+    ],
+    ids=[
+        "beside",
+        "hardly beside",
+        "outline",
+        "zone",
+        "inner zone",
+        "zone of one edge",
+        "along an edge",
+        "along a side",
+    ],
+)
+def test_others_are_as_without_a_line(outline: Outline, spacing: Spacing, line: Line) -> None:
+    ordinary, asked = build_cloud(outline, spacing, 3), build_cloud(outline, spacing, 3, line=line)
+    assert asked.mirror is None
+    assert np.array_equal(asked.points, ordinary.points)
+    assert asked.content == ordinary.content
+
+
+def test_a_line_along_an_inner_edge_gives_an_ordinary_cloud() -> None:
+    # Two squares joined at a side that has a slit: its faces are on the line, and images of each other.
+    slit = polygon((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.0, 1.0), (-1.0, 1.0))
+    assert build_cloud(slit, Spacing(0.2), 0, line=Line(0, 0.0)).mirror is None
+
+
+def test_clouds_of_a_memo_are_told_apart() -> None:
+    memo = Memo(100)
+    outline, spacing, line = SCENES["block"]
+    clouds = [
+        build_cloud(outline, spacing, 0, memo=memo, line=one) for one in (None, line, LEVEL, None, line)
+    ]
+    assert clouds[0] is clouds[3]
+    assert clouds[1] is clouds[4]
+    assert len({cloud.content for cloud in clouds}) == 3
+    # Symmetry counts, also where the nodes are the same.
+    known = clouds[1]
+    assert Cloud(known.points, known.spacing, known.surfaces).content != known.content
+
+
+def test_seeds_and_units() -> None:
+    one, other = mirrored("zone", 0)[0], mirrored("zone", 1)[0]
+    assert one.points.shape != other.points.shape or not np.array_equal(one.points, other.points)
+    assert np.array_equal(mirrored("zone", 1)[0].points, other.points)
+    outline, spacing = rectangle((-0.7e3, 1.3e3), (-0.7e3, 0.3e3)), Spacing(70.0)
+    large = build_cloud(outline, spacing, 0, line=Line(0, 300.0))
+    small = mirrored("block")[0]
+    assert large.mirror is not None
+    assert large.points / 1e3 == pytest.approx(small.points, abs=1e-12)
+
+
+@given(at=st.floats(-2.0, 2.0), axis=st.sampled_from([0, 1]), x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0))
+def test_reflections(at: float, axis: int, x: float, y: float) -> None:
+    line, points = Line(axis, at), np.array([[x, y], [y, x]])
+    image = line.reflect(points)
+    assert line.reflect(image) == pytest.approx(points, abs=1e-14)
+    assert 0.5 * (image + points)[:, axis] == pytest.approx(np.full(2, at), abs=1e-14)
+    assert np.array_equal(image[:, 1 - axis], points[:, 1 - axis])
+    assert line.reflect(points + 1.0) - image == pytest.approx(np.tile(line.signs, (2, 1)), abs=1e-14)
+
+
+@pytest.mark.parametrize("line", [UPRIGHT, LEVEL])
+def test_signs_of_derivatives(line: Line) -> None:
+    # A polynomial's image, and what the mirror makes of its derivatives.
+    rng = np.random.default_rng(0)
+    at, c = rng.uniform(-1.0, 1.0, 2), rng.normal(size=6)
+
+    def derivatives(x: float, y: float) -> FloatArray:
+        found = [c @ [1, x, y, x * x, x * y, y * y], c[1] + 2 * c[3] * x + c[4] * y]
+        return np.array([*found, c[2] + c[4] * x + 2 * c[5] * y, 2 * c[3], c[4], 2 * c[5]])
+
+    step, image = 1e-5, line.reflect(at[None])[0]
+    mirror = Mirror(line, np.arange(1), np.zeros(1, dtype=np.int64), {})
+    x, y = step * line.signs
+    value = [derivatives(*(image + shift))[0] for shift in ([0, 0], [x, 0], [-x, 0], [0, y], [0, -y])]
+    slope = [(value[1] - value[2]) / (2 * step), (value[3] - value[4]) / (2 * step)]
+    found = derivatives(*image) * mirror.derivative_signs(6)
+    assert found[:3] == pytest.approx([value[0], *slope], abs=1e-8)
+    assert found[[3, 5]] == pytest.approx(derivatives(*image)[[3, 5]])
+    assert found[4] == -derivatives(*image)[4]
+    assert len(mirror.derivative_signs(3)) == 3
+
+
+@pytest.mark.parametrize(
+    ("spacing", "symmetric"),
+    [
+        (Spacing(0.1), True),
+        (Spacing(0.1, (Zone.around((0.3, 5.0), 0.01, 0.1, 0.1),)), True),
+        (Spacing(0.1, (Zone.around((0.31, 0.0), 0.01, 0.1, 0.1),)), False),
+        (BESIDE, True),
+        (Spacing(0.1, BESIDE.zones[:1]), False),
+        (Spacing(0.1, (BESIDE.zones[0], Zone.around((0.7, 0.3), 0.011, 0.05, 0.2))), False),
+        (Spacing(0.1, (Zone(Segment((0.0, 0.0), (0.6, 0.0)), 0.01, 0.1, 0.1),)), True),
+        (Spacing(0.1, (Zone(Segment((0.0, 0.0), (0.6, 0.1)), 0.01, 0.1, 0.1),)), False),
+        (Spacing(0.1, (Zone(Arc((0.3, 1.0), 1.0, 1.25 * math.pi, 0.5 * math.pi), 0.01, 0.1, 0.1),)), True),
+        (Spacing(0.1, (Zone(Arc((0.3, 1.0), 1.0, 1.25 * math.pi, 0.6 * math.pi), 0.01, 0.1, 0.1),)), False),
+        (Spacing(0.1, (Zone(Arc((0.3, 1.0), 1.0, 0.4, 2.0 * math.pi), 0.01, 0.1, 0.1),)), True),
+        (Spacing(0.1, (Zone(Arc((0.4, 1.0), 1.0, 0.4, 2.0 * math.pi), 0.01, 0.1, 0.1),)), False),
+    ],
+)
+def test_symmetric_spacings(spacing: Spacing, symmetric: bool) -> None:
+    assert spacing.symmetric(UPRIGHT) is symmetric
