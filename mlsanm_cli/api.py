@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import warnings
@@ -25,6 +24,7 @@ from mlsanm_cli.errors import (
     RunError,
 )
 from mlsanm_cli.results import Contact, ContactState, Run
+from mlsanm_cli.toml import toml_value
 
 __all__ = [
     "CaseError",
@@ -166,7 +166,7 @@ def sweep(
     with _numerics(1):
         from mlsanm_cli.app.sweep.run_sweep import SweepOptions
         from mlsanm_cli.app.sweep.run_sweep import sweep as sweep_case
-    texts = [f"{key}={','.join(_toml(value) for value in values)}" for key, values in varied.items()]
+    texts = [f"{key}={','.join(toml_value(value) for value in values)}" for key, values in varied.items()]
     with _console(progress) as console:
         result = sweep_case(
             Path(case),
@@ -191,24 +191,7 @@ def collect(runs: Sequence[Place | Run]) -> list[dict[str, Any]]:
 
 def overrides(changes: Changes | None) -> tuple[str, ...]:
     """Changes of a case as ``--set`` takes them. TypeError for values that no case can hold."""
-    return tuple(f"{key}={_toml(value)}" for key, value in (changes or {}).items())
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML; numpy's numbers and arrays too."""
-    plain = value.tolist() if hasattr(value, "tolist") else value
-    if isinstance(plain, bool):
-        return "true" if plain else "false"
-    if isinstance(plain, int | float):
-        return repr(plain)
-    if isinstance(plain, str | os.PathLike):
-        return json.dumps(os.fspath(plain), ensure_ascii=False)
-    if isinstance(plain, Mapping):
-        pairs = (f"{json.dumps(str(key))} = {_toml(item)}" for key, item in plain.items())
-        return f"{{{', '.join(pairs)}}}"
-    if isinstance(plain, Sequence):
-        return f"[{', '.join(map(_toml, plain))}]"
-    raise TypeError(f"a case cannot hold {value!r}: give numbers, texts, lists and dicts")
+    return tuple(f"{key}={toml_value(value)}" for key, value in (changes or {}).items())
 
 
 def _opened(summary: Mapping[str, Any]) -> Run:

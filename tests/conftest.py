@@ -18,7 +18,7 @@ os.fsync = lambda fd: None
 KEPT = 400
 """So many results are kept for other tests."""
 
-settings.register_profile("mlsanm", deadline=None, derandomize=True, max_examples=60)
+settings.register_profile("mlsanm", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("mlsanm")
 
 

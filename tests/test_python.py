@@ -157,7 +157,7 @@ def test_changes_are_written_as_toml() -> None:
     assert mlsanm.overrides({"a": True, "b": Path("x/y"), "body.block.refine": refine}) == (
         "a=true",
         'b="x/y"',
-        'body.block.refine=[{"at" = [0.0, 0.5], "spacing" = 0.1}]',
+        "body.block.refine=[{ at = [0.0, 0.5], spacing = 0.1 }]",
     )
     with pytest.raises(TypeError, match="cannot hold"):
         mlsanm.overrides({"a": object()})

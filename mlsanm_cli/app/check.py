@@ -28,7 +28,7 @@ from mlsanm_cli.case import (
     Temperature,
 )
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.io.vtu import write_model
+from mlsanm_cli.io.vtu import write_parts
 
 REMARKABLE_RATIO = 1.5
 """Facing spacings are remarked on above this ratio; ``quality`` warns where the result is at risk."""
@@ -57,7 +57,7 @@ def check(
     for warning in quality.warnings:
         console.warning(warning)
     if write is not None:
-        write_model(write, model_bodies(prepared))
+        write_parts(write, "body", model_bodies(prepared))
         console.note(f"model written to {write}")
     if picture is not None:
         from mlsanm_cli.app.results.model_picture import draw_model

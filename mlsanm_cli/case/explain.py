@@ -15,6 +15,7 @@ from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, heading, json_schema, known_keys, tables
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.toml import toml_value
 
 _BOUNDS = {
     "exclusiveMinimum": "above",
@@ -69,19 +70,6 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
         groups[same] = replace(before, kinds=kinds, required=one.required and before.required)
     everywhere = len(groups) == 1 and len(found) == len(_siblings(schema, path))
     return tuple(replace(one, kinds=() if everywhere else one.kinds) for one in groups.values())
-
-
-def toml_value(value: Any) -> str:
-    """A value as TOML writes it on one line."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, list):
-        return f"[{', '.join(map(toml_value, value))}]"
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items()) + " }"
-    return repr(value)
 
 
 def _find(schema: Node, parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,7 @@ from typing import Any
 
 from mlsanm_cli.case.reading.overrides import is_word
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.toml import toml_value
 
 MOST = 100_000
 """Largest number of points of a sweep."""
@@ -107,8 +107,8 @@ def _number(text: str, part: str) -> Any:
 def _listed(text: str, listed: str) -> tuple[str, ...]:
     words = [part.strip() for part in listed.split(",")]
     if all(map(is_word, words)) and not {"true", "false", "inf", "nan"} & set(words):
-        return tuple(map(_text, words))
-    return tuple(_text(value) for value in _toml(text, f"[{listed}]"))
+        return tuple(map(toml_value, words))
+    return tuple(toml_value(value) for value in _toml(text, f"[{listed}]"))
 
 
 def _toml(text: str, value: str) -> Any:
@@ -120,16 +120,3 @@ def _toml(text: str, value: str) -> Any:
         hint = """text needs quotes, as in --vary 'solver.method="anm","newton"'"""
         raise RunError(f"--vary {text}: the values are not TOML", hint)
     return parsed["value"]
-
-
-def _text(value: Any) -> str:
-    """A value as TOML, on one line."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return f"[{', '.join(map(_text, value))}]"
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{json.dumps(key)} = {_text(inner)}' for key, inner in value.items())}}}"
-    return repr(value) if isinstance(value, int | float) else str(value)

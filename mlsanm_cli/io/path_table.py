@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from mlsanm_cli.io.atomic import write_text
 
 FloatArray = NDArray[np.float64]
 
@@ -41,13 +38,6 @@ def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
     for name, group in _items(root, "contacts"):
         columns |= _contact(name, group, forces.get(f"contact {name}"))
     return columns
-
-
-def write_path_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write the columns; floats read back equal. RunError if the file cannot be written."""
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    write_text(path, "\n".join(lines) + "\n")
 
 
 def _contact(name: str, group: Any, force: FloatArray | None) -> dict[str, NDArray[Any]]:

@@ -73,28 +73,11 @@ def toml_text(mapping: Mapping[str, Any]) -> str:
     return tomli_w.dumps(mapping)
 
 
-def write_interface_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write the final state of one contact, one row per slave node in order along the surface.
-
-    ``columns`` must hold exactly ``INTERFACE_COLUMNS``, each (m,); floats are written so that they read back
-    equal, ``status`` as 0 open, 1 stick, 2 slip.
-
-    Raises ValueError for missing, unknown or unequal columns, RunError if the file cannot be written.
-    """
-    if set(columns) != set(INTERFACE_COLUMNS):
-        wrong = sorted(set(columns) ^ set(INTERFACE_COLUMNS))
-        raise ValueError(f"interface columns missing or unknown: {', '.join(wrong)}")
-    lists = [_cells(name, columns[name]) for name in INTERFACE_COLUMNS]
-    rows = [",".join(row) for row in zip(*lists, strict=True)]
-    write_text(path, "\n".join([",".join(INTERFACE_COLUMNS), *rows]) + "\n")
-
-
-def _cells(name: str, column: NDArray[Any]) -> list[str]:
-    """One CSV column as text."""
-    array = np.asarray(column)
-    if array.ndim != 1:
-        raise ValueError(f"column {name} must have one axis, not {array.ndim}")
-    return [repr(value) for value in array.astype(np.int64 if name == "status" else np.float64).tolist()]
+def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write columns (n,) by name; floats read back equal. RunError if the file cannot be written."""
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    write_text(path, "\n".join(lines) + "\n")
 
 
 class EventLog(Closing):

@@ -66,22 +66,6 @@ def write_grid(
         _put(stream, "</Piece>", "</UnstructuredGrid>", "</VTKFile>")
 
 
-def vertices(count: int) -> tuple[int, NDArray[np.int64]]:
-    """A block of one vertex per point."""
-    return VERTEX, np.arange(count, dtype=np.int64)[:, None]
-
-
-def surface(
-    cells: NDArray[np.int64], count: int, kind: int = TRIANGLE
-) -> list[tuple[int, NDArray[np.int64]]]:
-    """Blocks of triangles (t, 3), or cells of another kind, of ``count`` points; those in none are
-    vertices."""
-    alone = np.ones(count, dtype=bool)
-    alone[cells] = False
-    blocks = [(kind, cells)]
-    return [*blocks, (VERTEX, np.flatnonzero(alone)[:, None])] if alone.any() else blocks
-
-
 def _array(stream: BinaryIO, name: str, array: NDArray[Any]) -> None:
     array = np.ascontiguousarray(array, array.dtype.newbyteorder("="))
     width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""

@@ -141,11 +141,9 @@ def test_pressures_up_to_corners_within_a_surface(tmp_path: Path) -> None:
     chamfered = pad("left_edge", "bottom", "right_edge")
     solve(chamfered, tmp_path / "chamfered")
     solve(pad("bottom"), tmp_path / "flat")
-    solve(chamfered, tmp_path / "fine", "body.pad.spacing=0.4", "body.base.spacing=1.5")
     at = [-7.9, -6.0, -3.0, 0.0, 2.0, 5.0, 7.5]
     found = pressures(tmp_path / "chamfered", at)
     assert found == pytest.approx(pressures(tmp_path / "flat", at), rel=2e-3)
-    assert found == pytest.approx(pressures(tmp_path / "fine", at), rel=0.01)
 
 
 def test_what_only_pieces_beyond_a_range_resist(tmp_path: Path) -> None:

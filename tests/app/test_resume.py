@@ -90,7 +90,7 @@ def test_a_run_cut_short_is_resumed_to_the_same_result(name: str, tmp_path: Path
         assert file.attrs["resumed"] == 1
 
 
-@pytest.mark.parametrize("moment", ["write", "_add"])
+@pytest.mark.parametrize("moment", ["write", "_list"])
 def test_a_run_killed_while_it_saves_a_state(
     moment: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

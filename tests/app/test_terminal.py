@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import pty
 import re
@@ -110,11 +109,11 @@ console = TerminalConsole(sys.stderr, Settings(), width=60)
 pivots = np.full(10, 4)
 console.phase("factorising")
 with watched(pivots, 2 * pivots) as done:
-    for front in range(4):
+    for front in range(3):
         time.sleep(0.6)
         done[0] = front + 1
 console.step(12, 0.5, 1e-9, "closed 1234  peak pressure 123.456  stage 1 of 3 (press), 17 %  4 s, 20 s left")
-time.sleep(2.5)
+time.sleep(2.2)
 console.close()
 """
     (tmp_path / "case.py").write_text(script)
@@ -137,16 +136,6 @@ console.close()
     assert re.search(r"factorising ...  fronts [12] of 10, \d+ %, \d+ s left  1 s", shown)
     # The step's line is as wide as the terminal: columns go, the time since when stays.
     assert re.search(r"step   12   position 0.5.*  2 s", shown)
-
-
-def test_no_color_quiet_and_json(tmp_path: Path) -> None:
-    (tmp_path / "case.toml").write_text(BAR)
-    code, out, shown = in_terminal(80, tmp_path, "run", "case.toml", "--out", "a", "--json", NO_COLOR="1")
-    assert (code, json.loads(out)["status"]) == (0, "done")
-    assert "placing nodes ..." in shown
-    assert not re.search(r"\x1b\[[0-9;]*m", shown)
-    code, out, shown = in_terminal(80, tmp_path, "run", "case.toml", "--out", "b", "--quiet")
-    assert (code, out, shown) == (0, "", "")
 
 
 def test_a_log_whose_reader_left_does_not_end_the_run(tmp_path: Path) -> None:

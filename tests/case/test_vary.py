@@ -17,7 +17,7 @@ from mlsanm_cli.errors import RunError
         ("a=anm, newton", ('"anm"', '"newton"')),
         ("a=true,false", ("true", "false")),
         ("a=[1.0, 2.0],[3.0, 4.0]", ("[1.0, 2.0]", "[3.0, 4.0]")),
-        ('a={kind = "disk", radius = 1.0}', ('{"kind" = "disk", "radius" = 1.0}',)),
+        ('a={kind = "disk", radius = 1.0}', ('{ kind = "disk", radius = 1.0 }',)),
         ("a=0.0:0.5:3", ("0.0", "0.25", "0.5")),
         ("a=0:1:3", ("0.0", "0.5", "1.0")),
         ("a=10:20:3", ("10", "15", "20")),

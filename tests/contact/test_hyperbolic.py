@@ -8,64 +8,15 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import WIDEST, regularize
-from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.errors import NumericalError
 from tests.contact.scenes import Small, cylinder, synthetic
-
-
-def random_problem(m: int, k: int, seed: int) -> RegularizedFriction:
-    """A made-up problem of ``m`` candidates, ``k`` motions and two loads, all maps full."""
-    rng = np.random.default_rng(seed)
-    root = rng.normal(size=(m, m))
-    balance = Columns(2, k, m).split(rng.normal(size=(k, 2 + k + m)), rng.normal(size=k))
-    condensed = synthetic(
-        root @ root.T + np.eye(m),
-        rng.normal(size=m),
-        rng.normal(size=(m, 2)),
-        balance,
-        rng.normal(size=(m, k)),
-    )
-    law = Regularization(
-        eta=rng.uniform(0.05, 0.2, m),
-        delta=rng.uniform(0.5, 2.0, m),
-        pressure=3.0,
-        gap=0.2,
-        force=rng.uniform(0.5, 2.0, k),
-        motion=np.ones(k),
-    )
-    return RegularizedFriction.frictionless(
-        DenseCoupling.of(condensed, law), rng.normal(size=2), rng.normal(size=2)
-    )
-
-
-def state(problem: RegularizedFriction, seed: int) -> FloatArray:
-    """An admissible state (2m + k,)."""
-    rng = np.random.default_rng(seed + 1)
-    return np.concatenate([rng.uniform(0.1, 3.0, 2 * problem.m), rng.normal(size=problem.k)])
-
-
-def test_first_order_has_no_terms_from_below() -> None:
-    problem = random_problem(3, 1, 0)
-    assert (problem.series_rhs(state(problem, 0)[None], np.zeros(1)) == 0.0).all()
-
-
-def test_residual_is_the_law_the_gap_and_the_balance() -> None:
-    problem = random_problem(4, 2, 5)
-    x = state(problem, 5)
-    p, h, q, _ = problem.split(x)
-    law, f = problem.law, problem.factors(0.25)
-    assert f == pytest.approx(problem.start + 0.25 * problem.change)
-    r = problem.residual(x, 0.25)
-    assert r[:4] * law.pressure * law.gap == pytest.approx((p + law.eta) * h - law.eta * law.delta)
-    assert r[4:8] * law.gap == pytest.approx(h - problem.condensed.gap(f, q, p))
-    assert r[8:] * law.force == pytest.approx(problem.condensed.balance(f, q, p))
+from tests.contact.test_rubbing import random_problem, state
 
 
 def test_only_open_gaps_are_admissible() -> None:
-    problem = random_problem(3, 1, 1)
+    problem = random_problem(3, 1, 1, smooth=3)
     x = state(problem, 1)
     assert problem.admissible(x, 0.0)
     closed, torn = x.copy(), x.copy()

@@ -12,7 +12,7 @@ import pytest
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_file import RunFile
-from mlsanm_cli.io.summary import INTERFACE_COLUMNS, write_interface_csv
+from mlsanm_cli.io.summary import INTERFACE_COLUMNS, write_csv
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +29,7 @@ def fill(directory: Path) -> None:
         (directory / name).write_bytes(b"anything")
     columns = {name: np.zeros(2) for name in INTERFACE_COLUMNS}
     for name in ("interface.csv", "interface_a%2Fb.csv"):
-        write_interface_csv(directory / name, columns)
+        write_csv(directory / name, columns)
     (directory / "plot_path.png").write_bytes(b"\x89PNG Software mlsanm 0.1 ...")
     (directory / "fields_0007.vtu").mkdir()
     RunFile.create(directory / "run.h5", {}).close()

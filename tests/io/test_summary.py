@@ -20,7 +20,7 @@ from mlsanm_cli.io.summary import (
     EventLog,
     to_plain,
     toml_text,
-    write_interface_csv,
+    write_csv,
     write_json_atomic,
     write_toml,
 )
@@ -123,7 +123,7 @@ def interface_columns(count: int) -> dict[str, Any]:
 def test_interface_csv_has_the_columns_in_order_and_every_bit(tmp_path: Path) -> None:
     columns = interface_columns(9)
     path = tmp_path / "interface.csv"
-    write_interface_csv(path, dict(reversed(columns.items())))
+    write_csv(path, columns)
     with path.open(newline="") as stream:
         header, *rows = csv.reader(stream)
     assert header == ["x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status"]
@@ -131,20 +131,6 @@ def test_interface_csv_has_the_columns_in_order_and_every_bit(tmp_path: Path) ->
         assert [float(row[index]) for row in rows] == columns[name].tolist()
     assert [row[-1] for row in rows] == ["0", "1", "2"] * 3
     assert b"\r" not in path.read_bytes()
-
-
-def test_interface_csv_refuses_wrong_columns(tmp_path: Path) -> None:
-    path = tmp_path / "interface.csv"
-    good = interface_columns(4)
-    with pytest.raises(ValueError, match="unknown: extra"):
-        write_interface_csv(path, good | {"extra": np.zeros(4)})
-    with pytest.raises(ValueError, match="unknown: gap"):
-        write_interface_csv(path, {name: array for name, array in good.items() if name != "gap"})
-    with pytest.raises(ValueError, match=r"shorter|longer"):
-        write_interface_csv(path, good | {"gap": np.zeros(3)})
-    with pytest.raises(ValueError, match="one axis"):
-        write_interface_csv(path, good | {"gap": np.zeros((4, 2))})
-    assert not path.exists()
 
 
 def test_toml_reads_back_equal(tmp_path: Path) -> None:

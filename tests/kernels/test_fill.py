@@ -77,7 +77,7 @@ zones = st.lists(
 )
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(far=st.floats(0.12, 0.3), zones=zones, seed=st.integers(0, 2**31), round_=st.booleans())
 def test_front_is_its_slow_twin(far: float, zones: list[Zone], seed: int, round_: bool) -> None:
     outline = disk((0.5, 0.5), 0.6) if round_ else SQUARE

@@ -74,10 +74,14 @@ def test_code_that_cannot_be_used_is_no_code(
     assert warm == [True, False, False]
 
 
-def test_what_cannot_be_used_is_compiled_anew(cache: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_used_is_compiled_anew_by_several_processes_at_once(
+    cache: Path, tmp_path: Path
+) -> None:
     path = copied(cache, tmp_path)
     path.write_bytes(kept.encoded(imported_geometry(kept.decoded(path.read_bytes()))))
-    assert run(tmp_path, ROOTS) == answer(warm=False, numba=True)
+    processes = [started(tmp_path, KERNELS + ROOTS) for _ in range(2)]
+    told = [process.communicate()[0].splitlines() for process in processes]
+    assert all(lines[1].startswith("[1.0, 1.5] [0, 1, 2] 4 0.25") for lines in told)
     assert files(tmp_path) == [path]
     assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)
 
@@ -106,14 +110,6 @@ def test_everything_that_code_depends_on_is_in_its_name(monkeypatch: pytest.Monk
         names.add(kept.directory())
     assert len(parts) >= 7
     assert len(names) == len(parts) + 1
-
-
-def test_many_processes_may_start_cold_at_once(tmp_path: Path) -> None:
-    processes = [started(tmp_path, KERNELS + ROOTS) for _ in range(2)]
-    told = [process.communicate()[0].splitlines() for process in processes]
-    assert all(lines[1].startswith("[1.0, 1.5] [0, 1, 2] 4 0.25") for lines in told)
-    assert len(files(tmp_path)) == 1
-    assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)
 
 
 INTERRUPTED = """

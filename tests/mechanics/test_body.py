@@ -139,11 +139,11 @@ def wave_error(
 @pytest.mark.parametrize(
     ("scheme", "degree", "sides", "order", "bar"),
     [
-        ("least-squares", 2, (17, 25, 33), 1.8, 2e-3),
-        ("least-squares", 4, (17, 25, 33), 3.7, 3e-6),
-        ("least-squares", 6, (17, 25, 33), 5.5, 1e-7),
-        ("ghost", 2, (17, 25, 33), 1.8, 4e-3),
-        ("ghost", 4, (17, 33, 49), 3.7, 1.2e-5),
+        ("least-squares", 2, (17, 33), 1.8, 2e-3),
+        ("least-squares", 4, (17, 33), 3.7, 3e-6),
+        ("least-squares", 6, (17, 33), 5.5, 1e-7),
+        ("ghost", 2, (17, 33), 1.8, 4e-3),
+        ("ghost", 4, (17, 49), 3.7, 1.2e-5),
     ],
 )
 def test_manufactured_solution_converges(
@@ -156,10 +156,10 @@ def test_manufactured_solution_converges(
     assert errors[-1] <= bar
 
 
-@pytest.mark.parametrize(("degree", "order", "bar"), [(2, 1.8, 1e-3), (4, 3.3, 1e-6)])
+@pytest.mark.parametrize(("degree", "order", "bar"), [(2, 1.8, 1.5e-3), (4, 3.3, 2e-6)])
 def test_manufactured_solution_converges_in_wood(degree: int, order: float, bar: float) -> None:
     wood = orthotropic((13.0, 1.0, 1.0), (0.3, 0.3, 0.3), 0.6, np.radians(30.0), "stress")
-    sides = (17, 33, 49)
+    sides = (17, 41)
     errors = [wave_error(n, degree, material=wood) for n in sides]
     assert -np.polyfit(np.log(np.array(sides) - 1.0), np.log(errors), 1)[0] >= order
     assert errors[-1] <= bar

@@ -246,6 +246,7 @@ def strengthened(
 
 
 @given(seed=st.integers(0, 500))
+@settings(max_examples=15)
 def test_strong_rows_against_numpy(seed: int) -> None:
     _, system, whole, scale = strengthened(1.0, seed)
     b = np.random.default_rng(seed + 1).normal(size=(309, 3))
@@ -290,7 +291,7 @@ def held(whole: FloatArray, wanted: FloatArray, sums: FloatArray) -> FloatArray:
 
 
 @given(seed=st.integers(0, 500))
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
     sums, rng = some_sums(seed), np.random.default_rng(seed + 1)
     _, system, whole, scale = strengthened(1.0, seed, sums)

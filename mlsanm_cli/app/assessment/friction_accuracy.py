@@ -9,11 +9,11 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.accuracy import Accuracy, distance
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.frozen import Change, frozen_change
 from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactState, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
+from mlsanm_cli.contact.laws.frozen import frozen_change
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, Corrected, correct
@@ -74,7 +74,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
     )
 
 
-def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> Change:
+def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactState:
     """How the contact answers to the bodies' corrections."""
     condensed = built.condensed
     by = changes_of(condensed, built.scene, {name: one.change for name, one in bodies.items()})
@@ -84,7 +84,7 @@ def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corre
     return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
 
 
-def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: Change) -> float:
+def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: ContactState) -> float:
     """Sum of squares of what the corrections and the contact's answer change of all displacements."""
     condensed, scene, error = built.condensed, built.scene, 0.0
     moved = (np.zeros(len(built.stages[-1])), change.motion, change.pressure, change.traction)

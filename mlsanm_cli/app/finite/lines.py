@@ -13,13 +13,13 @@ from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.lines import obstacles
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.io.vtu_lines import Lines
+from mlsanm_cli.io.vtu import Part
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 
 def contact_lines(
     scene: FiniteScene, state: FiniteState, fields: Mapping[str, FiniteFields]
-) -> dict[str, Lines]:
+) -> dict[str, Part]:
     """The sides that carry the pressures of all contacts in one state; stresses act on the case's slave."""
     records, parts = contact_records(scene, state), scene.parts(state.displacement)
     lines, first = {}, 0
@@ -27,7 +27,7 @@ def contact_lines(
         record, side = records[contact.name], contact.slave
         here = slice(first, first + 2 * side.count)
         first += 2 * sum(one.count for one in contact.sides)
-        scalars: dict[str, NDArray[Any]] = {
+        data: dict[str, NDArray[Any]] = {
             "pressure": record.pressure,
             "traction": record.traction,
             "gap": record.gap,
@@ -35,7 +35,7 @@ def contact_lines(
             "arc_length": side.arc,
         }
         if contact.friction:
-            scalars["slip"] = record.slip
+            data["slip"] = record.slip
         moved = fields[side.body].displacement[side.nodes]
         turn, _ = side.turned(moved)
         sign = -1.0 if exchanged(contact) else 1.0
@@ -45,12 +45,12 @@ def contact_lines(
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
         edges = edges if side.around is not None else edges[:-1]
-        vectors = {"normal": normal, "contact_stress": stress}
-        lines[contact.name] = Lines(side.places, edges, moved, scalars, vectors)
+        data |= {"displacement": moved, "normal": normal, "contact_stress": stress}
+        lines[contact.name] = Part(side.places, edges, data)
     return lines
 
 
-def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, Lines]:
+def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, Part]:
     """The rigid obstacles in one state, by the contact that they belong to."""
     points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
     drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
@@ -60,5 +60,5 @@ def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, Lines]:
             places, edges = drawn[contact.name]
             turned = (places - contact.pivot) @ contact.turn(state.whole).T
             moved = contact.pivot + contact.motion @ state.whole + turned - places
-            lines[contact.name] = Lines(places, edges, moved, {}, {})
+            lines[contact.name] = Part(places, edges, {"displacement": moved})
     return lines

@@ -26,15 +26,14 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.path import FiniteMark, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.output.recording import boundary_tags
+from mlsanm_cli.app.output.recording import body_part, vtu_data
 from mlsanm_cli.app.output.writer import RunWriter, body_datasets
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.vtu import BodyState, write_single
-from mlsanm_cli.io.vtu_lines import LinesWriter
+from mlsanm_cli.io.vtu import LinesWriter, Part, write_parts
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
@@ -199,7 +198,7 @@ class FiniteRecorder(RunWriter):
         with self._clock.phase("output"):
             if self.last is not None:
                 shown = _shown(scene, fields_of(scene, self.last))
-                write_single(self.directory / run_dir.FAILURE_FILE, shown)
+                write_parts(self.directory / run_dir.FAILURE_FILE, "body", list(shown.values()))
             self._events.write("failure", reason=error.message, hint=error.hint)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
@@ -222,25 +221,13 @@ def _stored(scene: FiniteScene, fields: Mapping[str, FiniteFields], number: int)
     }
 
 
-def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, BodyState]:
+def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, Part]:
     """The same as VTU files take them."""
-    return {name: _body_shown(scene, name, found) for name, found in fields.items()}
-
-
-def _body_shown(scene: FiniteScene, name: str, fields: FiniteFields) -> BodyState:
-    wanted, cloud = scene.case.output.fields, scene.bodies[name].elastic.model.cloud
-    more = {
-        "stretch_1": fields.stretch[:, 0],
-        "stretch_2": fields.stretch[:, 1],
-        "volume_ratio": fields.volume_ratio,
-    }
-    return BodyState(
-        points=cloud.points,
-        boundary_tag=boundary_tags(cloud),
-        displacement=fields.displacement if "displacement" in wanted else None,
-        stress=fields.stress if "stress" in wanted else None,
-        von_mises=fields.von_mises if "von_mises" in wanted else None,
-        stress_zz=fields.stress_zz if "stress" in wanted else None,
-        more=more if "stress" in wanted else {},
-        triangles=cloud.triangles,
-    )
+    wanted, parts = scene.case.output.fields, {}
+    for name, found in fields.items():
+        data = vtu_data(found, wanted)
+        if "stress" in wanted:
+            data |= {"stretch_1": found.stretch[:, 0], "stretch_2": found.stretch[:, 1]}
+            data["volume_ratio"] = found.volume_ratio
+        parts[name] = body_part(scene.bodies[name].elastic.model.cloud, data)
+    return parts

@@ -33,9 +33,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import Attribute, Value
-from mlsanm_cli.io.summary import write_interface_csv
-from mlsanm_cli.io.vtu import write_model, write_single
-from mlsanm_cli.io.vtu_lines import LinesWriter
+from mlsanm_cli.io.summary import write_csv
+from mlsanm_cli.io.vtu import LinesWriter, write_parts
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, fields_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
@@ -266,7 +265,7 @@ class Recorder(RunWriter):
         self._console.phase("writing the failed state")
         with self._clock.phase("output"):
             if built is None or state is None:
-                write_model(path, model_bodies(prepared))
+                write_parts(path, "body", model_bodies(prepared))
             else:
                 found = diagnose(built, state)
                 self.failed_at = {"position": state.position, "worst_nodes": worst_nodes(built, found)}
@@ -275,8 +274,8 @@ class Recorder(RunWriter):
                 bodies = recording.vtu_states(clouds, fields, ("displacement", "stress", "von_mises"))
                 if len(found.residual):
                     more = node_fields(built, found)
-                    bodies = {name: replace(body, more=more[name]) for name, body in bodies.items()}
-                write_single(path, bodies)
+                    bodies = {k: replace(body, data={**body.data, **more[k]}) for k, body in bodies.items()}
+                write_parts(path, "body", list(bodies.values()))
             self._events.write("failure", **texts, **self.failed_at)
 
     def interfaces(self, built: CondensedScene) -> None:
@@ -288,4 +287,4 @@ class Recorder(RunWriter):
             for pairing in built.condensed.reported:
                 columns = recording.interface_columns(built, pairing, self.last)
                 name = run_dir.interface_name(pairing.name, len(built.condensed.reported))
-                write_interface_csv(self.directory / name, {k: np.asarray(v) for k, v in columns.items()})
+                write_csv(self.directory / name, columns)

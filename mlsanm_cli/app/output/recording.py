@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app.output.fine_views import View, Views
 from mlsanm_cli.app.output.writer import body_datasets
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, place, row
 from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.vtu import BodyState, ModelBody
+from mlsanm_cli.io.vtu import Part
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.memo import digest
@@ -201,37 +203,39 @@ def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, 
 
 def vtu_states(
     clouds: Mapping[str, Cloud], fields: Mapping[str, Fields], wanted: tuple[str, ...]
-) -> dict[str, BodyState]:
+) -> dict[str, Part]:
     """The fields asked for at the points of ``clouds``, as VTU files take them."""
-    states = {}
-    for name, values in fields.items():
-        cloud = clouds[name]
-        states[name] = BodyState(
-            points=cloud.points,
-            boundary_tag=boundary_tags(cloud),
-            displacement=values.displacement if "displacement" in wanted else None,
-            stress=values.stress if "stress" in wanted else None,
-            von_mises=values.von_mises if "von_mises" in wanted else None,
-            stress_zz=values.stress_zz if "stress" in wanted else None,
-            strain=values.strain if "strain" in wanted else None,
-            triangles=cloud.triangles,
-        )
-    return states
+    return {name: body_part(clouds[name], vtu_data(values, wanted)) for name, values in fields.items()}
 
 
-def boundary_tags(cloud: Cloud) -> IntArray:
+def vtu_data(fields: Any, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """The fields asked for by name, stresses with the one across the plane."""
+    data = {name: getattr(fields, name) for name in wanted}
+    return {
+        name: np.column_stack([values, fields.stress_zz]) if name == "stress" else values
+        for name, values in data.items()
+    }
+
+
+def body_part(cloud: Cloud, data: Mapping[str, NDArray[Any]]) -> Part:
+    """A body as VTU files take it, with the ``data`` of its nodes and the numbers of its boundaries."""
+    return Part(cloud.points, cloud.triangles, {"boundary_tag": boundary_tags(cloud), **data})
+
+
+def boundary_tags(cloud: Cloud) -> NDArray[np.int32]:
     """0 inside, k on the k-th boundary, whose pieces have one number; a corner node counts to the later
     one."""
-    tags = np.zeros(len(cloud.points), dtype=np.int64)
+    tags = np.zeros(len(cloud.points), dtype=np.int32)
     numbers: dict[str, int] = {}
     for surface in cloud.surfaces.values():
         tags[surface.index] = numbers.setdefault(surface.name.partition("/")[0], len(numbers) + 1)
     return tags
 
 
-def model_bodies(prepared: SceneModel) -> dict[str, ModelBody]:
-    """Clouds with tags, outward normals and, for contact candidates, the way to their virtual nodes."""
-    bodies = {}
+def model_bodies(prepared: SceneModel) -> list[Part]:
+    """The nodes of all bodies with tags, spacings, outward normals (zero inside) and, for contact candidates,
+    the way to their virtual nodes."""
+    bodies = []
     for name, model in prepared.models.items():
         cloud = model.cloud
         normal, partner = np.zeros_like(cloud.points), np.zeros_like(cloud.points)
@@ -241,5 +245,6 @@ def model_bodies(prepared: SceneModel) -> dict[str, ModelBody]:
             if pairing.slave_body == name:
                 node = pairing.node[pairing.candidate]
                 partner[node] = pairing.partner[pairing.candidate] - cloud.points[node]
-        bodies[name] = ModelBody(cloud.points, boundary_tags(cloud), cloud.spacing, normal, partner)
+        data = {"spacing": cloud.spacing, "normal": normal, "partner": partner}
+        bodies.append(replace(body_part(cloud, data), cells=np.zeros((0, 3), dtype=np.int64)))
     return bodies

@@ -14,10 +14,9 @@ from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.path_table import write_path_csv
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import RunFile, Value
-from mlsanm_cli.io.summary import EventLog, toml_text, write_json_atomic, write_toml
+from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import StateWriter
 
 
@@ -104,11 +103,10 @@ class RunWriter(Closing):
 
     def write_path(self) -> None:
         """Write the path as a table."""
-        write_path_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
+        write_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Close everything; summary.json comes last, so that its presence means the run is over."""
-        self._states.finish()
         self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
         self._file.set_status(str(summary["status"]))
         self.close()

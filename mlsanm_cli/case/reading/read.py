@@ -211,10 +211,8 @@ def _rubs(contact: Any) -> bool:
 
 
 def _exact(contact: Any) -> Any:
-    if isinstance(contact, Mapping) and contact.get("friction") == "bonded":
-        return contact
     given = contact.get("regularization", {}) if isinstance(contact, Mapping) else None
-    if not isinstance(given, Mapping):
+    if not isinstance(given, Mapping) or contact.get("friction") == "bonded":
         return contact
     return {**contact, "regularization": {"law": "exact", **given}}
 

@@ -27,15 +27,10 @@ FloatOut3: TypeAlias = FloatArray
 Int1: TypeAlias = IntArray
 Int2: TypeAlias = IntArray
 IntOut1: TypeAlias = IntArray
-IntOut2: TypeAlias = IntArray
 Index1: TypeAlias = IndexArray
-Index2: TypeAlias = IndexArray
 IndexOut1: TypeAlias = IndexArray
 IndexOut2: TypeAlias = IndexArray
-Bool1: TypeAlias = BoolArray
 Bool2: TypeAlias = BoolArray
-BoolOut1: TypeAlias = BoolArray
-BoolOut2: TypeAlias = BoolArray
 
 ARRAY = re.compile(r"(Float|Index|Int|Bool)(Out)?([1-3])")
 DTYPES: dict[str, np.dtype[Any]] = {
