@@ -172,8 +172,11 @@ class SplinePart:
             t = following
             if done.all():
                 break
-        whole = self.spline.knots[-1]
-        return np.asarray(self.spline.arc_of(np.mod(t, whole) if self.closed else t) - self._start)
+        t = np.mod(t, self.spline.knots[-1]) if self.closed else t
+        arc = np.asarray(self.spline.arc_of(t) - self._start)
+        # What is there is asked for next.
+        self._asked[:] = [(arc.copy(), t)]
+        return arc
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """The chords between nodes: near enough for a node spacing."""
