@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -276,6 +277,12 @@ def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, 
     return displacement, stress
 
 
+@cache
+def _rule(count: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss's points and weights between -1 and 1."""
+    return np.polynomial.legendre.leggauss(count)
+
+
 def _add_close(
     loads: _Loads, pairs: Sequence[AnyArray], displacement: FloatArray, stress: FloatArray
 ) -> None:
@@ -284,7 +291,7 @@ def _add_close(
     last = [first for first, _ in POINTS[1:]] + [np.inf]
     for (first, count), beyond in zip(POINTS, last, strict=True):
         chosen = np.flatnonzero((pairs[4] >= first) & (pairs[4] < beyond))
-        rule = np.polynomial.legendre.leggauss(count)
+        rule = _rule(count)
         for some in np.array_split(chosen, 1 + len(chosen) * count // AT_ONCE):
             row, *places = (one[some] for one in pairs)
             moved, stressed = _close_integrals(loads, rule, *places)
