@@ -6,7 +6,7 @@ The packages of scipy around its compiled modules take as long again: `scipy.spa
 distances, special functions and physical constants along, `scipy.sparse.csgraph` the eigenvalue solvers,
 `scipy.optimize` all minimisers, and `scipy.linalg` decorates each of its functions. So within
 :func:`lean_imports` such packages wait until something in them is asked for, and neighbour search, triangles,
-connected parts, roots and LAPACK are imported from here: where imports are lean the modules that hold these
+connected parts and LAPACK are imported from here: where imports are lean the modules that hold these
 parts come without their packages, elsewhere with them. What is not used by every run is imported where it is
 used.
 """
@@ -30,14 +30,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs
-    from scipy.optimize import brentq
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import Delaunay, cKDTree
 
 
 __all__ = [
     "Delaunay",
-    "brentq",
     "cKDTree",
     "connected_components",
     "dgecon",
@@ -53,7 +51,6 @@ _LAPACK = ("scipy.linalg._flapack", "scipy.linalg.lapack")
 _PARTS = {
     "cKDTree": ("scipy.spatial._ckdtree", "scipy.spatial"),
     "Delaunay": ("scipy.spatial._qhull", "scipy.spatial"),
-    "brentq": ("scipy.optimize._zeros_py", "scipy.optimize"),
     "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),
     **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dpotrf", "dpotrs"), _LAPACK),
 }
@@ -64,6 +61,9 @@ def __getattr__(name: str) -> Any:
     """A part, loaded when it is imported from here."""
     if name not in _PARTS:
         raise AttributeError(f"module {__name__} has no {name}")
+    if name == "Delaunay" and isinstance(masked := sys.modules.get("numpy.ma"), _Waiting):
+        # It asks whether points are masked arrays, of which there are none before their module has run.
+        vars(masked).setdefault("isMaskedArray", lambda array: False)
     known, public = _PARTS[name]
     try:
         found = getattr(importlib.import_module(known), name)
