@@ -64,6 +64,7 @@ def find_grids(
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     grids = {name: first_grid(one) for name, one in ranges.items()}
     responses: BodyResponses | None = None
+    resolved: BodyResponses | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
     passed: dict[str, FloatArray] = {}
@@ -82,8 +83,8 @@ def find_grids(
         wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None
-        if _same(wanted, grids):
-            wanted = sampled(scene, responses, grids)
+        if _same(wanted, grids) and responses is not resolved:
+            wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
             wanted = refined(condensed, grids, ranges, states, accuracy, tractions=not every)
         if _same(wanted, grids):
