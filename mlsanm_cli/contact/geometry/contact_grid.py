@@ -188,8 +188,15 @@ class ContactGrid:
 
     def forces(self, kernel: Kernel, slave: bool) -> Forces:
         """The same with what they need near corners."""
-        own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
-        return CorneredForces(own, corners) if corners else own
+        if slave not in self._forces:
+            own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
+            self._forces[slave] = CorneredForces(own, corners) if corners else own
+        return self._forces[slave]
+
+    @cached_property
+    def _forces(self) -> dict[bool, Forces]:
+        """What :meth:`forces` has made of the two bodies, each of one material."""
+        return {}
 
     def corners_of(self, slave: bool) -> tuple[Corner, ...]:
         """The corners of one of the two bodies that the range comes near."""
