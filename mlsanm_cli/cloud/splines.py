@@ -6,6 +6,7 @@ h^4 and normals by h^3, where chords are off by h^2 and h.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -98,10 +99,11 @@ class NodeSpline:
         """Position (order 0) or its derivatives up to the second at parameters ``t``, shape (..., 2)."""
         t = np.mod(t, self.knots[-1]) if self.closed else t
         k = self._interval(t, self.knots)
-        u, (a, b, c, d) = (t - self.knots[k])[..., None], self._powers[:, k]
-        if order == 0:
-            return np.asarray(a + u * (b + u * (c + u * d)))
-        return np.asarray(b + u * (2.0 * c + 3.0 * u * d) if order == 1 else 2.0 * c + 6.0 * u * d)
+        u, total = (t - self.knots[k])[..., None], np.zeros((*t.shape, 2))
+        for power in range(3, order - 1, -1):
+            total *= u
+            total += math.perm(power, order) * self._powers[power].take(k, axis=0)
+        return total
 
     def _interval(self, values: FloatArray, ends: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(ends, values, side="right") - 1, 0, len(ends) - 2)
