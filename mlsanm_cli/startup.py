@@ -6,7 +6,7 @@ The packages of scipy around its compiled modules take as long again: `scipy.spa
 distances, special functions and physical constants along, `scipy.sparse.csgraph` the eigenvalue solvers,
 `scipy.optimize` all minimisers, and `scipy.linalg` decorates each of its functions. So within
 :func:`lean_imports` such packages wait until something in them is asked for, and neighbour search, triangles,
-connected parts, roots and LAPACK are imported from here: where imports are lean the modules that hold these
+connected parts and LAPACK are imported from here: where imports are lean the modules that hold these
 parts come without their packages, elsewhere with them. What is not used by every run is imported where it is
 used.
 """
@@ -14,6 +14,7 @@ used.
 from __future__ import annotations
 
 import atexit
+import dataclasses
 import gc
 import importlib
 import importlib.util
@@ -21,8 +22,9 @@ import os
 import platform
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib.abc import Loader, MetaPathFinder, SourceLoader
 from importlib.machinery import ModuleSpec, PathFinder, SourcelessFileLoader
 from types import ModuleType
@@ -30,14 +32,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs
-    from scipy.optimize import brentq
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import Delaunay, cKDTree
 
 
 __all__ = [
     "Delaunay",
-    "brentq",
     "cKDTree",
     "connected_components",
     "dgecon",
@@ -53,7 +53,6 @@ _LAPACK = ("scipy.linalg._flapack", "scipy.linalg.lapack")
 _PARTS = {
     "cKDTree": ("scipy.spatial._ckdtree", "scipy.spatial"),
     "Delaunay": ("scipy.spatial._qhull", "scipy.spatial"),
-    "brentq": ("scipy.optimize._zeros_py", "scipy.optimize"),
     "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),
     **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dpotrf", "dpotrs"), _LAPACK),
 }
@@ -64,6 +63,9 @@ def __getattr__(name: str) -> Any:
     """A part, loaded when it is imported from here."""
     if name not in _PARTS:
         raise AttributeError(f"module {__name__} has no {name}")
+    if name == "Delaunay" and isinstance(masked := sys.modules.get("numpy.ma"), _Waiting):
+        # It asks whether points are masked arrays, of which there are none before their module has run.
+        vars(masked).setdefault("isMaskedArray", lambda array: False)
     known, public = _PARTS[name]
     try:
         found = getattr(importlib.import_module(known), name)
@@ -104,6 +106,9 @@ def lean_imports() -> Iterator[None]:
     # h5py asks for the machine's name, and is told the processor's too, for which a process would be started.
     vars(platform.uname())["processor"] = platform.machine()
     sys.meta_path.insert(0, _Sparing())
+    # Up to Python 3.12 every method of a dataclass is compiled by itself; most are never called.
+    if hasattr(dataclasses, "_create_fn"):
+        dataclasses._create_fn = _compiled_when_called(dataclasses._create_fn)
     atexit.register(gc.freeze)
     collects = gc.isenabled()
     gc.disable()
@@ -113,6 +118,23 @@ def lean_imports() -> Iterator[None]:
         gc.freeze()
         if collects:
             gc.enable()
+
+
+def _compiled_when_called(make: Callable[..., Any]) -> Callable[..., Any]:
+    """Methods as ``make`` makes them, but for constructors only once they are called."""
+
+    def create(name: str, *arguments: Any, **more: Any) -> Any:
+        if name == "__init__":
+            return make(name, *arguments, **more)
+        made = cache(lambda: make(name, *arguments, **more))
+
+        def method(*given: Any) -> Any:
+            return made()(*given)
+
+        method.__name__ = name
+        return method
+
+    return create
 
 
 class _Sparing(MetaPathFinder):

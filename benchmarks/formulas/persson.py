@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.startup import brentq
+from mlsanm_cli.continuation.roots import root
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class PinInHole:
         ratio = self.modulus * self.clearance / self.force
         # The ratio falls as b grows; the half-plane's b² = 2/(π ratio) is above the root.
         high = min(2.0 * FIT, math.sqrt(2.0 / (math.pi * ratio)))
-        return float(brentq(lambda b: clearance_ratio(b) - ratio, 1e-3 * high, high, xtol=1e-15))
+        return root(lambda b: clearance_ratio(b) - ratio, 1e-3 * high, high, 1e-15)
 
     @property
     def half_angle(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -47,26 +48,31 @@ class Segment:
 
     closed = False
 
-    @property
+    @cached_property
     def length(self) -> float:
         return math.dist(self.start, self.end)
 
-    @property
+    @cached_property
+    def _ends(self) -> FloatArray:
+        return np.array([self.start, self.end])
+
+    @cached_property
     def _tangent(self) -> FloatArray:
-        tangent: FloatArray = (np.array(self.end) - np.array(self.start)) / self.length
+        tangent: FloatArray = (self._ends[1] - self._ends[0]) / self.length
         return tangent
 
     def points(self, s: FloatArray) -> FloatArray:
         fraction = (s / self.length)[:, None]
-        points: FloatArray = (1.0 - fraction) * np.array(self.start) + fraction * np.array(self.end)
+        points: FloatArray = (1.0 - fraction) * self._ends[0] + fraction * self._ends[1]
         return points
 
     def normals(self, s: FloatArray) -> FloatArray:
-        tangent = self._tangent
-        return np.tile([tangent[1], -tangent[0]], (len(s), 1))
+        normals = np.empty((len(s), 2))
+        normals[:, 0], normals[:, 1] = self._tangent[1], -self._tangent[0]
+        return normals
 
     def closest(self, points: FloatArray) -> FloatArray:
-        s: FloatArray = np.clip((points - np.array(self.start)) @ self._tangent, 0.0, self.length)
+        s: FloatArray = np.clip((points - self._ends[0]) @ self._tangent, 0.0, self.length)
         return s
 
     def curvature(self, s: FloatArray) -> FloatArray:
@@ -89,7 +95,7 @@ class Arc:
     start: float
     sweep: float
 
-    @property
+    @cached_property
     def _turn(self) -> float:
         return math.copysign(1.0, self.sweep)
 
@@ -106,7 +112,10 @@ class Arc:
 
     def normals(self, s: FloatArray) -> FloatArray:
         angle = self.start + self._turn * s / self.radius
-        return self._turn * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        normals = np.empty((len(s), 2))
+        np.cos(angle, out=normals[:, 0])
+        np.sin(angle, out=normals[:, 1])
+        return self._turn * normals
 
     def closest(self, points: FloatArray) -> FloatArray:
         away = points - np.array(self.center)

@@ -6,18 +6,17 @@ h^4 and normals by h^3, where chords are off by h^2 and h.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.linalg import splu
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.startup import cKDTree
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 GAUSS = 6
 """Points of Gauss' rule for the length of an interval."""
@@ -45,11 +44,43 @@ class NodeSpline:
         return np.append(0.0, np.cumsum(np.hypot(*np.diff(self.nodes, axis=0).T)))
 
     @cached_property
-    def _place(self) -> CubicSpline:
-        # Few cases have such curves; importing it takes longer than the rest of scipy.
-        from scipy.interpolate import CubicSpline
+    def _slopes(self) -> FloatArray:
+        """Derivatives (k, 2) at the knots that make second ones continuous; at both ends of open curves the
+        third ones too. scipy's splines take longer to import than the rest of it."""
+        steps = np.diff(self.knots)
+        rise = np.diff(self.nodes, axis=0) / steps[:, None]
+        count, last = len(steps), len(steps) - (1 if self.closed else 0)
+        if count == 1:
+            return np.repeat(rise, 2, axis=0)
+        # Numbers of the knots, and of the intervals before and behind them.
+        at = np.arange(0 if self.closed else 1, count)
+        before, behind = steps[at - 1], steps[at]
+        entries = [(at, at, 2.0 * (before + behind))]
+        entries += [(at, (at - 1) % (last + 1), behind), (at, (at + 1) % (last + 1), before)]
+        rhs = np.zeros((last + 1, 2))
+        rhs[at] = 3.0 * (behind[:, None] * rise[at - 1] + before[:, None] * rise[at])
+        for end, inner, sign in () if self.closed else ((0, 1, 1), (count, count - 1, -1)):
+            one, other = (0, 1) if sign > 0 else (count - 1, count - 2)
+            near, far, both = steps[one], steps[other], steps[one] + steps[other]
+            row = np.array([end, end])
+            if count == 2:  # a parabola
+                entries.append((row, np.array([end, inner]), np.ones(2)))
+                rhs[end] = 2.0 * rise[one]
+                continue
+            entries.append((row, np.array([end, inner]), np.array([far, both])))
+            rhs[end] = ((near + 2.0 * both) * far * rise[one] + near**2 * rise[other]) / both
+        rows, columns, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+        matrix = sparse.csc_array((values, (rows, columns)), shape=(last + 1, last + 1))
+        found = np.asarray(splu(matrix).solve(rhs))
+        return np.concatenate([found, found[:1]]) if self.closed else found
 
-        return CubicSpline(self.knots, self.nodes, bc_type="periodic" if self.closed else "not-a-knot")
+    @cached_property
+    def _powers(self) -> FloatArray:
+        """Coefficients (4, k - 1, 2) of the powers of the distance from the knot before."""
+        steps, slope = np.diff(self.knots)[:, None], self._slopes
+        rise = np.diff(self.nodes, axis=0) / steps
+        bend = (slope[:-1] + slope[1:] - 2.0 * rise) / steps
+        return np.stack([self.nodes[:-1], slope[:-1], (rise - slope[:-1]) / steps - bend, bend / steps])
 
     @cached_property
     def arcs(self) -> FloatArray:
@@ -65,8 +96,14 @@ class NodeSpline:
         return np.asarray((half * weights * speed).sum(axis=1))
 
     def derivative(self, t: FloatArray, order: int) -> FloatArray:
-        """Position (order 0) or its derivatives at parameters ``t``, shape (..., 2)."""
-        return np.asarray(self._place(t, order))
+        """Position (order 0) or its derivatives up to the second at parameters ``t``, shape (..., 2)."""
+        t = np.mod(t, self.knots[-1]) if self.closed else t
+        k = self._interval(t, self.knots)
+        u, total = (t - self.knots[k])[..., None], np.zeros((*t.shape, 2))
+        for power in range(3, order - 1, -1):
+            total *= u
+            total += math.perm(power, order) * self._powers[power].take(k, axis=0)
+        return total
 
     def _interval(self, values: FloatArray, ends: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(ends, values, side="right") - 1, 0, len(ends) - 2)
@@ -172,8 +209,11 @@ class SplinePart:
             t = following
             if done.all():
                 break
-        whole = self.spline.knots[-1]
-        return np.asarray(self.spline.arc_of(np.mod(t, whole) if self.closed else t) - self._start)
+        t = np.mod(t, self.spline.knots[-1]) if self.closed else t
+        arc = np.asarray(self.spline.arc_of(t) - self._start)
+        # What is there is asked for next.
+        self._asked[:] = [(arc.copy(), t)]
+        return arc
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """The chords between nodes: near enough for a node spacing."""

@@ -20,12 +20,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray
+from mlsanm_cli.continuation.roots import root
 
 # lam(a) is searched for a level between this many samples: a series of order 30 cannot bend more often.
 _SAMPLES = 65
 _EPS = float(np.finfo(np.float64).eps)
-# The finest relative precision that brentq accepts.
-_PRECISION = 4.0 * _EPS
 # A level this close to the first or last value of lam, relative to the terms summed, is that value.
 _ROUND_OFF = 32.0 * _EPS
 # Which way lam goes at the end of a piece is seen over this part of the last interval.
@@ -199,9 +198,7 @@ class Branch:
 
         if distance(low) * distance(high) >= 0.0:  # a sample hit the level: its sign is round-off
             return min(low, high, key=lambda a: abs(distance(a)))
-        from mlsanm_cli.startup import brentq  # for some levels only
-
-        return float(brentq(distance, low, high, xtol=1e-300, rtol=_PRECISION, maxiter=200))
+        return root(distance, low, high)
 
     def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
         """Return the intervals in which lam(a) may touch the level between samples on one side of it.

@@ -234,14 +234,16 @@ class RunFile(Closing):
             parent, _, own = name.rpartition("/")
             size = values.dtype.itemsize * int(np.prod(tail, dtype=np.int64))
             chunk = min(max(CHUNK_BYTES // max(size, 1), 1), CHUNK_ROWS)
+            # First, so that doing it again begins with the first row.
+            self._rows.setdefault(name, 0)
             self._group(parent).create_dataset(
                 own,
-                (0, *tail),
-                values.dtype,
+                data=values,
                 # HDF5 wants chunks of one entry or more, no longer than a bounded axis.
                 chunks=(chunk, *(max(one, 1) for one in tail)),
                 maxshape=(None, *(one or None for one in tail)),
             )
+            return len(values)
         dataset = self._file[name]
         if dataset.shape[1:] != tail:
             raise ValueError(f"{name}: shape {tail}, expected {dataset.shape[1:]}")

@@ -64,14 +64,15 @@ def find_grids(
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     grids = {name: first_grid(one) for name, one in ranges.items()}
     responses: BodyResponses | None = None
+    resolved: BodyResponses | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
     passed: dict[str, FloatArray] = {}
     looked = False
     every, turnings = False, TURNINGS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
+    some = _on_grids(pairings, grids, pairings)
     for _ in range(ROUNDS):
-        some = _on_grids(pairings, grids)
         if responses is None:
             responses = BodyResponses.of(scene, some, memo)
         if condensed is None:
@@ -82,8 +83,8 @@ def find_grids(
         wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None
-        if _same(wanted, grids):
-            wanted = sampled(scene, responses, grids)
+        if _same(wanted, grids) and responses is not resolved:
+            wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
             wanted = refined(condensed, grids, ranges, states, accuracy, tractions=not every)
         if _same(wanted, grids):
@@ -105,7 +106,8 @@ def find_grids(
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
             responses = None
         grids = wanted
-        later = [pairing for pairing in _on_grids(pairings, grids) if not pairing.bonded]
+        some = _on_grids(pairings, grids, some)
+        later = [pairing for pairing in some if not pairing.bonded]
         starts = [_moved(condensed, later, state) for state in states]
         condensed = None
     return None
@@ -157,9 +159,14 @@ def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> b
     return all(one[name] is other[name] for name in one)
 
 
-def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, ContactGrid]) -> tuple[Pairing, ...]:
+def _on_grids(
+    pairings: Sequence[Pairing], grids: Mapping[str, ContactGrid], before: Sequence[Pairing]
+) -> tuple[Pairing, ...]:
+    """The contacts of nodes ``pairings`` with pressures on their ``grids``; those that have them ``before``
+    stay."""
     return tuple(
-        on_grid(pairing, grids[pairing.name]) if pairing.name in grids else pairing for pairing in pairings
+        old if old.grid is grids.get(new.name) else on_grid(new, grids[new.name])
+        for new, old in zip(pairings, before, strict=True)
     )
 
 

@@ -213,7 +213,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     assert pairing.grid is not None
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
     places, drawn = room.drawn_gaps
-    own = hats.at_places(pairing.grid.facing.gap(hats.points)[:, None])[:, 0]
+    own = pairing.grid.gap
     beyond_grid = pairing.arc[~pairing.candidate]
     # Not from the nodes' own gaps: these are measured towards the closest place, not along the directions of
     # pressures, which is not the same where surfaces come a long way.

@@ -14,6 +14,7 @@ from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, exchange
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.continuation import Branch
+from mlsanm_cli.continuation.roots import root
 
 SAMPLES = 17
 """A piece of path is looked at in so many places."""
@@ -119,9 +120,7 @@ class EventLocator:
 
         if level(low) <= 0.0:
             return low
-        from mlsanm_cli.startup import brentq  # for paths with events only
-
-        return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps, maxiter=200))
+        return root(level, low, high)
 
     def _flags(self, column: int, levels: int) -> EventFlags:
         hits, n, held = EventFlags.none(self._problem.n), self._problem.n, len(self._stuck)

@@ -16,6 +16,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Stop
 from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record
@@ -25,7 +26,6 @@ CLOSE = 1e-12
 """Positions are known to this, per stage."""
 NEAR = 1e-10
 """Limits are reached within this part of them."""
-MOST_LOOKS = 100
 SAMPLES = 65
 AXES = {"x": 0, "y": 1}
 Follow = Callable[[CondensedScene, Checkpoint | None], Iterator[PathStep]]
@@ -104,11 +104,8 @@ class Stoppable:
             return found[place][0]
 
         if last - first > CLOSE * max(1.0, last) and value > 0.0:
-            # For paths that end early only.
-            from mlsanm_cli.startup import brentq
-
             with suppress(_Unknown):
-                brentq(beyond, first, last, xtol=CLOSE * max(1.0, last), maxiter=MOST_LOOKS)
+                root(beyond, first, last, CLOSE * max(1.0, last))
         slack = NEAR * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
         return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
 

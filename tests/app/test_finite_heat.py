@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results.probe import probe_point
-from mlsanm_cli.startup import brentq
+from mlsanm_cli.continuation.roots import root
 from tests.app.scenes import solve
 from tests.case_text import body, box, contact, head, item, load, material, pin, plane, support
 
@@ -70,7 +70,7 @@ def test_a_long_body_that_is_warmed_is_pressed_along(law: str, tmp_path: Path) -
         def across(stretch: float) -> float:
             return float(MU * stretch**2 + w**2 * (LAM * np.log(stretch**2 / w**3) - MU))
 
-        stretch = brentq(across, 1.0, 2.0)
+        stretch = root(across, 1.0, 2.0)
         volume = stretch**2 / w**3
         along = (LAM * np.log(volume) + MU * (w**-2 - 1.0)) / volume
     else:
@@ -90,7 +90,7 @@ def test_a_warm_block_presses_what_keeps_it(tmp_path: Path) -> None:
     def across(stretch: float) -> float:
         return float(MU * stretch**2 + w**2 * (LAM * np.log(stretch / w**3) - MU))
 
-    stretch = brentq(across, 1.0, 2.0)
+    stretch = root(across, 1.0, 2.0)
     force = w * MU * (1.0 - stretch**2)
     np.testing.assert_allclose(summary["contacts"]["lid"]["force"], [0.0, force], rtol=1e-6, atol=1e-9)
 

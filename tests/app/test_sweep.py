@@ -32,6 +32,8 @@ PRESSED = hertz().replace("accuracy = 0.01", "accuracy = 0.1") + table("output",
 PROBE = item("probe", name="tip", body="block", point=[0.0, -0.5])
 ROUGH = PRESSED.replace("accuracy", "friction = 0.3\nregularization.law = 'exact'\naccuracy") + PROBE
 
+SEEN = ROUGH.replace("fields = []", "fields = ['von_mises']")
+
 
 @pytest.fixture(autouse=True)
 def _nothing_kept() -> None:
@@ -104,12 +106,15 @@ def test_points_are_the_runs_that_they_stand_for(
     [
         (BAR + PROBE.replace("block", "bar"), ("body.bar.seed=0,1", "probe.tip.point=[0.5, 0.5],[1.0, 0.5]")),
         (ROUGH, ("probe.tip.point=[0.0, -0.5],[0.5, -0.5]", "contact.interface.friction=0.3,0.0")),
+        # The points that fields are written at are kept for what touches over the same intervals.
+        (SEEN, ("load.press.fy=-226.0,-40.0", "contact.interface.friction=0.3,0.6")),
     ],
-    ids=["body", "contact"],
+    ids=["body", "contact", "fields"],
 )
 def test_what_a_process_keeps_serves_only_what_it_was_made_from(
-    text: str, varied: tuple[str, str], tmp_path: Path
+    text: str, varied: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # With monkeypatch, so that runs alone share nothing with other tests (tests/conftest.py).
     case = tmp_path / "case.toml"
     case.write_text(text)
     assert counts(swept(case, tmp_path / "all", *varied)) == [4, 0, 0, 0]

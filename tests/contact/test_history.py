@@ -198,7 +198,8 @@ def test_gaps_count_as_nothing_by_what_closing_them_would_take() -> None:
     # its body with 0.2 % of the peak pressure.
     compliance = np.diag([1e-2, 1e-8]) + 1e-9
     condensed: Any = SimpleNamespace(
-        gap=SimpleNamespace(pressure=compliance), own=(np.diag(compliance), np.zeros(0))
+        elastic_gap=lambda pressure: np.abs(compliance @ pressure).max(),
+        own=(np.diag(compliance), np.zeros(0)),
     )
     values: Any = SimpleNamespace(pressure=np.array([1.0, 0.5]))
     force, length = history._limits(condensed, values)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sparse
@@ -23,6 +23,7 @@ from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.probes import probe_rows
+from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 ACROSS = 12.0
@@ -57,9 +58,9 @@ class Views:
     finer: Mapping[str, View]
 
     @classmethod
-    def of(cls, built: CondensedScene) -> Views:
+    def of(cls, built: CondensedScene, memo: Memo = NO_CACHE) -> Views:
         """Finer points for the bodies whose clouds are coarser than what a contact does to them; the states
-        at the ends of the stages show where that is."""
+        at the ends of the stages show where that is. Scenes that touch over the same intervals share them."""
         clouds, finer = {}, {}
         for body in built.case.body:
             model = built.scene.bodies[body.name].model
@@ -67,8 +68,9 @@ class Views:
             zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
             if zones:
                 spacing = spacing_of(built.case, body).with_zones(zones)
-                cloud = build_cloud(outline_of(built.case, body), spacing, body.seed)
-                clouds[body.name], finer[body.name] = cloud, View(model, cloud)
+                cloud = build_cloud(outline_of(built.case, body), spacing, body.seed, memo=memo)
+                view = memo.value("view", digest(model.content, cloud.content), partial(View, model, cloud))
+                clouds[body.name], finer[body.name] = view.cloud, view
         return cls(clouds, finer)
 
 

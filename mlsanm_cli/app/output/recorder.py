@@ -95,7 +95,7 @@ class Recorder(RunWriter):
         """Store the model; what its path continues from, None where it begins."""
         built, self._starts = adapted.built, adapted.accuracy.solutions
         with self._clock.phase("output"):
-            self._views = Views.of(built)
+            self._views = Views.of(built, self._memo)
             self._file.confirm(recording.model_datasets(built, self._views.clouds))
             nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
             digest = recording.operators_digest(built)

@@ -48,7 +48,7 @@ class RunWriter(Closing):
     ) -> None:
         """Begin the files, or append after so many ``rows`` of run.h5. RunError."""
         self.directory = directory
-        self._clock, self._console = context.clock, context.console
+        self._clock, self._console, self._memo = context.clock, context.console, context.memo
         file = directory / run_dir.RUN_FILE
         with context.phase("output"):
             resolved = resolved_mapping(loaded.case)

@@ -26,7 +26,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.memo import digest
 
 TABLE_FILE = "sweep.csv"
-RESULTS_PER_BODY = 6
+RESULTS_PER_BODY = 8
 """A process keeps so many of a scene's results for each of its bodies."""
 LONGEST = 120
 """Longest name of a run directory, made of the values; what is longer ends with a digest."""

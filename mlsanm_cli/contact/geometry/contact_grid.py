@@ -115,7 +115,10 @@ class Facing:
 
     def gap(self, s: FloatArray) -> FloatArray:
         """Initial gaps (e,)."""
-        points, partner, normal = self.opposite(s)
+        return self.gap_between(*self.opposite(s))
+
+    def gap_between(self, points: FloatArray, partner: FloatArray, normal: FloatArray) -> FloatArray:
+        """Initial gaps (e,) of what :meth:`opposite` says."""
         drawn = np.asarray(((points - partner) * normal).sum(axis=1))
         return drawn if self.profile is None else drawn + self.profile.at(points)
 
@@ -185,8 +188,15 @@ class ContactGrid:
 
     def forces(self, kernel: Kernel, slave: bool) -> Forces:
         """The same with what they need near corners."""
-        own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
-        return CorneredForces(own, corners) if corners else own
+        if slave not in self._forces:
+            own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
+            self._forces[slave] = CorneredForces(own, corners) if corners else own
+        return self._forces[slave]
+
+    @cached_property
+    def _forces(self) -> dict[bool, Forces]:
+        """What :meth:`forces` has made of the two bodies, each of one material."""
+        return {}
 
     def corners_of(self, slave: bool) -> tuple[Corner, ...]:
         """The corners of one of the two bodies that the range comes near."""
@@ -202,9 +212,23 @@ class ContactGrid:
         return lagrange(self.hats.points, self.samples)
 
     @cached_property
+    def opposite(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """:meth:`Facing.opposite` at the hats' points."""
+        return self.facing.opposite(self.hats.points)
+
+    @property
     def directions(self) -> tuple[FloatArray, FloatArray]:
         """:meth:`Facing.directions` (g, 2) at the hats' points."""
-        return self.facing.directions(self.hats.points)
+        return self.opposite[2], turned(self.opposite[2])
+
+    def places(self, slave: bool) -> ComplexArray:
+        """The hats' points (g,) on one of the two surfaces."""
+        return as_complex(self.opposite[0 if slave else 1])
+
+    @cached_property
+    def gap(self) -> FloatArray:
+        """Initial gaps (m,), means over the hats."""
+        return self.hats.at_places(self.facing.gap_between(*self.opposite)[:, None])[:, 0]
 
     def spread(self, direction: FloatArray) -> FloatArray:
         """Forces (2k, m) x and y at the samples that stand for tractions of the hats along a ``direction``
@@ -329,13 +353,13 @@ class ContactGrid:
 
     def _cornered(self, slave: bool, which: int, by: int) -> FloatArray:
         hats = self.hats
-        total = np.zeros((len(hats.place), len(hats.place)))
-        if not self.corners_of(slave):
+        total, corners = np.zeros((len(hats.place), len(hats.place))), self.corners_of(slave)
+        if not corners:
             return total
         points, integrals = hats.towards_ends
-        place, directions = self.facing.side(points, slave)[0], self.facing.directions(points)
+        place, _, directions = self.facing.loaded(points, slave)
         present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
-        for corner in self.corners_of(slave):
+        for corner in corners:
             x, shares = on_panels(np.maximum(corner.distance(place), LEAST * corner.length))
             parts = {
                 (side, c): integrals @ (shares * directions[side][:, c, None])
@@ -364,7 +388,7 @@ class ContactGrid:
     def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Force x, y and moment about a ``center`` (3, m) on one of the two bodies by unit pressures, and by
         unit tractions."""
-        z, sign = self.facing.side(self.hats.points, slave)[0], 1.0 if slave else -1.0
+        z, sign = self.places(slave), 1.0 if slave else -1.0
         x, y = z.real - center[0], z.imag - center[1]
         found = []
         for direction in self.directions:

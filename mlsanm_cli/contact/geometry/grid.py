@@ -119,8 +119,10 @@ class Hats:
         from there, and what makes integrals (m, e) with the functions."""
         starts, steps, interval = [], [], []
         for number, (start, step) in enumerate(zip(self.nodes[:-1], self.steps, strict=True)):
+            if step == 0.0:
+                continue
             ends = np.array([0.0, 1.0])
-            if step > 0.0 and (number <= self.whole[0] or number >= len(self.steps) - 1 - self.whole[1]):
+            if number <= self.whole[0] or number >= len(self.steps) - 1 - self.whole[1]:
                 ends = np.concatenate([[0.0], 0.5 ** np.arange(CROWDED, -1, -1)])
                 ends = ends if number <= self.whole[0] else 1.0 - ends[::-1]
             starts.append(start + step * ends[:-1])
@@ -166,12 +168,14 @@ class Hats:
         away, product = self.points[points] - self.place[:, None], weights * values[points]
         return np.stack([(product * away**order).sum(axis=1) for order in range(ORDERS + 1)], axis=1)
 
-    def _kernel(self, values: Table, shift: float, fourth: Table, third: Table, second: Table) -> PairKernel:
+    def _kernel(
+        self, values: Table, shift: float, fourth: Table, third: Table, second: Table, reach: float = NEAR
+    ) -> PairKernel:
         """A kernel of the distance s + ``shift`` - s', of which ``fourth``, ``third`` and ``second`` are
-        repeated integrals."""
+        repeated integrals; pairs are near up to a ``reach`` in widths."""
         wide = np.maximum(self.steps[1:], self.steps[:-1])
         way = self.place[:, None] + shift - self.place
-        near = np.abs(way) <= NEAR * (wide[:, None] + wide)
+        near = np.abs(way) <= reach * (wide[:, None] + wide)
         one, other = np.nonzero(near)
         # In extended precision, as fourth differences lose digits.
         nodes, three = self.nodes.astype(np.longdouble), np.arange(3)
@@ -208,7 +212,8 @@ class Hats:
         def integral(order: int, factor: int) -> Table:
             return lambda t: np.sign(t) * _power(t, order) / factor
 
-        found = self._kernel(np.sign, 0.0, integral(4, 24), integral(3, 6), integral(2, 2))
+        # Where hats do not overlap, their moments of order 0 are all there is to it.
+        found = self._kernel(np.sign, 0.0, integral(4, 24), integral(3, 6), integral(2, 2), 1.0)
         sign = np.sign(self.place[:, None] - self.place)
         return replace(found, far=lambda one, other: sign * np.outer(one[:, 0], other[:, 0]))
 

@@ -162,7 +162,7 @@ def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
     slack = SLACK * (grid.last - grid.first)
     beyond = (place < grid.first - slack) | (place > grid.last + slack)
     points, partner, _ = facing.opposite(hats.place)
-    gap = hats.at_places(facing.gap(hats.points)[:, None])[:, 0] - pairing.closed_by
+    gap = grid.gap - pairing.closed_by
     count = len(hats.place)
 
     def joined(own: FloatArray, others: FloatArray) -> FloatArray:

@@ -7,7 +7,6 @@ s = anchor; slipping ones carry t = d mu p with the sense d = +-1.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,8 @@ MOST = 40
 """Equations that may differ where factors are updated; each costs a solution, where factors cost many."""
 LARGE = 200
 """Equations from which on an update is cheaper than factors."""
+ROUND_OFF = 1e-12
+"""Steps on equations that are met but for this part of their right-hand sides move gaps and slips by less."""
 SOUND = 1e-8
 """Least reciprocal condition of an update."""
 
@@ -95,7 +96,8 @@ class SetSystem:
         rows, columns, whole = condensed.scaled
         self._closed, self._stuck = np.flatnonzero(sets.closed), np.flatnonzero(sets.stuck)
         sliding = np.flatnonzero(sets.slip_sign)
-        self._kept = np.concatenate([self._closed, m + self._stuck, np.arange(m + n, len(whole))])
+        self._holds = np.concatenate([sets.closed, sets.stuck, np.ones(len(whole) - m - n, dtype=bool)])
+        self._kept = np.flatnonzero(self._holds)
         self._rows, self._columns = rows, columns
         # A slipping node's traction goes with its pressure.
         self._sliding, self._under = m + sliding, condensed.friction_nodes[sliding]
@@ -143,9 +145,12 @@ class SetSystem:
         rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
         # One step on the equations as they are takes away the factors' round-off.
-        unknowns += self._spread(rhs - (self._condensed.blocks @ unknowns)[self._kept])
-        caused = (self._condensed.blocks @ unknowns)[: m + n]
-        gap, slip = free_gap + caused[:m], free_slip + caused[m:]
+        caused = self._condensed.blocks @ unknowns
+        left = rhs - caused[self._kept]
+        unknowns += self._spread(left)
+        if np.abs(left).max(initial=0.0) > ROUND_OFF * np.abs(rhs).max(initial=0.0):
+            caused = self._condensed.blocks @ unknowns
+        gap, slip = free_gap + caused[:m], free_slip + caused[m : m + n]
         gap[closed], slip[stuck] = 0.0, stick_reference[stuck]
         return ContactState(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)
 
@@ -174,7 +179,7 @@ class SetSystem:
         node is that it carries nothing, that of a slipping one that its traction goes with its pressure."""
         if number not in self._units:
             rhs = np.zeros(len(self._rows))
-            held = number in self._inactive
+            held = not self._holds[number]
             if held:
                 rhs[self._kept] = -self._condensed.scaled[2][number, self._kept]
             else:
@@ -183,10 +188,6 @@ class SetSystem:
             found[number] += 1.0 if held else 0.0
             self._units[number] = found
         return self._units[number]
-
-    @cached_property
-    def _inactive(self) -> frozenset[int]:
-        return frozenset(np.setdiff1d(np.arange(len(self._rows)), self._kept).tolist())
 
 
 class _Update:
@@ -197,7 +198,15 @@ class _Update:
     """
 
     def __init__(self, system: SetSystem, base: SetSystem, changed: IntArray) -> None:
-        self.base, self._system, self._changed = base, system, changed
+        self.base, self._changed = base, changed
+        # Of the changed equations those that hold are rows of the matrix; those of slipping nodes have their
+        # pressures in them.
+        self._holding = system._holds[changed]
+        self._equations = np.ascontiguousarray(system._condensed.scaled[2][:, changed[self._holding]].T)
+        _, place, self._slides = np.intersect1d(
+            system._sliding, changed, assume_unique=True, return_indices=True
+        )
+        self._slope, self._under = system._slope[place, None], system._under[place]
         self._units = np.array([base.unit(int(one)) for one in changed]).T
         self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), SOUND)
 
@@ -222,17 +231,8 @@ class _Update:
 
     def _values(self, unknowns: FloatArray) -> FloatArray:
         """The left-hand sides (r,) or (r, c) of the changed equations for scaled unknowns."""
-        one, changed = self._system, self._changed
-        values = unknowns[changed].copy()
-        equations = np.isin(changed, one._kept)
-        values[equations] = self._equations @ unknowns
-        slides = np.flatnonzero(np.isin(changed, one._sliding))
-        place = np.searchsorted(one._sliding, changed[slides])
-        slope = one._slope[place]
-        values[slides] -= (slope if unknowns.ndim == 1 else slope[:, None]) * unknowns[one._under[place]]
-        return values
-
-    @cached_property
-    def _equations(self) -> FloatArray:
-        changed = self._changed[np.isin(self._changed, self._system._kept)]
-        return np.ascontiguousarray(self._system._condensed.scaled[2][:, changed].T)
+        columns = unknowns.reshape(len(unknowns), -1)
+        values = columns[self._changed]
+        values[self._holding] = self._equations @ columns
+        values[self._slides] -= self._slope * columns[self._under]
+        return values.reshape(-1, *unknowns.shape[1:])

@@ -138,8 +138,9 @@ def event_driven_path(
     course: _Course | None = None
     while pending:
         touching = bool(state.sets.closed.any())
+        limits = _limits(condensed, state.values)
         try:
-            course, solves = _course(condensed, state, change, course)
+            course, solves = _course(condensed, state, limits, change, course)
             if standing > 4 * len(condensed.weight) + 50:
                 raise NoStateError(sliding=False)
         except NoStateError as error:
@@ -161,7 +162,7 @@ def event_driven_path(
             raise SlidingError(fraction)
         # A node that comes to rest does so where it is now.
         stick_reference = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.stick_reference)
-        step = min(_next_event(condensed, state, course), pending[0] - fraction)
+        step = min(_next_event(condensed, state, limits, course), pending[0] - fraction)
         standing = standing + 1 if step < STANDSTILL else 0
         fraction += step
         if pending[0] - fraction <= STANDSTILL:
@@ -198,7 +199,7 @@ def _limits(condensed: Condensed, values: ContactState) -> tuple[float, FloatArr
     """Pressure, and gaps (m,), that count as nothing: those that such a pressure opens at a node by itself,
     as closing one over more than that would pull at it, or what round-off leaves."""
     force = NEAR * float(values.pressure.max(initial=0.0))
-    elastic = float(np.abs(condensed.gap.pressure @ values.pressure).max(initial=0.0))
+    elastic = condensed.elastic_gap(values.pressure)
     own = force * condensed.own[0]
     return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), NEAR * elastic)
 
@@ -212,15 +213,18 @@ def _slack(condensed: Condensed, values: ContactState, side: float) -> FloatArra
 
 
 def _course(
-    condensed: Condensed, state: CoulombState, change: FloatArray, last: _Course | None
+    condensed: Condensed,
+    state: CoulombState,
+    limits: tuple[float, FloatArray],
+    change: FloatArray,
+    last: _Course | None,
 ) -> tuple[_Course, int]:
     """How the state continues when the load factors move along ``change`` (L,), and the systems that were
-    made.
+    made; ``limits`` are those of the state.
 
     The ``last`` course, along the same change, led to the state: its sets are tried first, and known.
     """
-    v, before = state.values, state.sets
-    force, length = _limits(condensed, v)
+    v, before, (force, length) = state.values, state.sets, limits
     bare = v.pressure <= force
     near = {side: _slack(condensed, v, side) <= force for side in (1.0, -1.0)}
     grazing = bare[condensed.friction_nodes]
@@ -246,11 +250,11 @@ def _course(
     return _Course(sets, system, rates), made
 
 
-def _next_event(condensed: Condensed, state: CoulombState, course: _Course) -> float:
+def _next_event(
+    condensed: Condensed, state: CoulombState, limits: tuple[float, FloatArray], course: _Course
+) -> float:
     """How much further the sets hold, as part of the stage."""
-    sets, rates = course.sets, course.rates
-    force, length = _limits(condensed, state.values)
-    v = state.values
+    sets, rates, v, (force, length) = course.sets, course.rates, state.values, limits
     sides = (1.0, -1.0)
     return min(
         _until(v.gap, rates.gap, length, ~sets.closed),

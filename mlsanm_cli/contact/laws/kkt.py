@@ -30,9 +30,7 @@ def kkt_residual(
     least = NOTHING * moved / largest_compliance if largest_compliance > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
     m, n = len(pressure), len(traction)
-    alone = np.concatenate([pressure, np.zeros(n + len(motion))])
-    elastic = float(np.abs((condensed.blocks @ alone)[:m]).max(initial=0.0))
-    elastic = max(elastic, least * largest_compliance) or 1.0
+    elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0
     free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
     caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
     gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])

@@ -91,7 +91,8 @@ def exchange(
     closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
     closed = (sets.closed & ~opening) | closing
     asked = np.where(sets.stuck, t, t - slipped / own_tangential)
-    limit = condensed.friction * np.where(closing, p - values.gap / own_normal, p)[nodes]
+    pressed = np.where(closing, p - values.gap / own_normal, p) if closing.any() else p
+    limit = condensed.friction * pressed[nodes]
     side = np.where(watch.side == 0.0, np.sign(asked), watch.side)
     over = side * asked - limit
     still = closed[nodes] & sets.closed[nodes]
@@ -99,14 +100,16 @@ def exchange(
     with_friction = sets.slip_sign * slipped > ROUND_OFF * np.abs(slipped).max(initial=0.0)
     turns = still & with_friction & ((over <= 0.0) | (side == sets.slip_sign))
     reverses = still & with_friction & ~turns
+    wrong = opening | closing
+    wrong[nodes] |= slips | turns | reverses
+    if not wrong.any():
+        return sets, wrong
     slides = closing[nodes] & watch.slipping & (over > 0.0)
     holds = closing[nodes] & ~slides
     stuck = (sets.stuck & still & ~slips) | turns | holds
     slip_sign = np.where(
         slips | reverses | slides, side, np.where(turns | ~closed[nodes] | holds, 0.0, sets.slip_sign)
     )
-    wrong = opening | closing
-    wrong[nodes] |= slips | turns | reverses
     return ContactStatus(closed, stuck, slip_sign), wrong
 
 

@@ -47,6 +47,10 @@ def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
     if not motions.size:
         return False
     both = np.vstack([across, tangential[slipping]]) @ motions
+    if motions.shape[1] == 1:
+        parts = (both**2)[:, 0]
+        if parts[: len(across)].sum() >= TILT**2 * parts.sum():
+            return False
     left, values, _ = np.linalg.svd(both, full_matrices=False)
     moving = left[: len(across), values > ROUND_OFF]
     if not len(moving):

@@ -110,6 +110,14 @@ class Condensed:
         return Blocks(self.whole, [*(span.start for span in self.spans.values()), *tangential, m, m + n])
 
     @cached_property
+    def _elastic(self) -> Blocks:
+        return Blocks(self.gap.pressure, [span.start for span in self.spans.values()])
+
+    def elastic_gap(self, pressure: FloatArray) -> float:
+        """The largest gap that pressures (m,) make where they act."""
+        return float(np.abs(self._elastic @ pressure).max(initial=0.0))
+
+    @cached_property
     def own(self) -> tuple[FloatArray, FloatArray]:
         """About what gap (m,) and slip (n,) a unit pressure and traction make where they act: without sign,
         as those of bodies that contact alone holds depend on where their motions count from."""

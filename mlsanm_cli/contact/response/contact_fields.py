@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -41,9 +42,9 @@ AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class _Loads:
-    """``pressure`` and ``traction`` (i + 1, c) at the ``ends`` (i + 1,) of some intervals of a contact, and
-    what of it acts on one body at the points of the rule (q,) in these: ``place`` and ``inward`` normal (q,
-    i), ``force`` (q, i, 2, c)."""
+    """``pressure`` and ``traction`` (2, i, c) at both ``ends`` (2, i) of the intervals of a contact that bear
+    any, and what of it acts on one body at the points of the rule (q,) in these: ``place`` and ``inward``
+    normal (q, i), ``force`` (q, i, 2, c)."""
 
     grid: ContactGrid
     slave: bool
@@ -62,8 +63,11 @@ class _Loads:
         """Those of nodal ``pressure`` and ``traction`` (m, c)."""
         first, last = grid.hats.whole
         beyond = ((int(not first), int(not last)), (0, 0))
-        ends, across, along = grid.hats.ends, np.pad(pressure, beyond), np.pad(traction, beyond)
-        steps, weights = np.diff(ends), np.array([weight for _, weight in RULE])
+        bounds = grid.hats.ends, np.pad(pressure, beyond), np.pad(traction, beyond)
+        loaded = (bounds[1] != 0.0).any(axis=1) | (bounds[2] != 0.0).any(axis=1)
+        some = np.flatnonzero(loaded[:-1] | loaded[1:])
+        ends, across, along = (one[np.stack([some, some + 1])] for one in bounds)
+        steps, weights = ends[1] - ends[0], np.array([weight for _, weight in RULE])
         share = np.repeat([[share] for share, _ in RULE], len(steps), axis=1)
         interval = np.broadcast_to(np.arange(len(steps)), share.shape)
         nothing = np.zeros(0, dtype=np.complex128)
@@ -77,22 +81,19 @@ class _Loads:
     @property
     def steps(self) -> FloatArray:
         """Lengths (i,) of the intervals."""
-        return np.diff(self.ends)
+        return np.asarray(self.ends[1] - self.ends[0])
+
+    @property
+    def extent(self) -> float:
+        """From the beginning of the first of the intervals to the end of the last."""
+        return float(self.ends[1, -1] - self.ends[0, 0])
 
     def halves(self) -> Iterator[_Loads]:
         """Those of the first and of the last intervals."""
         middle = len(self.steps) // 2
         for first, last in ((0, middle), (middle, len(self.steps))):
-            ends, inner = slice(first, last + 1), (slice(None), slice(first, last))
-            yield replace(
-                self,
-                ends=self.ends[ends],
-                pressure=self.pressure[ends],
-                traction=self.traction[ends],
-                place=self.place[inner],
-                inward=self.inward[inner],
-                force=self.force[inner],
-            )
+            names = ("ends", "pressure", "traction", "place", "inward", "force")
+            yield replace(self, **{name: getattr(self, name)[:, first:last] for name in names})
 
     def sources(self, place: ComplexArray, inward: ComplexArray) -> SurfaceForces:
         """Unit forces on the body."""
@@ -101,11 +102,12 @@ class _Loads:
     def at(self, interval: IntArray, share: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """Places (e,) and inward normals (e,) within intervals (e,), by the share of the way along these, and
         the tractions (e, 2, c) on the slave there."""
-        s = self.ends[interval] + share * self.steps[interval]
+        s = self.ends[0, interval] + share * self.steps[interval]
         place, inward, (normal, tangent) = self.grid.facing.loaded(s, self.slave)
         part = share[:, None]
         pressure, traction = (
-            (1.0 - part) * one[interval] + part * one[interval + 1] for one in (self.pressure, self.traction)
+            (1.0 - part) * one[0, interval] + part * one[1, interval]
+            for one in (self.pressure, self.traction)
         )
         return place, inward, normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
 
@@ -116,9 +118,9 @@ class _Loads:
 
     def sampled(self, count: int) -> tuple[SurfaceForces, FloatArray]:
         """Unit forces at so many samples, and the forces (k, 2, c) there that stand for all, from afar."""
-        ends, rule = self.ends, np.array([share for share, _ in RULE])
-        samples = chebyshev(float(ends[0]), float(ends[-1]), count)
-        shares = lagrange((ends[:-1] + rule[:, None] * self.steps).ravel(), samples)
+        first, rule = self.ends[0], np.array([share for share, _ in RULE])
+        samples = chebyshev(float(first[0]), float(self.ends[1, -1]), count)
+        shares = lagrange((first + rule[:, None] * self.steps).ravel(), samples)
         force = shares.T @ self.force.reshape(len(shares), -1)
         return self.sources(*self.grid.facing.side(samples, self.slave)), force.reshape(
             count, *self.force.shape[2:]
@@ -141,12 +143,14 @@ def fields_of(
         within = np.abs(z - corner.tip) < AT_TIP * corner.length
         z = np.where(within, corner.tip + AT_TIP * corner.length * corner.bisector, z)
     loads = _Loads.of(grid, slave, kernel, pressure, traction)
+    if not loads.ends.size:
+        return np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
     displacement, stress = _own_fields(loads, _inside(grid, slave, z))
     corners = grid.corners_of(slave)
     if not corners:
         return displacement, stress
     close = replace(grid, count=CLOSE)
-    place, force = grid.facing.side(grid.hats.points, slave)[0], _on_points(grid, pressure, traction)
+    place, force = grid.places(slave), _on_points(grid, pressure, traction)
     few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
     for corner in corners:
         for line in corner.lines(corner.distance(place), force):
@@ -165,10 +169,10 @@ def fields_of(
 def _own_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """The same without corners: from afar few samples stand for all pressures, as they do for the remainder;
     nearer, for those of either half of the intervals, and so on."""
-    columns = loads.pressure.shape[1]
+    columns = loads.pressure.shape[2]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
     close = loads.sampled(CLOSE)
-    away = np.abs(z[:, None] - close[0].place).min(axis=1, initial=np.inf) / np.ptp(loads.ends)
+    away = np.abs(z[:, None] - close[0].place).min(axis=1, initial=np.inf) / loads.extent
     for some, count in ((away > 1.0, DISTANT), ((away <= 1.0) & (away > BEYOND), CLOSE)):
         if some.any():
             sources, force = close if count == CLOSE else loads.sampled(count)
@@ -200,13 +204,15 @@ def _on_samples(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -
 
 def _close_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """The same at points near the contact."""
-    ends, size = loads.grid.facing.side(loads.ends, loads.slave)[0], loads.steps
+    size, count = loads.steps, len(loads.steps)
+    ends = loads.grid.facing.side(loads.ends.ravel(), loads.slave)[0]
+    starts, chords = ends[:count], ends[count:] - ends[:count]
     parts, pairs = [], []
-    step = max(1, AT_ONCE // (len(RULE) * len(size)))
+    step = max(1, AT_ONCE // (len(RULE) * count))
     for first in range(0, len(z), step):
         some = z[first : first + step]
-        foot = _feet(some, ends)
-        away = np.abs(some[:, None] - (ends[:-1] + foot * np.diff(ends)))
+        foot = _feet(some, starts, chords)
+        away = np.abs(some[:, None] - (starts + foot * chords))
         close = away < FAR * size
         parts.append(_far(loads, some, close))
         row, interval = np.nonzero(close)
@@ -217,10 +223,9 @@ def _close_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArra
     return displacement, stress
 
 
-def _feet(z: ComplexArray, ends: ComplexArray) -> FloatArray:
+def _feet(z: ComplexArray, starts: ComplexArray, chords: ComplexArray) -> FloatArray:
     """Where on the chord of every interval the place closest to each point is (e, i), from 0 to 1."""
-    chord = np.diff(ends)
-    way = ((z[:, None] - ends[:-1]) * np.conj(chord)).real / np.abs(chord) ** 2
+    way = ((z[:, None] - starts) * np.conj(chords)).real / np.abs(chords) ** 2
     return np.asarray(np.clip(way, 0.0, 1.0))
 
 
@@ -229,8 +234,8 @@ def _on_curve(
 ) -> tuple[FloatArray, FloatArray]:
     """Where on the surface within intervals (p,) the place closest to each point (p,) is, from where it is on
     the chords, and how far away it is over their lengths: curved intervals are not near where chords are."""
-    first, size = loads.ends[interval], loads.steps[interval]
-    s, place, _ = _nearest(loads.grid, loads.slave, z, first + foot * size, (first, first + size))
+    (first, last), size = loads.ends[:, interval], loads.steps[interval]
+    s, place, _ = _nearest(loads.grid, loads.slave, z, first + foot * size, (first, last))
     return (s - first) / size, np.abs(z - place) / size
 
 
@@ -264,12 +269,18 @@ def _inside(grid: ContactGrid, slave: bool, z: ComplexArray) -> ComplexArray:
 
 def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, FloatArray]:
     """What intervals that are not ``close`` (e, i) do."""
-    columns = loads.pressure.shape[1]
+    columns = loads.pressure.shape[2]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
     for sources, force in loads.even():
         displacement += sources.displacement_by(force, z, close)
         stress += sources.stress_by(force, z, close)
     return displacement, stress
+
+
+@cache
+def _rule(count: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss's points and weights between -1 and 1."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def _add_close(
@@ -280,7 +291,7 @@ def _add_close(
     last = [first for first, _ in POINTS[1:]] + [np.inf]
     for (first, count), beyond in zip(POINTS, last, strict=True):
         chosen = np.flatnonzero((pairs[4] >= first) & (pairs[4] < beyond))
-        rule = np.polynomial.legendre.leggauss(count)
+        rule = _rule(count)
         for some in np.array_split(chosen, 1 + len(chosen) * count // AT_ONCE):
             row, *places = (one[some] for one in pairs)
             moved, stressed = _close_integrals(loads, rule, *places)
