@@ -14,13 +14,11 @@ With 34 at degree 4 displacements that change from node to node along a side in 
 six times as strongly, with 40 fifty times. With 28 a thick pipe is 1.5 times as far off.
 """
 
-SHARPNESS = {1: 4.0, 2: 4.0, 3: 4.0, 4: 6.0, 5: 6.0, 6: 6.0}
+SHARPNESS = 6.0
 """Rows of a local fit are multiplied by exp(-SHARPNESS r^2), r the distance over the stencil's radius.
 
-At 4 errors of degree 4 are twice those of manufactured displacements and four times those round a hole, and
-displacements that change from node to node are answered to five times as strongly. At 8 they are larger
-again. At 6 errors of degree 2 are halved, too, but bodies four spacings thick lose energy: the eye of a rod
-gave way by 7.6 % too much, with 4 by 1.3 %.
+At 4 errors are twice those of manufactured displacements and four times those round a hole, and displacements
+that change from node to node are answered to five times as strongly. At 8 they are larger again.
 """
 
 
@@ -50,11 +48,6 @@ class MlsSettings:
     def stencil_size(self) -> int:
         """Neighbours of a stencil before any enlargement."""
         return self.neighbors or NEIGHBORS[self.degree]
-
-    @property
-    def sharpness(self) -> float:
-        """How fast the weight of a neighbour falls with its distance."""
-        return SHARPNESS[self.degree]
 
     @property
     def rank_tolerance(self) -> float:
