@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.tips import Tips
-from mlsanm_cli.operators.settings import SHARPNESS, MlsSettings
+from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 REACH = 2.0
@@ -119,7 +119,7 @@ def _fits_at_one_corner(
     own, at = seen(nodes), seen(targets)
     beyond = (np.abs(np.angle(own)) > tips.half[number] + ASIDE) & (np.abs(own) > AT)
     local = (nodes - centers[:, None]) / radius[:, None, None]
-    gauss = np.exp(-SHARPNESS * (local**2).sum(axis=2))[..., None]
+    gauss = np.exp(-settings.sharpness * (local**2).sum(axis=2))[..., None]
     q, r = np.linalg.qr(gauss * _monomials(local, settings.degree, (0, 0))[:, :, 0])
     diagonal = np.abs(np.diagonal(r, axis1=1, axis2=2))
     sound = ~beyond.any(axis=1) & (diagonal.min(axis=1) >= settings.rank_tolerance * diagonal.max(axis=1))

@@ -8,7 +8,7 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.kernels.fits import fit_derivatives
-from mlsanm_cli.operators.settings import SHARPNESS, MlsSettings
+from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import fits_at_corners, neighbors_of, sound_fits
 from mlsanm_cli.startup import cKDTree
 
@@ -40,7 +40,9 @@ def fitted_derivatives(
         near = None if known is None else known[which]
         radius, numbers = neighbors_of(points, tree, some, size, sight, near)
         found, ratio = np.empty((len(some), 6, field.shape[1])), np.empty(len(some))
-        fit_derivatives(points, numbers, some, radius, settings.degree, SHARPNESS, field, found, ratio)
+        fit_derivatives(
+            points, numbers, some, radius, settings.degree, settings.sharpness, field, found, ratio
+        )
         return (found,), ratio
 
     for first in range(0, len(targets), TOGETHER):

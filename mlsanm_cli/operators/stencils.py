@@ -17,7 +17,7 @@ from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 from mlsanm_cli.operators.cornered import cornered, corners_of_fits
-from mlsanm_cli.operators.settings import SHARPNESS, MlsSettings
+from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 GROWTH = 1.3
@@ -194,7 +194,7 @@ def _fit_in_slices(
         indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
         mls_weights(
             *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
-            *(radius[here], settings.degree, SHARPNESS, *orders),
+            *(radius[here], settings.degree, settings.sharpness, *orders),
             *(weights[first * size : here.stop * size], ratio[here]),
         )
 

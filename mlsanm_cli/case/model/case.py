@@ -221,7 +221,7 @@ class Mls(Section):
     scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
     """All equations in the least-squares sense, or square systems by collocation or with ghost nodes."""
     neighbors: AutoCount = "auto"
-    """Nodes per stencil; `"auto"` is 2 to 2.7 times the number of coefficients."""
+    """Nodes per stencil; `"auto"` is about 2.5 times the number of coefficients."""
 
 
 class Adapt(Section):
