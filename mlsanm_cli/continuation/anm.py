@@ -30,8 +30,6 @@ _STEEP = 1e7
 _LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
-# A step begins on the path itself where its start's residual leads astray by more than this part of its unit.
-_ASTRAY = 0.1
 # Shortest step that the size of the next one is guessed from.
 _SHORT = 1e-6
 
@@ -54,13 +52,13 @@ class AnmFollower(Follower):
         while not self._stopped:
             self._allow()
             series = self._series(here, direction, unit)
-            if series.astray > _ASTRAY:
+            if series.beside:
                 here, series = self._returned(here, series, direction)
             cut = self._soon(series)
             branch = cut or self._gauge.branch(series)
             if not cut:
                 self._judge(here, series, branch)
-                self._piece = self._straight(series, branch)
+                self._piece = branch
             limit = branch.length if self._barrier is None or cut else self._barrier(branch)
             if cut or limit < branch.length:
                 piece = branch.shortened(limit)
@@ -68,12 +66,12 @@ class AnmFollower(Follower):
                 raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
             if ahead is not None:
-                self._piece = self._straight(series, branch)
+                self._piece = branch
             yield self._step(branch, end, unit)
             if ahead is None:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, self._effort = ahead, effort
-            direction, unit = self._onward(self._straight(series, branch))
+            direction, unit = self._onward(branch)
 
     def _direction(self) -> tuple[tuple[FloatArray, float], float]:
         """Return the direction in which to leave the start point, and a guess of the step's length."""
@@ -90,12 +88,6 @@ class AnmFollower(Follower):
         direction = branch.x[1], float(branch.lam[1])
         return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
-    @staticmethod
-    def _straight(series: Series, branch: Branch) -> Branch:
-        """Return the straight piece along the path itself, as long as a piece of the ``series``."""
-        along, rise = series.direction
-        return Branch(np.array([series.x[0], along]), np.array([series.lam[0], rise]), branch.length)
-
     def _series(self, here: ExpansionPoint, direction: tuple[FloatArray, float], unit: float) -> Series:
         with np.errstate(over="ignore", invalid="ignore"):
             series = expand(self._problem, self._metric, here, self._options.order, direction, unit)
@@ -110,7 +102,7 @@ class AnmFollower(Follower):
             piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
             crossing = piece.first_crossing(self._lam_end)
             piece = piece if crossing is None else piece.shortened(crossing)
-            self._piece = self._straight(series, piece)
+            self._piece = piece
             limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
             good = limit < piece.length and self._gauge.good(piece, limit)
         return piece.shortened(limit) if good else None
@@ -118,8 +110,7 @@ class AnmFollower(Follower):
     def _returned(
         self, here: ExpansionPoint, series: Series, direction: tuple[FloatArray, float]
     ) -> tuple[ExpansionPoint, Series]:
-        """Return the station on the path itself and its series; those given where there is none. Where a
-        motion is hardly resisted, what residual is left leads far off the path, or back along it."""
+        """Return the station on the path itself and its series; those given where there is none."""
         if residual_norm(self._problem, here.x, here.lam) <= self._options.goal:
             return here, series
         point = self._corrected(here, (here.x, here.lam), None)

@@ -77,19 +77,23 @@ def station(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
     return ExpansionPoint(x, lam, tangent, slope)
 
 
+ASTRAY = 0.1
+"""Series lead from a start with a residual back to the path by no more than this part of their unit, or stay
+beside it with that residual: where a motion is hardly resisted, round-off moves it far, or back to where the
+path came from."""
+
+
 @dataclass(frozen=True, eq=False)
 class Series:
     """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,); ``unit`` is the length of T.
 
-    The first ones contain what leads from a start with a residual back to the path: ``astray`` is its length
-    over the unit, ``direction`` the tangent without.
+    A series that is ``beside`` the path keeps the residual of its start.
     """
 
     x: FloatArray
     lam: FloatArray
     unit: float
-    direction: tuple[FloatArray, float]
-    astray: float
+    beside: bool
 
 
 def expand(
@@ -120,17 +124,19 @@ def expand(
     solve = start.tangent.solve
     x[0], lam[0] = start.x, start.lam
     free = solve(-problem.residual(start.x, start.lam))
-    tangent, astray = (rise * slope, rise), metric.norm(free, 0.0) / unit
+    beside = metric.norm(free, 0.0) > ASTRAY * unit
+    if beside:
+        free[:] = 0.0
     lam[1] = rise - float(normal @ free) / denominator
     x[1] = free + lam[1] * slope
     # A look at the attribute: isinstance would take as long as some orders.
     orders = getattr(start.tangent, "orders", None)
     if orders is not None:
         orders(x, lam, slope, normal, denominator)
-        return Series(x, lam, unit, tangent, astray)
+        return Series(x, lam, unit, beside)
     for k in range(2, order + 1):
         free = solve(problem.series_rhs(x[:k], lam[:k]))
         lam[k] = -float(normal @ free) / denominator
         np.multiply(slope, lam[k], out=x[k])
         x[k] += free
-    return Series(x, lam, unit, tangent, astray)
+    return Series(x, lam, unit, beside)

@@ -79,6 +79,7 @@ def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, ac
     (m,)."""
     stiff, solves = springs(condensed), 0
     loaded = (condensed.balance.constant + condensed.balance.load @ factors).any()
+    parts = not loaded and bool((free_gap < 0.0).any())
     clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
     place = np.zeros(len(stiff))
     for share in SOFTER:
@@ -89,7 +90,7 @@ def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, ac
         solves += solved.solves
         pull = share * stiff * (solved.motion - place)
         active, place = solved.active, solved.motion
-        if not loaded and condensed.largest_compliance * solved.pressure.max(initial=0.0) <= clear:
+        if parts and condensed.largest_compliance * solved.pressure.max(initial=0.0) <= clear:
             # Bodies that overlapped as drawn only had to be moved.
             return _Solved(np.zeros_like(active), np.zeros(len(active)), solved.motion, solves)
         if at_rest(condensed, factors, solved.pressure, pull):
