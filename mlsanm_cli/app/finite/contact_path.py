@@ -294,7 +294,8 @@ class _Path:
             if most_stretched(body, own, station) > RENEW:
                 station = own
             elif abs(np.exp(1j * angle) - 1.0) > TURNED:
-                station = _turned(body.elastic.model.nodes, station, angle)
+                upright = name in self._scene.upright
+                station = own if upright else _turned(body.elastic.model.nodes, station, angle)
             else:
                 continue
             self._projectors[name] = self._scene.projector(name, station, acting[name])

@@ -69,7 +69,7 @@ class Iteration:
                 factorised[name] = self.used.factorised[name]
             else:
                 factorised[name] = projector.factorised(u[here], whole)
-            z[here] = -factorised[name].solve(projector.scaled(series.rows(0)))
+            z[here] = -factorised[name].solve(projector.scaled(series.rows(0) - projector.rest))
         free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
         chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
         if not len(chosen) and not pressing.free:

@@ -99,9 +99,12 @@ class Side:
         renewed, moved it by 0.2 of the way, and by 0.04 without), and no increment settled behind 0.9.
         """
         ends = zip((0, self.count - 1), self.wedges, strict=True)
-        corners = [end for end, wedge in ends if wedge is not None]
+        return self.traction_rows(body, [end for end, wedge in ends if wedge is not None])
+
+    def traction_rows(self, body: ElasticBody, some: Sequence[int] | IntArray) -> IntArray:
+        """The rows (m,) of the tractions of ``some`` of the side's nodes, by number."""
         rows = [
-            body.condition_rows(name, component)[np.isin(numbers, corners)]
+            body.condition_rows(name, component)[np.isin(numbers, some)]
             for name, numbers in self.members
             for component in (0, 1)
         ]

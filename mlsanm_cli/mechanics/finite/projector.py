@@ -23,7 +23,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.mechanics.assembly import row_weights
-from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
@@ -65,13 +65,15 @@ class Weights:
 @dataclass(frozen=True)
 class Projector:
     """The rows of a ``station`` (2N,), a displacement, as they are weighted, with their factorised
-    least-squares problem; ``places`` (k, 2) are the means of the pieces' nodes."""
+    least-squares problem; ``places`` (k, 2) are the means of the pieces' nodes. Equations are of what rows
+    are left with beyond the ``rest`` (r,), which is 0 but where the station is to solve them itself."""
 
     body: FiniteBody
     weights: Weights
     station: FloatArray
     system: LeastSquares
     places: FloatArray
+    rest: FloatArray
 
     @classmethod
     def at(
@@ -81,9 +83,10 @@ class Projector:
         displacement: FloatArray,
         factors: FloatArray,
         solver: DirectSolver,
+        keeps: bool = False,
     ) -> Projector:
-        """Those of a state of ``displacement`` (2N,) and load ``factors`` (L,); NumericalError for a singular
-        one."""
+        """Those of a state of ``displacement`` (2N,) and load ``factors`` (L,), which solves them itself if
+        it ``keeps`` what its nodes' rows are left with; NumericalError for a singular one."""
         nodes, pieces = body.elastic.model.nodes, body.elastic.pieces
         rows, strong_rows = weighted_rows(body, weights, displacement, factors)
         count = 3 * pieces.count
@@ -96,7 +99,12 @@ class Projector:
         none = sparse.csr_array((0, count))
         strong = Strong(strong_rows, sparse.csr_array(loads), owner, places, none)
         system = least_squares.factorise(rows, weights.nodes, nodes, solver, strong)
-        return cls(body, weights, displacement, system, places)
+        rest = np.zeros(body.elastic.rows)
+        if keeps:
+            series = BodySeries(body, 0)
+            series.put(0, displacement, factors)
+            rest[:-count] = series.rows(0)[:-count]
+        return cls(body, weights, displacement, system, places, rest)
 
     def displaced(self, left: FloatArray) -> FloatArray:
         """The displacement (2N,) that what is ``left`` (r,) of the rows stands for, at the station."""
