@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.scene.imported import geometry_of
-from mlsanm_cli.app.scene.surfaces import drawn
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.polygon import signed_area
 from tests.case.scenes import only, parse, problems
