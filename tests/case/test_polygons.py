@@ -87,6 +87,13 @@ def test_arcs_may_use_up_a_side() -> None:
     assert [arc.sweep for arc in arcs] == pytest.approx([0.5 * math.pi] * 4)
 
 
+def test_one_radius_is_that_of_all_corners() -> None:
+    listed = "[0.0, 0.0, 0.3, 0.5, 0.0, 0.0]"
+    alike = parse(PLATE.replace(listed, "0.25")).case.body[0].shape
+    assert alike == parse(PLATE.replace(listed, str(6 * [0.25]))).case.body[0].shape
+    assert only(PLATE.replace(listed, "-0.25")).key == "body.plate.shape.rounding.0"
+
+
 def test_default_names() -> None:
     plain = PLATE.replace('name = "bolt"\n', "").replace("names", "#").replace("rounding", "#")
     plain = plain.replace("plate.left", "plate.side6").replace("plate.tip", "plate.side2")
