@@ -22,6 +22,7 @@ from mlsanm_cli.app.assessment.checks import (
     check_transfer,
     force_balance,
 )
+from mlsanm_cli.app.assessment.drawn_overlaps import overlap_warnings
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
 from mlsanm_cli.app.assessment.pressed_ends import end_warnings
@@ -194,7 +195,7 @@ def _follow(
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
     soon as a state is not reliable."""
     path = Stoppable(built, start, recorder.last, load_path)
-    steps = path.steps()
+    steps, first = path.steps(), None
     while True:
         context.check_stop()
         with context.phase("continuation"):
@@ -209,6 +210,7 @@ def _follow(
             recorder.checked = state
             check_state(built, state)
         recorder.step(built, step)
+        first = first or step.state
     assert recorder.last is not None
     with context.phase("output"):
         linear = recorder.check_linear(built)
@@ -218,7 +220,8 @@ def _follow(
         fields = recorder.stress_fields(built, recorder.last)
         recorder.energies = energy_error(built, recorder.last, fields)
         recorder.peaks = boundary_peaks(built, recorder.last, fields)
-    for warning in end_warnings(built, recorder.last):
+    drawn = overlap_warnings(built, first, recorder.last) if first is not None else ()
+    for warning in (*drawn, *end_warnings(built, recorder.last)):
         recorder.warn(warning)
     # First: where units are mixed up the checks that follow fail, for that reason.
     for warning in strain_warnings(built.case, recorder.energies.strains):
