@@ -61,8 +61,8 @@ class SceneModel:
     by one, ``acting`` the loads' values, ``rigid_constraints`` all that moves rigidly, ``probes`` the points
     to observe,
     ``notes`` what a person should know, ``ranges`` the contacts that may have grids of their own,
-    ``held_motions`` what of loose bodies is held although nothing resists it, as a scene has them, ``weak``
-    those that are hardly resisted.
+    ``held_motions`` what of loose bodies is held although nothing resists it, and ``loose_motions`` those in
+    which nothing else moves, as a scene has them, ``weak`` those that are hardly resisted.
     """
 
     models: Mapping[str, BodyModel]
@@ -75,6 +75,7 @@ class SceneModel:
     notes: tuple[str, ...]
     ranges: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
+    loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
     weak: tuple[WeakMotion, ...] = ()
 
 
@@ -175,6 +176,7 @@ def prepare(
         (*_support_notes(case, clouds), *found.notes),
         ranges=ranges,
         held_motions=found.held,
+        loose_motions=found.loose,
         weak=found.weak,
     )
 
@@ -258,6 +260,7 @@ def assemble_bodies(
         heatings=prepared.acting.heatings,
         probes=prepared.probes,
         held_motions=prepared.held_motions,
+        loose_motions=prepared.loose_motions,
     )
 
 
