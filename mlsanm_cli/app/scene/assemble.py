@@ -150,7 +150,11 @@ def prepare(
         for name, model in models.items()
     }
     free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
-    occupied = {name: {**sides, **dict.fromkeys(loads.springs[name], None)} for name, sides in held.items()}
+    # Next to a corner soft springs pull at nothing that counts.
+    occupied = {
+        name: {**sides, **{side: None for side in loads.springs[name] if grips[name].get(side) != sides.get(side)}}
+        for name, sides in held.items()
+    }
     # At finite strain pressures live at the nodes.
     grids = grids and case.model.strain == "small"
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
