@@ -237,9 +237,10 @@ class BodyModel:
 
 def known_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
     """The sharp inward corners of a body whose fields are known: of isotropic materials at small strain."""
-    if settings.square or not settings.corners or not isinstance(kernel_of(material), Isotropic):
+    kernel = kernel_of(material)
+    if tips is None or settings.square or not settings.corners or not isinstance(kernel, Isotropic):
         return None
-    return tips
+    return replace(tips, kappa=kernel.kappa)
 
 
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:

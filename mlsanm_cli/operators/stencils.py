@@ -6,7 +6,7 @@ Equation (1) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
-from mlsanm_cli.operators.cornered import cornered, corners_of_fits
+from mlsanm_cli.operators.cornered import SharpCorner, nodes_around, sharp_corner
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
@@ -138,42 +138,75 @@ def _built(
         _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
         return (indices, weights.reshape(len(some), size, -1)), ratio
 
-    plain, cornered_fits = np.arange(len(centers)), []
-    if tips is not None:
-        cornered_fits = fits_at_corners(points, tree, centers, targets, settings, orders, tips, sight)
-        plain = np.setdiff1d(plain, cornered_fits[0][0]) if cornered_fits else plain
-    fits = list(sound_fits(len(points), centers, plain, settings, fit))
+    fits = list(sound_fits(len(points), centers, np.arange(len(centers)), settings, fit))
     worst = min((float(ratio.min(initial=1.0)) for _, _, ratio in fits), default=1.0)
-    enlarged = len(plain) - len(fits[0][0]) if fits else 0
-    return _merge(
-        [*((which, indices, found) for which, (indices, found), _ in fits), *cornered_fits],
+    enlarged = len(centers) - len(fits[0][0]) if fits else 0
+    found = _merge(
+        [(which, indices, weights) for which, (indices, weights), _ in fits],
         len(centers),
         len(points),
         enlarged,
         worst,
     )
+    for corner in sharp_corners(points, tree, settings, sight, tips):
+        found = _with_corner(found, corner, points, centers, targets, orders)
+    return found
 
 
-def fits_at_corners(
+def sharp_corners(
     points: FloatArray,
     tree: cKDTree,
+    settings: MlsSettings,
+    sight: VisibilityCriterion | None,
+    tips: Tips | None,
+) -> Iterator[SharpCorner]:
+    """The ``tips`` that the nodes ``points`` (n, 2) carry."""
+    for number in range(0 if tips is None else len(tips.place)):
+        assert tips is not None
+        place, size = tips.place[number : number + 1], nodes_around(settings, tips, number)
+        numbers = neighbors_of(points, tree, place, min(size + SPARE, tree.n), sight)[1]
+        # All that are as far as the last: images of corners are images then.
+        away = _distance(points, place, numbers)[0]
+        around = numbers[0][away <= (1.0 + TIE) * np.sort(away)[min(size, len(away)) - 1]]
+        corner = sharp_corner(points[around], around, settings, tips, number)
+        if corner is not None:
+            yield corner
+
+
+def _with_corner(
+    plain: Stencils,
+    corner: SharpCorner,
+    points: FloatArray,
     centers: FloatArray,
     targets: FloatArray,
-    settings: MlsSettings,
     orders: tuple[int, int],
-    tips: Tips,
-    sight: VisibilityCriterion | None,
-) -> list[tuple[IntArray, IntArray, FloatArray]]:
-    """Fits at those of the ``centers`` (e, 2) that know a corner, at their ``targets`` (e, t, 2): their
-    numbers (c,), nodes (c, k) and weights (c, k, kinds); nothing where there are none."""
-    which, tip, size = corners_of_fits(tree, centers, settings, tips)
-    if not len(which):
-        return []
-    radius, indices = neighbors_of(points, tree, centers[which], size, sight)
-    found, sound = cornered(
-        points, indices, centers[which], targets[which], radius, settings, orders, tips, tip
+) -> Stencils:
+    """The stencils at ``centers`` (e, 2) with those near a corner in terms of what its displacements leave
+    over."""
+    some = np.flatnonzero(corner.near(centers))
+    own = plain.take(some)
+    across = np.add.reduceat(corner.beyond(points[own.indices]), own.indptr[:-1]) if len(some) else some
+    own, some = own.take(np.flatnonzero(across == 0)), some[across == 0]
+    if not len(some):
+        return plain
+    kinds, count, more = own.weights.shape[1], np.diff(own.indptr), len(corner.indices)
+    known = corner.derivatives(targets[some], orders).reshape(len(some), kinds, -1)
+    less = known - own.derivatives(corner.derivatives(points, (0, 0))[:, 0])
+    added = np.swapaxes(less @ corner.strengths, 1, 2).reshape(-1, kinds)
+    row = np.concatenate([np.repeat(np.arange(len(some)), count), np.repeat(np.arange(len(some)), more)])
+    node = np.concatenate([own.indices, np.tile(corner.indices, len(some))])
+    key, entry = np.unique(row * len(points) + node, return_inverse=True)
+    weights = np.zeros((len(key), kinds))
+    np.add.at(weights, entry, np.concatenate([own.weights, added]))
+    others = np.setdiff1d(np.arange(len(centers)), some)
+    rest, start = plain.take(others), np.searchsorted(key, np.arange(1, len(some) + 1) * len(points))
+    joined = replace(
+        plain,
+        indptr=np.concatenate([rest.indptr, rest.indptr[-1] + start]),
+        indices=np.concatenate([rest.indices, key % len(points)]),
+        weights=np.concatenate([rest.weights, weights]),
     )
-    return [(which[sound], indices[sound], found[sound])] if sound.any() else []
+    return joined.take(np.argsort(np.concatenate([others, some])))
 
 
 def _fit_in_slices(
