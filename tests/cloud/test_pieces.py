@@ -142,6 +142,6 @@ def test_units_do_not_cut_regular_meshes_otherwise(unit: float) -> None:
     # mesh swayed by 1 to 2 % more or less.
     points = np.stack(np.meshgrid(*2 * [np.linspace(0.0, 3.1, 32)]), axis=2).reshape(-1, 2)
     wanted = np.full(len(points), 16.0)
-    one, other = (_bisected(where, wanted) for where in (points, unit * (points + [0.7, 0.3])))
+    one, other = (_bisected(where, wanted) for where in (points, unit * (points + np.array([0.7, 0.3]))))
     np.testing.assert_array_equal(one, other)
     assert len(np.unique(one)) == 64
