@@ -15,15 +15,22 @@ many, brackets with four nodes across scattered by three times as much.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
+from mlsanm_cli.operators.neighbors import SPARE, TIE, distances, neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.startup import cKDTree
+
+if TYPE_CHECKING:
+    from mlsanm_cli.operators.stencils import Stencils
 
 REACH = 2.0
 """Fits whose middle is within so many radii of the fit around the tip know its functions. Anything from 1 to
@@ -94,12 +101,68 @@ class SharpCorner:
         return found
 
 
-def nodes_around(settings: MlsSettings, tips: Tips, number: int) -> int:
+def sharp_corners(
+    points: FloatArray,
+    tree: cKDTree,
+    settings: MlsSettings,
+    sight: VisibilityCriterion | None,
+    tips: Tips | None,
+) -> Iterator[SharpCorner]:
+    """The ``tips`` that the nodes ``points`` (n, 2) carry."""
+    for number in range(0 if tips is None else len(tips.place)):
+        assert tips is not None
+        place, size = tips.place[number : number + 1], _nodes_around(settings, tips, number)
+        numbers = neighbors_of(points, tree, place, min(size + SPARE, tree.n), sight)[1]
+        # All that are as far as the last: images of corners are images then.
+        away = distances(points, place, numbers)[0]
+        around = numbers[0][away <= (1.0 + TIE) * np.sort(away)[min(size, len(away)) - 1]]
+        corner = _sharp_corner(points[around], around, settings, tips, number)
+        if corner is not None:
+            yield corner
+
+
+def with_corner(
+    plain: Stencils,
+    corner: SharpCorner,
+    points: FloatArray,
+    centers: FloatArray,
+    targets: FloatArray,
+    orders: tuple[int, int],
+) -> Stencils:
+    """The stencils at ``centers`` (e, 2) with those near a corner in terms of what its displacements leave
+    over."""
+    some = np.flatnonzero(corner.near(centers))
+    own = plain.take(some)
+    across = np.add.reduceat(corner.beyond(points[own.indices]), own.indptr[:-1]) if len(some) else some
+    own, some = own.take(np.flatnonzero(across == 0)), some[across == 0]
+    if not len(some):
+        return plain
+    kinds, count, more = own.weights.shape[1], np.diff(own.indptr), len(corner.indices)
+    known = corner.derivatives(targets[some], orders).reshape(len(some), kinds, -1)
+    less = known - own.derivatives(corner.derivatives(points, (0, 0))[:, 0])
+    added = np.swapaxes(less @ corner.strengths, 1, 2).reshape(-1, kinds)
+    row = np.concatenate([np.repeat(np.arange(len(some)), count), np.repeat(np.arange(len(some)), more)])
+    node = np.concatenate([own.indices, np.tile(corner.indices, len(some))])
+    key, entry = np.unique(row * len(points) + node, return_inverse=True)
+    weights = np.zeros((len(key), kinds))
+    np.add.at(weights, entry, np.concatenate([own.weights, added]))
+    others = np.setdiff1d(np.arange(len(centers)), some)
+    rest, start = plain.take(others), np.searchsorted(key, np.arange(1, len(some) + 1) * len(points))
+    joined = replace(
+        plain,
+        indptr=np.concatenate([rest.indptr, rest.indptr[-1] + start]),
+        indices=np.concatenate([rest.indices, key % len(points)]),
+        weights=np.concatenate([rest.weights, weights]),
+    )
+    return joined.take(np.argsort(np.concatenate([others, some])))
+
+
+def _nodes_around(settings: MlsSettings, tips: Tips, number: int) -> int:
     """How many nodes the fit around a corner has."""
     return math.ceil(PER_COEFFICIENT * (settings.coefficients + 2 * len(tips.modes[number])))
 
 
-def sharp_corner(
+def _sharp_corner(
     nodes: FloatArray, indices: IntArray, settings: MlsSettings, tips: Tips, number: int
 ) -> SharpCorner | None:
     """One of the ``tips``, by a fit to the ``nodes`` (k, 2) around it, of the numbers ``indices`` (k,); None

@@ -8,8 +8,10 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.kernels.fits import fit_derivatives
+from mlsanm_cli.operators.cornered import sharp_corners
+from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import build_stencils, neighbors_of, sharp_corners, sound_fits
+from mlsanm_cli.operators.stencils import build_stencils, sound_fits
 from mlsanm_cli.startup import cKDTree
 
 TOGETHER = 4096

@@ -6,17 +6,17 @@ Equation (1) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
-from mlsanm_cli.operators.cornered import SharpCorner, nodes_around, sharp_corner
+from mlsanm_cli.operators.cornered import sharp_corners, with_corner
+from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
@@ -26,12 +26,8 @@ MARGIN, STEEP, PATIENT = 20.0, 3, 1.9
 """From this degree on fits are first sought so many times above the limit, with up to so many times the
 neighbours. On a structured mesh of an eye 15 of 1,362 were below, and its displacement 19 % off at degree 3
 and 9 % at degree 4; with more neighbours there 5 and 4 %."""
-SPARE = 8
-"""Nodes looked at beyond a stencil's size where more are equally far than it takes."""
 SLICE = 4096
 """Stencils that are fitted at once: a tenth of a second at high degrees."""
-TIE = 1e-7
-"""Distances closer to each other than this, relatively, count as equal."""
 
 
 @dataclass(frozen=True)
@@ -149,64 +145,8 @@ def _built(
         worst,
     )
     for corner in sharp_corners(points, tree, settings, sight, tips):
-        found = _with_corner(found, corner, points, centers, targets, orders)
+        found = with_corner(found, corner, points, centers, targets, orders)
     return found
-
-
-def sharp_corners(
-    points: FloatArray,
-    tree: cKDTree,
-    settings: MlsSettings,
-    sight: VisibilityCriterion | None,
-    tips: Tips | None,
-) -> Iterator[SharpCorner]:
-    """The ``tips`` that the nodes ``points`` (n, 2) carry."""
-    for number in range(0 if tips is None else len(tips.place)):
-        assert tips is not None
-        place, size = tips.place[number : number + 1], nodes_around(settings, tips, number)
-        numbers = neighbors_of(points, tree, place, min(size + SPARE, tree.n), sight)[1]
-        # All that are as far as the last: images of corners are images then.
-        away = _distance(points, place, numbers)[0]
-        around = numbers[0][away <= (1.0 + TIE) * np.sort(away)[min(size, len(away)) - 1]]
-        corner = sharp_corner(points[around], around, settings, tips, number)
-        if corner is not None:
-            yield corner
-
-
-def _with_corner(
-    plain: Stencils,
-    corner: SharpCorner,
-    points: FloatArray,
-    centers: FloatArray,
-    targets: FloatArray,
-    orders: tuple[int, int],
-) -> Stencils:
-    """The stencils at ``centers`` (e, 2) with those near a corner in terms of what its displacements leave
-    over."""
-    some = np.flatnonzero(corner.near(centers))
-    own = plain.take(some)
-    across = np.add.reduceat(corner.beyond(points[own.indices]), own.indptr[:-1]) if len(some) else some
-    own, some = own.take(np.flatnonzero(across == 0)), some[across == 0]
-    if not len(some):
-        return plain
-    kinds, count, more = own.weights.shape[1], np.diff(own.indptr), len(corner.indices)
-    known = corner.derivatives(targets[some], orders).reshape(len(some), kinds, -1)
-    less = known - own.derivatives(corner.derivatives(points, (0, 0))[:, 0])
-    added = np.swapaxes(less @ corner.strengths, 1, 2).reshape(-1, kinds)
-    row = np.concatenate([np.repeat(np.arange(len(some)), count), np.repeat(np.arange(len(some)), more)])
-    node = np.concatenate([own.indices, np.tile(corner.indices, len(some))])
-    key, entry = np.unique(row * len(points) + node, return_inverse=True)
-    weights = np.zeros((len(key), kinds))
-    np.add.at(weights, entry, np.concatenate([own.weights, added]))
-    others = np.setdiff1d(np.arange(len(centers)), some)
-    rest, start = plain.take(others), np.searchsorted(key, np.arange(1, len(some) + 1) * len(points))
-    joined = replace(
-        plain,
-        indptr=np.concatenate([rest.indptr, rest.indptr[-1] + start]),
-        indices=np.concatenate([rest.indices, key % len(points)]),
-        weights=np.concatenate([rest.weights, weights]),
-    )
-    return joined.take(np.argsort(np.concatenate([others, some])))
 
 
 def _fit_in_slices(
@@ -272,91 +212,6 @@ def sound_fits(
                 "make the spacing smaller there, or mls.degree lower",
             )
         size = int(np.ceil(GROWTH * size))
-
-
-def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
-    """Numbers (e, k) of the nodes nearest to ``targets`` (e, 2), enough for stencils of ``size`` nodes."""
-    distance, found = nearest(tree, targets, np.arange(1, min(size + 1, tree.n) + 1))
-    numbers = np.asarray(found, dtype=np.int32)
-    # Which of equally far nodes comes first must not depend on how many are looked for.
-    tied = np.flatnonzero((distance[:, 1:] == distance[:, :-1]).any(axis=1))
-    order = np.lexsort((numbers[tied], distance[tied]), axis=1)
-    numbers[tied] = np.take_along_axis(numbers[tied], order, axis=1)
-    return numbers
-
-
-def neighbors_of(
-    points: FloatArray,
-    tree: cKDTree,
-    targets: FloatArray,
-    size: int,
-    sight: VisibilityCriterion | None,
-    known: IndexArray | None = None,
-) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of stencils, the nearest nodes that the ``targets`` (e, 2) see.
-
-    They are searched for where those ``known`` (e, k), by :func:`nearest_nodes`, are not enough.
-    """
-    if known is None or known.shape[1] <= min(size, len(points) - 1):
-        known = nearest_nodes(tree, targets, size)
-    radius, indices = _nearest(points, tree, targets, size, known)
-    if sight is not None:
-        asked = np.flatnonzero(sight.near(targets, radius))
-        radius[asked], indices[asked] = _seen(points, sight, tree, targets[asked], size)
-    return radius, indices
-
-
-def _nearest(
-    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
-) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), equally far ones by
-    their numbers.
-
-    Without that rule round-off would choose among equals, and a change of units would change the result.
-    """
-    indices = known[:, :size].astype(np.int64)
-    radius = _distance(points, targets, known[:, size - 1 : size])[:, 0]
-    if known.shape[1] > size:
-        beyond = _distance(points, targets, known[:, size : size + 1])[:, 0]
-        tied = np.flatnonzero(beyond <= (1.0 + TIE) * radius)
-        if len(tied):
-            more = nearest_nodes(tree, targets[tied], size + SPARE - 1)
-            distance = _distance(points, targets[tied], more)
-            order = np.argsort(distance * (1.0 + TIE * more / len(points)), axis=1)[:, :size]
-            indices[tied] = np.take_along_axis(more, order, axis=1)
-            radius[tied] = np.take_along_axis(distance, order[:, -1:], axis=1)[:, 0]
-    return radius, indices
-
-
-def _distance(points: FloatArray, targets: FloatArray, numbers: IndexArray | IntArray) -> FloatArray:
-    """Distances (e, k) of the nodes ``numbers`` (e, k) from each target (e, 2)."""
-    away = points[numbers] - targets[:, None]
-    return np.sqrt(away[..., 0] ** 2 + away[..., 1] ** 2)
-
-
-def _seen(
-    points: FloatArray, sight: VisibilityCriterion, tree: cKDTree, targets: FloatArray, size: int
-) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of the nearest nodes on each target's own side of the slits."""
-    indices = np.empty((len(targets), size), dtype=np.int64)
-    pending, asked, nodes = np.arange(len(targets)), min(size, len(points)), len(points)
-    while len(pending):
-        some = targets[pending]
-        numbers = _nearest(points, tree, some, asked, nearest_nodes(tree, some, asked))[1]
-        seen = ~sight.cut(targets[pending], numbers)
-        enough = seen.sum(axis=1) >= size
-        # Stable: nodes that are seen come first, still ordered by distance.
-        first = np.argsort(~seen[enough], axis=1, kind="stable")[:, :size]
-        indices[pending[enough]] = np.take_along_axis(numbers[enough], first, axis=1)
-        pending = pending[~enough]
-        if len(pending) and asked == nodes:
-            x, y = targets[pending[0]]
-            raise NumericalError(
-                f"fewer than {size} nodes can be seen from ({x:.6g}, {y:.6g}) past the slits of the body",
-                "make the spacing smaller there",
-            )
-        asked = min(2 * asked, nodes)
-    return _distance(points, targets, indices[:, -1:])[:, 0], indices
 
 
 def _merge(
