@@ -145,7 +145,7 @@ class Scene:
     ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` is for each body whether
     single nodes hold it in x and y (their forces do not follow from the stress field). ``held_motions`` are
     those of loose bodies that are held as nothing resists them: velocities (3,) of each body in one, x, y and
-    the rotation about the origin.
+    the rotation about the origin; ``loose_motions`` are those in which nothing but loose bodies moves.
     """
 
     bodies: Mapping[str, ElasticBody]
@@ -160,6 +160,7 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     floating: tuple[FloatingBody, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
+    loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
         """A body's surface by name."""
@@ -222,10 +223,41 @@ class Scene:
         ]
 
     def floating_patterns(self, body: str) -> FloatArray:
-        """Displacements (2N, k) of a body under the unknown motions q that it is loose in, 0 for others."""
+        """Displacements (2N, k) of a body under the unknown motions q that it is loose in, 0 for others.
+
+        Where bodies may move without resistance they are held by one of their unknowns, which depends on the
+        axes. The patterns have none of that motion in their mean over the bodies, which does not.
+        """
+        patterns = self._patterns(body)
+        if not self.loose_motions:
+            return patterns
+        names = sorted({name for motion in self.loose_motions for name in motion})
+        free = {name: self._loose_patterns(name) for name in names}
+        weighted = {name: np.repeat(self._areas(name), 2)[:, None] * free[name] for name in names}
+        gram = sum(weighted[name].T @ free[name] for name in names)
+        mean = sum(weighted[name].T @ self._patterns(name) for name in names)
+        return patterns - self._loose_patterns(body) @ np.linalg.solve(gram, mean)
+
+    def _patterns(self, body: str) -> FloatArray:
+        """Displacements (2N, k) under unit motions of the unknowns."""
         nodes = self.bodies[body].model.nodes
         patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
         for column, (constraint, motion) in enumerate(self.unknown_motions):
             if isinstance(constraint, FloatingBody) and constraint.body == body:
                 patterns[:, column] = rigid_pattern(nodes, constraint.center, motion.component).ravel()
         return patterns
+
+    def _loose_patterns(self, body: str) -> FloatArray:
+        """Displacements (2N, d) of a body in the ``loose_motions``."""
+        nodes = self.bodies[body].model.nodes
+        still = np.zeros(3)
+        motions = np.stack([motion.get(body, still) for motion in self.loose_motions], axis=1)
+        axes = [rigid_pattern(nodes, (0.0, 0.0), component).ravel() for component in range(3)]
+        return np.asarray(np.stack(axes, axis=1) @ motions)
+
+    def _areas(self, body: str) -> FloatArray:
+        """What every node (N,) counts in a mean."""
+        model = self.bodies[body].model
+        areas = np.zeros(len(model.nodes))
+        areas[: len(model.cloud.areas)] = model.cloud.areas
+        return areas

@@ -35,6 +35,8 @@ ROUNDS = 60
 TURNED, SETTLED, TURNINGS = 1e-3, 3e-4, 4
 """Directions turn where they are off by the first angle, and then until they are off by less than the second,
 so many times at most, or twice as many where a motion is held that they push along."""
+NOTHING = 1e-9
+"""Smaller parts of the largest pressure of all states are round-off."""
 ACCURACY, FRICTIONAL, SMOOTHED = 0.3, 2.0, 10.0
 """Grids are refined until their estimated error is this many times the accuracy asked for: without friction,
 which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
@@ -86,7 +88,7 @@ def find_grids(
         if _same(wanted, grids) and responses is not resolved:
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, ranges, states, accuracy, tractions=not every)
+            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, tractions=not every)
         if _same(wanted, grids):
             turned = None
             if every and turnings:
@@ -111,6 +113,12 @@ def find_grids(
         starts = [_moved(condensed, later, state) for state in states]
         condensed = None
     return None
+
+
+def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
+    """The states whose pressures are more than round-off of the largest of all: bodies that are relieved."""
+    largest = max((float(state.pressure.max(initial=0.0)) for state in states), default=0.0)
+    return [state for state in states if state.pressure.max(initial=0.0) > NOTHING * largest]
 
 
 def _turned(

@@ -2,7 +2,8 @@
 
 Directions vary along a contact as the normals of the flatter surface do, which the other one is pressed to.
 As bodies turn and move along each other the patch moves on the more curved one to where its normal has the
-direction of the pressures: so it is for all small rigid motions of both, if the normals are those drawn.
+direction of the pressures: so it is for all small rigid motions of both, if the normals are those drawn. A
+straight side of a rigid obstacle has one normal, to which a body that rolls on it turns: nothing turns there.
 
 A body that nothing resists in a direction, as a plate that may slide on two round posts, is held there. Where
 it bends, the posts press on it along normals that have turned, and at first order nothing but the hold could
@@ -44,7 +45,8 @@ def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
 
 
 def _turn(grid: ContactGrid, middle: float) -> float:
-    """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved."""
+    """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved, zero
+    on a straight side of an obstacle."""
     offset = ASIDE * (grid.last - grid.first)
     base = grid.facing.slave_first
     s = np.array([middle, middle - offset, middle + offset])
@@ -53,7 +55,9 @@ def _turn(grid: ContactGrid, middle: float) -> float:
     bends = [
         abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
     ]
-    return float(np.angle(inward[0] / -outward[0])) if bends[0] > (1.0 - ALIKE) * bends[1] else 0.0
+    if bends[0] <= (1.0 - ALIKE) * bends[1] or (grid.facing.obstacle is not None and not bends[1]):
+        return 0.0
+    return float(np.angle(inward[0] / -outward[0]))
 
 
 def unturned(

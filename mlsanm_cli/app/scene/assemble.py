@@ -61,8 +61,8 @@ class SceneModel:
     by one, ``acting`` the loads' values, ``rigid_constraints`` all that moves rigidly, ``probes`` the points
     to observe,
     ``notes`` what a person should know, ``ranges`` the contacts that may have grids of their own,
-    ``held_motions`` what of loose bodies is held although nothing resists it, as a scene has them, ``weak``
-    those that are hardly resisted.
+    ``held_motions`` what of loose bodies is held although nothing resists it, and ``loose_motions`` those in
+    which nothing else moves, as a scene has them, ``weak`` those that are hardly resisted.
     """
 
     models: Mapping[str, BodyModel]
@@ -75,6 +75,7 @@ class SceneModel:
     notes: tuple[str, ...]
     ranges: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
+    loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
     weak: tuple[WeakMotion, ...] = ()
 
 
@@ -149,7 +150,11 @@ def prepare(
         for name, model in models.items()
     }
     free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
-    occupied = {name: {**sides, **dict.fromkeys(loads.springs[name], None)} for name, sides in held.items()}
+    # Next to a corner soft springs pull at nothing that counts.
+    occupied = {
+        name: sides | {side: None for side in loads.springs[name] if grips[name].get(side) != sides.get(side)}
+        for name, sides in held.items()
+    }
     # At finite strain pressures live at the nodes.
     grids = grids and case.model.strain == "small"
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
@@ -175,6 +180,7 @@ def prepare(
         (*_support_notes(case, clouds), *found.notes),
         ranges=ranges,
         held_motions=found.held,
+        loose_motions=found.loose,
         weak=found.weak,
     )
 
@@ -258,6 +264,7 @@ def assemble_bodies(
         heatings=prepared.acting.heatings,
         probes=prepared.probes,
         held_motions=prepared.held_motions,
+        loose_motions=prepared.loose_motions,
     )
 
 

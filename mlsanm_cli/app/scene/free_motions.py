@@ -56,11 +56,13 @@ class WeakMotion:
 @dataclass(frozen=True)
 class Restrained:
     """The movers, ``notes`` on what is held, and the motions held: of each the velocities (3,) of every body
-    in it, x, y and the rotation about the origin. ``weak`` are those that are hardly resisted."""
+    in it, x, y and the rotation about the origin. ``loose`` are those of them in which nothing but loose
+    bodies moves, ``weak`` those that are hardly resisted."""
 
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
     held: tuple[Mapping[str, FloatArray], ...]
+    loose: tuple[Mapping[str, FloatArray], ...] = ()
     weak: tuple[WeakMotion, ...] = ()
 
 
@@ -84,7 +86,7 @@ def constrain_free_rigid_modes(
         if motion.prescribed is None
     ]
     held, notes, problems = list[UnknownMotion](), list[str](), list[CaseProblem]()
-    unresisted = list[Mapping[str, FloatArray]]()
+    unresisted, loose = list[Mapping[str, FloatArray]](), list[Mapping[str, FloatArray]]()
     for slid in (True, False):
         found = []
         resistance = (
@@ -97,6 +99,8 @@ def constrain_free_rigid_modes(
             problems += _driven(case, kept, pivot, direction)
             notes.append(_note(kept, pivot, direction))
             unresisted.append(_of_bodies(kept, direction))
+            if all(isinstance(one.constraint, FloatingBody) for one in _moving(kept, direction)):
+                loose.append(unresisted[-1])
             found.append(kept[pivot])
         held += found
         kept = [one for one in kept if one not in found]
@@ -112,6 +116,7 @@ def constrain_free_rigid_modes(
         tuple(result),
         tuple(notes),
         tuple(one for one in unresisted if one),
+        tuple(loose),
         tuple(_weakly_resisted(case, kept, pivot, direction) for pivot, direction in weak),
     )
 
@@ -196,8 +201,13 @@ def _weakly_resisted(
 
 def _together(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
     """What takes part in a motion besides what it is held by, in words."""
-    names = dict.fromkeys(_owner(one) for one, part in zip(unknown, direction, strict=True) if part)
+    names = dict.fromkeys(_owner(one) for one in _moving(unknown, direction))
     return " and ".join(name for name in names if name != _owner(unknown[pivot]))
+
+
+def _moving(unknown: Sequence[UnknownMotion], direction: FloatArray) -> list[UnknownMotion]:
+    """What takes part in a motion."""
+    return [one for one, part in zip(unknown, direction, strict=True) if part]
 
 
 def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[str, FloatArray]:

@@ -20,6 +20,8 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 
 ROUND_OFF = 1e-11
+MOST, FEW = 50, 1
+"""Passes of a search for every node: at most, and where others are at hand if it comes to nothing."""
 
 
 @dataclass(frozen=True)
@@ -42,26 +44,31 @@ class ExactState:
     residual: float
 
 
-def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | None = None) -> ExactState:
-    """Exact state without friction at ``factors`` (L,), the search beginning from the set ``start`` (m,).
+def solve_exact(
+    condensed: Condensed, factors: FloatArray, start: BoolArray | None = None, passes: int = MOST
+) -> ExactState:
+    """Exact state without friction at ``factors`` (L,), the search beginning from the set ``start`` (m,), in
+    so many ``passes`` for every node at most.
 
     Raises NumericalError where no state balances the loads.
     """
     free_gap = condensed.gap.constant + condensed.gap.load @ factors
     first = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
     try:
-        solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0)))
+        solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0), passes))
     except SingularSystemError:
-        solved = _at_rest(condensed, factors, free_gap, first)
+        solved = _at_rest(condensed, factors, free_gap, first, passes)
     return _state(condensed, factors, free_gap, solved)
 
 
 @dataclass(frozen=True)
 class _Held:
-    """Springs (k,) on the motions, and where they let them be (k,); none without."""
+    """Springs (k,) on the motions, and where they let them be (k,), none without; the ``passes`` of a search
+    for every node."""
 
     springs: FloatArray
     place: FloatArray
+    passes: int
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,9 @@ class _Solved:
     solves: int
 
 
-def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray) -> _Solved:
+def _at_rest(
+    condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray, passes: int
+) -> _Solved:
     """The state in which bodies that some sets of closed nodes leave loose are at rest, searched from a set
     (m,)."""
     stiff, solves = springs(condensed), 0
@@ -84,7 +93,7 @@ def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, ac
     place = np.zeros(len(stiff))
     for share in SOFTER:
         try:
-            solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place))
+            solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place, passes))
         except SingularSystemError:
             break
         solves += solved.solves
@@ -111,7 +120,7 @@ def _searched(
     gap_map, m = condensed.gap, len(condensed.weight)
     seen: set[bytes] = set()
     one_by_one = False
-    limit = 50 * (m + 1)
+    limit = held.passes * (m + 1)
     for count in range(1, limit + 1):
         pressure, motion = _solve_active(condensed, free_gap, factors, active, held)
         gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure

@@ -80,9 +80,11 @@ def admissible_sets(
             return sets, system, values, count
         starts.append((int(wrong.sum()), sets, values, slipped))
         sets = better
-    starts.sort(key=lambda one: one[0])
+    # What is stuck at first gives way little by little, where sets that slip as a whole lead nowhere.
+    fewest = sorted(starts, key=lambda one: one[0])[:STARTS]
+    tried = [*fewest[:1], *(one for one in starts[:1] if one is not fewest[0]), *fewest[1:]]
     left = SOME + MANY * len(first.closed)
-    for _, sets, values, slipped in starts[:STARTS]:
+    for _, sets, values, slipped in tried:
         try:
             sets, made = complementary_path(condensed, sets, watch, values, slipped, left, softened)
         except NoPathError as error:
