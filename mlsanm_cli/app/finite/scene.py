@@ -41,9 +41,9 @@ TOUCHING = 0.01
 """Nodes drawn as near to an obstacle as this part of the length they stand for touch it."""
 LIGHT, OUTERMOST = 0.3, 4
 """Weight of the tractions near the ends of sides that friction holds up to their corners, as a part of that
-of others, and at how many nodes. What they lack there, where stresses are singular, would move the whole body:
-blocks with friction on all of their top, 30 % down with nu = 0.44 or with a fifth of shear, swayed when their
-equations were renewed, and stopped at 0.46 to 0.9 of the path."""
+of others, and at how many nodes. What they lack there, where stresses are singular, would move the whole
+body: blocks with friction on all of their top, 30 % down with nu = 0.44 or with a fifth of shear, swayed when
+their equations were renewed, and stopped at 0.46 to 0.9 of the path."""
 
 
 @dataclass(frozen=True)
