@@ -253,7 +253,7 @@ ENTRIES: dict[str, Entry] = {
     ),
     "ironing": Entry("bodies", "statics: no horizontal force; over the vertical one", _ironed),
     "snap_through": Entry(
-        "force", "finite elements, 48 x 4 of nine nodes: the load at both limit points", _snapped
+        "bodies", "finite elements, 48 x 4 of nine nodes: the load at both limit points", _snapped
     ),
     "rigid_punch": Entry("pressure", "a flat punch on a half-plane: F/(pi sqrt(a² - x²))", _punch),
 }

@@ -14,7 +14,6 @@ used.
 from __future__ import annotations
 
 import atexit
-import dataclasses
 import gc
 import importlib
 import importlib.util
@@ -22,9 +21,8 @@ import os
 import platform
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from importlib.abc import Loader, MetaPathFinder, SourceLoader
 from importlib.machinery import ModuleSpec, PathFinder, SourcelessFileLoader
 from types import ModuleType
@@ -106,9 +104,6 @@ def lean_imports() -> Iterator[None]:
     # h5py asks for the machine's name, and is told the processor's too, for which a process would be started.
     vars(platform.uname())["processor"] = platform.machine()
     sys.meta_path.insert(0, _Sparing())
-    # Up to Python 3.12 every method of a dataclass is compiled by itself; most are never called.
-    if hasattr(dataclasses, "_create_fn"):
-        dataclasses._create_fn = _compiled_when_called(dataclasses._create_fn)
     atexit.register(gc.freeze)
     collects = gc.isenabled()
     gc.disable()
@@ -118,23 +113,6 @@ def lean_imports() -> Iterator[None]:
         gc.freeze()
         if collects:
             gc.enable()
-
-
-def _compiled_when_called(make: Callable[..., Any]) -> Callable[..., Any]:
-    """Methods as ``make`` makes them, but for constructors only once they are called."""
-
-    def create(name: str, *arguments: Any, **more: Any) -> Any:
-        if name == "__init__":
-            return make(name, *arguments, **more)
-        made = cache(lambda: make(name, *arguments, **more))
-
-        def method(*given: Any) -> Any:
-            return made()(*given)
-
-        method.__name__ = name
-        return method
-
-    return create
 
 
 class _Sparing(MetaPathFinder):

@@ -22,6 +22,7 @@ from mlsanm_cli.app.assessment.checks import (
     check_transfer,
     force_balance,
 )
+from mlsanm_cli.app.assessment.drawn_overlaps import overlap_warnings
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
 from mlsanm_cli.app.assessment.pressed_ends import end_warnings
@@ -48,7 +49,7 @@ from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import Checkpoint
+from mlsanm_cli.solve.state import Checkpoint, State
 from mlsanm_cli.solve.stop_events import Stoppable
 
 RESULTS = Path("results")
@@ -194,7 +195,7 @@ def _follow(
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
     soon as a state is not reliable."""
     path = Stoppable(built, start, recorder.last, load_path)
-    steps = path.steps()
+    steps, first = path.steps(), None
     while True:
         context.check_stop()
         with context.phase("continuation"):
@@ -209,6 +210,7 @@ def _follow(
             recorder.checked = state
             check_state(built, state)
         recorder.step(built, step)
+        first = first or step.state
     assert recorder.last is not None
     with context.phase("output"):
         linear = recorder.check_linear(built)
@@ -218,22 +220,29 @@ def _follow(
         fields = recorder.stress_fields(built, recorder.last)
         recorder.energies = energy_error(built, recorder.last, fields)
         recorder.peaks = boundary_peaks(built, recorder.last, fields)
-    for warning in end_warnings(built, recorder.last):
-        recorder.warn(warning)
-    # First: where units are mixed up the checks that follow fail, for that reason.
-    for warning in strain_warnings(built.case, recorder.energies.strains):
-        recorder.warn(warning)
-    for warning in (
-        *check_transfer(built, recorder.last),
-        check_balance(force_balance(built, recorder.last)),
-        check_energy(recorder.energies),
-        *check_points(recorder.energies),
-        *check_peaks(built.case, recorder.peaks),
-        check_held(built),
-        check_open(built),
-        *built.weak,
-        check_polish(recorder.polished),
-    ):
+    for warning in _warnings(built, first, recorder):
         if warning:
             recorder.warn(warning)
     return path.reached
+
+
+def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) -> Iterator[str]:
+    """What a user should know about a finished path, one by one: a check that fails ends the run, which keeps
+    what was found before. Empty where a check has found nothing."""
+    last, energies = recorder.last, recorder.energies
+    assert last is not None
+    assert energies is not None
+    if first is not None:
+        yield from overlap_warnings(built, first, last)
+    yield from end_warnings(built, last)
+    # Where units are mixed up the checks that follow fail, for that reason.
+    yield from strain_warnings(built.case, energies.strains)
+    yield from check_transfer(built, last)
+    yield check_balance(force_balance(built, last))
+    yield check_energy(energies)
+    yield from check_points(energies)
+    yield from check_peaks(built.case, recorder.peaks)
+    yield check_held(built)
+    yield check_open(built)
+    yield from built.weak
+    yield check_polish(recorder.polished)

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from mlsanm_cli.case.model.base import split_boundary
 from mlsanm_cli.case.model.case import (
-    Adapt,
     Body,
     Case,
     Contact,
-    Mls,
     Model,
     Output,
     Probe,
     Reference,
     Refine,
     Regularization,
-    Solver,
     Support,
 )
 from mlsanm_cli.case.model.expressions import ExpressionError, value_at
@@ -52,6 +49,7 @@ from mlsanm_cli.case.model.shapes import (
     Sector,
     Shape,
 )
+from mlsanm_cli.case.model.solver import Adapt, Mls, Solver
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.units import Units
 from mlsanm_cli.case.reading.read import (

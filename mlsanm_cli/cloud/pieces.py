@@ -28,6 +28,8 @@ least: portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8
 where they happened to be cut, and lose up to 1.4 % then."""
 APART = 3.5
 """Pairs are farther than so many spacings from supports and corners."""
+ALIKE = 1e-9
+"""Moments of inertia, and distances over the body's size, that differ by less are the same."""
 FEW = 0.25
 """Pieces with less than this part of the size wanted join a neighbour."""
 
@@ -131,8 +133,12 @@ def _along(points: FloatArray, labels: IntArray, count: IntArray) -> FloatArray:
     middle = np.stack([np.bincount(labels, one) for one in points.T], axis=1) / count[:, None]
     x, y = (points - middle[labels]).T
     xx, yy, xy = (np.bincount(labels, one) for one in (x * x, y * y, x * y))
-    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    return np.asarray(np.cos(angle)[labels] * x + np.sin(angle)[labels] * y)
+    # Of regular meshes neither squares may be cut by round-off, nor may it choose among equally far nodes.
+    least = ALIKE * (xx + yy)
+    across, twice = (np.where(np.abs(one) > least, one, 0.0) for one in (xx - yy, 2.0 * xy))
+    angle = 0.5 * np.arctan2(twice, across)
+    along = np.cos(angle)[labels] * x + np.sin(angle)[labels] * y
+    return np.asarray(np.round(along / (ALIKE * float(np.ptp(points, axis=0).max()))))
 
 
 def _connected(labels: IntArray, pairs: IntArray) -> IntArray:

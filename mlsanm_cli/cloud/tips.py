@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,17 +26,20 @@ fields serve."""
 @dataclass(frozen=True)
 class Tips:
     """Corners at ``place`` (t, 2) between free faces, the unit vectors ``axis`` (t, 2) midway between the
-    faces into the material, which takes up the angle ``half`` (t,) on either side."""
+    faces into the material, which takes up the angle ``half`` (t,) on either side. Its material has
+    Muskhelishvili's constant ``kappa``, once it is known."""
 
     place: FloatArray
     axis: FloatArray
     half: FloatArray
+    kappa: float = math.nan
 
     @cached_property
-    def powers(self) -> tuple[FloatArray, ...]:
+    def modes(self) -> tuple[tuple[tuple[float, bool], ...], ...]:
         """Of each corner the powers of the distance that displacements grow with and that are no more than
-        REGULAR: sin(2 power half) = -+ power sin(2 half) (Williams 1952, doi:10.1115/1.4010553)."""
-        return tuple(_powers(2.0 * float(half)) for half in self.half)
+        REGULAR, and whether these open it or shear it: sin(2 power half) = -+ power sin(2 half)
+        (Williams 1952, doi:10.1115/1.4010553)."""
+        return tuple(_modes(2.0 * float(half)) for half in self.half)
 
 
 def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatArray) -> Tips | None:
@@ -73,11 +77,11 @@ def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) ->
     return normals if straight >= crossed else normals[::-1]
 
 
-def _powers(angle: float) -> FloatArray:
-    """The powers of a corner with an interior ``angle`` between free faces."""
+def _modes(angle: float) -> tuple[tuple[float, bool], ...]:
+    """The powers of a corner with an interior ``angle`` between free faces, and whether they open it."""
     grid = np.linspace(0.4, REGULAR, 400)
     found = []
-    for sign in (1.0, -1.0):
+    for opens, sign in ((True, 1.0), (False, -1.0)):
         value = np.sin(grid * angle) + sign * grid * np.sin(angle)
         for i in np.flatnonzero((value[:-1] * value[1:] <= 0.0) & (value[:-1] != 0.0)).tolist():
             low, high = grid[i], grid[i + 1]
@@ -85,5 +89,5 @@ def _powers(angle: float) -> FloatArray:
                 middle = 0.5 * (low + high)
                 here = np.sin(middle * angle) + sign * middle * np.sin(angle)
                 low, high = (middle, high) if here * value[i] > 0.0 else (low, middle)
-            found.append(0.5 * (low + high))
-    return np.array(sorted(found))
+            found.append((float(0.5 * (low + high)), opens))
+    return tuple(sorted(found, key=lambda mode: mode[0]))

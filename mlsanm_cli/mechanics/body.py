@@ -38,10 +38,11 @@ from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
+from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, nearest_nodes
+from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.startup import cKDTree
 
@@ -237,9 +238,10 @@ class BodyModel:
 
 def known_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
     """The sharp inward corners of a body whose fields are known: of isotropic materials at small strain."""
-    if settings.square or not settings.corners or not isinstance(kernel_of(material), Isotropic):
+    kernel = kernel_of(material)
+    if tips is None or settings.square or not settings.corners or not isinstance(kernel, Isotropic):
         return None
-    return tips
+    return replace(tips, kappa=kernel.kappa)
 
 
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:

@@ -11,6 +11,7 @@ Equation (19) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,9 +19,13 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.cloud.tips import Tips
+from mlsanm_cli.mechanics.elasticity import stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import rigid_pattern
+from mlsanm_cli.operators.stencils import build_stencils
+
+if TYPE_CHECKING:
+    from mlsanm_cli.mechanics.body import BodyModel
 
 UNDECIDED = 1e-13
 """Rigid motions with less of a mean square than this part of a unit motion's are not seen, but round-off."""
@@ -28,6 +33,15 @@ UNDECIDED = 1e-13
 STEPS = 500
 SMOOTH = 1e-6
 """Extensions of boundary values are as smooth as that, or as so many steps make them: any serves."""
+
+
+AROUND_TIPS = 3.0
+"""Triangles within so many spacings of a sharp corner have the energy of fits. A bracket with six nodes
+across misses 10 % of its energy if stresses are linear in all of them."""
+RULE = tuple(
+    0.5 * (one + shift) for one, shift in zip(np.polynomial.legendre.leggauss(3), (1.0, 0.0), strict=True)
+)
+"""Gauss's points and weights between 0 and 1."""
 
 
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
@@ -115,28 +129,42 @@ def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArra
     return over_body(cloud, stress, stress @ np.linalg.inv(material.stiffness))
 
 
-def energy_at_tips(cloud: Cloud, material: PlaneMaterial, stress: FloatArray, tips: Tips) -> float:
-    """What twice the strain energy is more than :func:`twice_strain_energy` for stresses that grow without
-    bound towards ``tips``, which values at the tip do not represent.
+def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
+    """What twice the strain energy of a ``displacement`` (n, 2) with nodal ``stress`` (n, 3) is more than
+    :func:`twice_strain_energy` says, by the triangles around sharp corners: stresses that grow without bound
+    there are not linear between nodes.
 
-    Energy per area goes with the distance to the power 2 power - 2: its mean over a triangle at the tip is
-    1 / power of that along the opposite side.
+    They are those of fits, at Gauss's points of triangles collapsed to the corner nearest to the tip, where
+    energies per area times the distance are nearly constant. What stress is not that of fits, as of heat, is
+    linear.
     """
-    contact_compliance, total = np.linalg.inv(material.stiffness), 0.0
-    for place, powers in zip(tips.place, tips.powers, strict=True):
-        node = int(((cloud.points - place) ** 2).sum(axis=1).argmin())
-        own = cloud.triangles[(cloud.triangles == node).any(axis=1)]
-        one, other = stress[own[own != node].reshape(-1, 2)].swapaxes(0, 1)
-        corner_values = sum(
-            ((a @ contact_compliance) * b).sum(axis=1) for a, b in ((one, one), (other, other), (one, other))
-        )
-        areas = _areas(cloud, own)
-        total += float(areas @ corner_values) / (3.0 * float(powers[0]))
-        values = stress[own]
-        products = (values @ contact_compliance * values).sum(axis=(1, 2))
-        sums = values.sum(axis=1)
-        total -= float(areas @ (products + (sums @ contact_compliance * sums).sum(axis=1))) / 12.0
-    return total
+    cloud, c, tips = model.cloud, model.material.stiffness, model.tips
+    if tips is None:
+        return 0.0
+    if model.material.nearly_incompressible:
+        c = c - model.material.bulk_part
+    compliance = np.linalg.inv(model.material.stiffness)
+    linear = stress - stress_of(model.stencils.derivatives(displacement), c)
+    near = cloud.tree.query(tips.place)[1]
+    away = np.hypot(*(cloud.points[:, None] - tips.place).transpose(2, 0, 1))
+    tip = (away <= AROUND_TIPS * cloud.spacing[near]).any(axis=1)
+    own = cloud.triangles[tip[cloud.triangles].any(axis=1)]
+    first = away.min(axis=1)[own].argmin(axis=1)
+    own = np.take_along_axis(own, (first[:, None] + np.arange(3)) % 3, axis=1)
+    total, areas = 0.0, _areas(cloud, own)
+    for out, weight in zip(*RULE, strict=True):
+        for across, other_weight in zip(*RULE, strict=True):
+            share = np.array([1.0 - out, out * (1.0 - across), out * across])
+            points = np.einsum("k,tkc->tc", share, cloud.points[own])
+            fits = build_stencils(
+                model.nodes, model.tree, points, 1, model.settings, cloud.sight, tips=model.tips
+            )
+            here = stress_of(fits.derivatives(displacement), c) + np.einsum("k,tkc->tc", share, linear[own])
+            density = ((here @ compliance) * here).sum(axis=1)
+            total += 2.0 * out * weight * other_weight * float(areas @ density)
+    values = stress[own]
+    products, sums = (values @ compliance * values).sum(axis=(1, 2)), values.sum(axis=1)
+    return total - float(areas @ (products + (sums @ compliance * sums).sum(axis=1))) / 12.0
 
 
 def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:

@@ -1,146 +1,190 @@
-"""Fits near sharp inward corners, which know how displacements grow there.
+"""Sharp inward corners, which fits around them know.
 
-Between free faces displacements are r^power times cosines and sines of power theta and (2 - power) theta,
-with powers below 1 (Williams 1952, doi:10.1115/1.4010553). No polynomial follows them: what fits leave out
-near a corner would make a whole frame too stiff. So these functions take part in the fits around it as
-polynomials do, as far as a stencil's nodes distinguish them from polynomials (as those of a crack's tip in
-Fleming, Chu, Moran and Belytschko 1997,
-doi:10.1002/(SICI)1097-0207(19970430)40:8<1483::AID-NME123>3.0.CO;2-6).
+Between free faces displacements grow with powers of the distance from the tip below 1 (Williams 1952,
+doi:10.1115/1.4010553). No polynomial follows them: what fits leave out near a corner would make a whole frame
+too stiff. How strong these displacements v_m are is told by one fit around the tip, of polynomials and of
+them, s = S u; all fits around the tip are then those of polynomials to the rest of the displacement, u - s v,
+and the derivatives of s v are known. So stencils are no larger than elsewhere (as in singular function
+methods: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5).
+
+Fits are those of one component: the components of an opening and of a shearing v along the axis and across
+it, 2 functions each, have strengths of their own. With all of r^power cos(power theta) and so on, twice as
+many, brackets with four nodes across scattered by three times as much.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
+from mlsanm_cli.operators.neighbors import SPARE, TIE, distances, neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
+if TYPE_CHECKING:
+    from mlsanm_cli.operators.stencils import Stencils
+
 REACH = 2.0
-"""Fits whose middle is within so many of their radii of a corner know its functions. Anything from 1 to 4 is
-as good."""
+"""Fits whose middle is within so many radii of the fit around the tip know its functions. Anything from 1 to
+3 is as good."""
 TOLD = 1e-3
 """What polynomials leave over of the functions counts down to this part of them; 1e-4 is as good, 1e-2 loses
-some of what is won at degree 2."""
+1 % at degree 4."""
 PER_COEFFICIENT = 2.5
 """Neighbours for each coefficient, as everywhere."""
 ASIDE = 0.2
-"""Nodes farther than this angle (radian) beyond a corner's faces are across a void: no such fit is made."""
+"""Nodes farther than this angle (radian) beyond a corner's faces are across a void: fits to them do not know
+the corner."""
 AT = 1e-9
 """Places nearer to a tip than this part of a fit's radius are the tip."""
-FAR = 4.0
-"""Fits are looked for within so many times the reach at the tip itself."""
-TOGETHER = 2048
-"""Fits that are in memory together."""
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
 
-def corners_of_fits(
-    tree: cKDTree, centers: FloatArray, settings: MlsSettings, tips: Tips
-) -> tuple[IntArray, IntArray, int]:
-    """Which fits at ``centers`` (e, 2) are near a corner, by number; which corner that is; and how many
-    neighbours such fits have."""
-    more = 4 * max(len(powers) for powers in tips.powers)
-    size = min(math.ceil(PER_COEFFICIENT * (settings.coefficients + more)), tree.n)
-    away = np.sqrt(((centers[:, None] - tips.place) ** 2).sum(axis=2))
-    tip, closest = away.argmin(axis=1), away.min(axis=1)
-    around = np.asarray(nearest(tree, tips.place, np.array([size]))[0])[:, 0]
-    which = np.flatnonzero(closest <= FAR * REACH * around[tip])
-    if not len(which):
-        return which, which, size
-    radius = np.asarray(nearest(tree, centers[which], np.array([size]))[0])[:, 0]
-    which = which[closest[which] <= REACH * radius]
-    return which, tip[which], size
+@dataclass(frozen=True)
+class SharpCorner:
+    """A corner at ``place``, its ``axis`` into the material, which takes up the angle ``half`` on either
+    side, with the ``modes`` of its displacements and the constant ``kappa`` of its material. The fit around
+    it has a ``radius``; the ``strengths`` (m, k) say by the nodes ``indices`` (k,) how strong its functions
+    are."""
+
+    place: complex
+    axis: complex
+    half: float
+    modes: tuple[tuple[float, bool], ...]
+    kappa: float
+    radius: float
+    indices: IntArray
+    strengths: FloatArray
+
+    def _seen(self, where: FloatArray) -> ComplexArray:
+        """Places (..., 2) from the tip, the axis real, in units of the radius."""
+        away = (where[..., 0] + 1j * where[..., 1] - self.place) * np.conj(self.axis)
+        return np.asarray(away / self.radius, dtype=np.complex128)
+
+    def near(self, centers: FloatArray) -> BoolArray:
+        """Which fits at ``centers`` (e, 2) are near the corner."""
+        return np.asarray(np.abs(self._seen(centers)) <= REACH)
+
+    def beyond(self, points: FloatArray) -> BoolArray:
+        """Which of the ``points`` (n, 2) are beyond the corner's faces."""
+        seen = self._seen(points)
+        return np.asarray((np.abs(np.angle(seen)) > self.half + ASIDE) & (np.abs(seen) > AT))
+
+    def derivatives(self, where: FloatArray, orders: tuple[int, int]) -> FloatArray:
+        """Derivatives (..., kinds, m) of its functions at places (..., 2); 0 at the tip, where they have no
+        bound."""
+        seen = self._seen(where)
+        kinds = _kinds(orders)
+        found = np.zeros((*seen.shape, len(kinds), 2 * len(self.modes)))
+        off = np.abs(seen) > AT
+        size, angle = np.abs(seen[off]), np.angle(seen[off])
+        for number, (power, opens) in enumerate(self.modes):
+            # kappa a z^p - p conj(a) z conj(z)^(p - 1) - c conj(a) conj(z)^p leaves both faces free.
+            turn = 2.0 * power * self.half
+            c = (-1.0 if opens else 1.0) * math.cos(turn) - power * math.cos(2.0 * self.half)
+            a = 1.0 if opens else 1j
+            for kind, times in enumerate(kinds):
+                first = _differentiated(size, angle, (power, 0.0), times, self.axis)
+                second = _differentiated(size, angle, (1.0, power - 1.0), times, self.axis)
+                total = self.kappa * a * first - np.conj(a) * (power * second + c * np.conj(first))
+                total *= self.radius ** -sum(times)
+                found[off, kind, 2 * number], found[off, kind, 2 * number + 1] = total.real, total.imag
+        return found
 
 
-def cornered(
+def sharp_corners(
     points: FloatArray,
-    indices: IntArray,
+    tree: cKDTree,
+    settings: MlsSettings,
+    sight: VisibilityCriterion | None,
+    tips: Tips | None,
+) -> Iterator[SharpCorner]:
+    """The ``tips`` that the nodes ``points`` (n, 2) carry."""
+    for number in range(0 if tips is None else len(tips.place)):
+        assert tips is not None
+        place, size = tips.place[number : number + 1], _nodes_around(settings, tips, number)
+        numbers = neighbors_of(points, tree, place, min(size + SPARE, tree.n), sight)[1]
+        # All that are as far as the last: images of corners are images then.
+        away = distances(points, place, numbers)[0]
+        around = numbers[0][away <= (1.0 + TIE) * np.sort(away)[min(size, len(away)) - 1]]
+        corner = _sharp_corner(points[around], around, settings, tips, number)
+        if corner is not None:
+            yield corner
+
+
+def with_corner(
+    plain: Stencils,
+    corner: SharpCorner,
+    points: FloatArray,
     centers: FloatArray,
     targets: FloatArray,
-    radius: FloatArray,
-    settings: MlsSettings,
     orders: tuple[int, int],
-    tips: Tips,
-    tip: IntArray,
-) -> tuple[FloatArray, BoolArray]:
-    """Weights (e, k, kinds) of fits around ``centers`` (e, 2) to the nodes ``indices`` (e, k), as of
-    :func:`mlsanm_cli.kernels.stencils.mls_weights` at their ``targets`` (e, t, 2), that know the corners
-    ``tip`` (e,); and which of them (e,) are sound.
+) -> Stencils:
+    """The stencils at ``centers`` (e, 2) with those near a corner in terms of what its displacements leave
+    over."""
+    some = np.flatnonzero(corner.near(centers))
+    own = plain.take(some)
+    across = np.add.reduceat(corner.beyond(points[own.indices]), own.indptr[:-1]) if len(some) else some
+    own, some = own.take(np.flatnonzero(across == 0)), some[across == 0]
+    if not len(some):
+        return plain
+    kinds, count, more = own.weights.shape[1], np.diff(own.indptr), len(corner.indices)
+    known = corner.derivatives(targets[some], orders).reshape(len(some), kinds, -1)
+    less = known - own.derivatives(corner.derivatives(points, (0, 0))[:, 0])
+    added = np.swapaxes(less @ corner.strengths, 1, 2).reshape(-1, kinds)
+    row = np.concatenate([np.repeat(np.arange(len(some)), count), np.repeat(np.arange(len(some)), more)])
+    node = np.concatenate([own.indices, np.tile(corner.indices, len(some))])
+    key, entry = np.unique(row * len(points) + node, return_inverse=True)
+    weights = np.zeros((len(key), kinds))
+    np.add.at(weights, entry, np.concatenate([own.weights, added]))
+    others = np.setdiff1d(np.arange(len(centers)), some)
+    rest, start = plain.take(others), np.searchsorted(key, np.arange(1, len(some) + 1) * len(points))
+    joined = replace(
+        plain,
+        indptr=np.concatenate([rest.indptr, rest.indptr[-1] + start]),
+        indices=np.concatenate([rest.indices, key % len(points)]),
+        weights=np.concatenate([rest.weights, weights]),
+    )
+    return joined.take(np.argsort(np.concatenate([others, some])))
 
-    At the tip itself, where the functions' derivatives have no bound, those of the polynomials alone count.
-    """
-    kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
-    weights = np.zeros((*indices.shape, kinds))
-    sound = np.zeros(len(indices), dtype=bool)
-    for number in np.unique(tip).tolist():
-        all_of = np.flatnonzero(tip == number)
-        for first in range(0, len(all_of), TOGETHER):
-            some = all_of[first : first + TOGETHER]
-            found, good = _fits_at_one_corner(
-                points[indices[some]],
-                centers[some],
-                targets[some],
-                radius[some],
-                settings,
-                orders,
-                tips,
-                number,
-            )
-            weights[some], sound[some] = found, good
-    return weights, sound
+
+def _nodes_around(settings: MlsSettings, tips: Tips, number: int) -> int:
+    """How many nodes the fit around a corner has."""
+    return math.ceil(PER_COEFFICIENT * (settings.coefficients + 2 * len(tips.modes[number])))
 
 
-def _fits_at_one_corner(
-    nodes: FloatArray,
-    centers: FloatArray,
-    targets: FloatArray,
-    radius: FloatArray,
-    settings: MlsSettings,
-    orders: tuple[int, int],
-    tips: Tips,
-    number: int,
-) -> tuple[FloatArray, BoolArray]:
-    """The same for fits to ``nodes`` (e, k, 2) that all know one corner."""
-    place, axis, powers = complex(*tips.place[number]), complex(*tips.axis[number]), tips.powers[number]
-
-    def seen(where: FloatArray) -> ComplexArray:
-        """Places (e, m, 2) from the tip, the axis real, in units of the radius."""
-        away = (where[..., 0] + 1j * where[..., 1] - place) * np.conj(axis)
-        return np.asarray(away / radius[:, None], dtype=np.complex128)
-
-    own, at = seen(nodes), seen(targets)
-    beyond = (np.abs(np.angle(own)) > tips.half[number] + ASIDE) & (np.abs(own) > AT)
-    local = (nodes - centers[:, None]) / radius[:, None, None]
-    gauss = np.exp(-settings.sharpness * (local**2).sum(axis=2))[..., None]
-    q, r = np.linalg.qr(gauss * _monomials(local, settings.degree, (0, 0))[:, :, 0])
-    diagonal = np.abs(np.diagonal(r, axis1=1, axis2=2))
-    sound = ~beyond.any(axis=1) & (diagonal.min(axis=1) >= settings.rank_tolerance * diagonal.max(axis=1))
-    r[~sound] = np.eye(r.shape[1])
-    moved = (targets - centers[:, None]) / radius[:, None, None]
-    wanted = _monomials(moved, settings.degree, orders).reshape(len(nodes), -1, r.shape[2])
-    more = _singular(at, powers, orders, axis).reshape(len(nodes), wanted.shape[1], -1)
-    singular = gauss * _singular(own, powers, (0, 0), axis)[:, :, 0]
-    # Of the singular functions what polynomials leave over, orthogonal to them to round-off.
-    turned = np.swapaxes(q, 1, 2)
-    part = turned @ singular
-    rest = singular - q @ part
-    rest -= q @ (turned @ rest)
-    more -= wanted @ np.linalg.solve(r, part)
+def _sharp_corner(
+    nodes: FloatArray, indices: IntArray, settings: MlsSettings, tips: Tips, number: int
+) -> SharpCorner | None:
+    """One of the ``tips``, by a fit to the ``nodes`` (k, 2) around it, of the numbers ``indices`` (k,); None
+    where these do not carry it."""
+    away = nodes - tips.place[number]
+    radius = float(np.hypot(*away.T).max())
+    tip, empty = tips.place[number], np.zeros((0, len(nodes)))
+    known = (complex(*tip), complex(*tips.axis[number]), float(tips.half[number]), tips.modes[number])
+    corner = SharpCorner(*known, tips.kappa, radius, indices, empty)
+    gauss = np.exp(-settings.sharpness * (away**2).sum(axis=1) / radius**2)[:, None]
+    q, r = np.linalg.qr(gauss * _monomials(away / radius, settings.degree))
+    diagonal = np.abs(np.diagonal(r))
+    if corner.beyond(nodes).any() or diagonal.min() < settings.rank_tolerance * diagonal.max():
+        return None
+    singular = gauss * corner.derivatives(nodes, (0, 0))[:, 0]
+    # What polynomials leave over, orthogonal to them to round-off.
+    rest = singular - q @ (q.T @ singular)
+    rest -= q @ (q.T @ rest)
     u, sigma, v = np.linalg.svd(rest, full_matrices=False)
-    kept = sigma > TOLD * np.linalg.norm(singular, axis=1).max(axis=1)[:, None]
-    inverse = np.where(kept, 1.0 / np.where(kept, sigma, 1.0), 0.0)[..., None]
-    rows = q @ np.linalg.solve(np.swapaxes(r, 1, 2), np.swapaxes(wanted, 1, 2))
-    rows += u @ (inverse * (v @ np.swapaxes(more, 1, 2)))
-    scale = [radius**-order for order in range(orders[0], orders[1] + 1) for _ in range(order + 1)]
-    return gauss * rows * np.tile(np.stack(scale, axis=1), targets.shape[1])[:, None], sound
+    kept = sigma > TOLD * np.linalg.norm(singular, axis=0).max()
+    strengths = (v[kept].T / sigma[kept]) @ (gauss * u[:, kept]).T
+    return replace(corner, strengths=strengths)
 
 
 def _kinds(orders: tuple[int, int]) -> list[tuple[int, int]]:
@@ -148,33 +192,10 @@ def _kinds(orders: tuple[int, int]) -> list[tuple[int, int]]:
     return [(order - dy, dy) for order in range(orders[0], orders[1] + 1) for dy in range(order + 1)]
 
 
-def _monomials(x: FloatArray, degree: int, orders: tuple[int, int]) -> FloatArray:
-    """Derivatives (e, m, kinds, c) at places ``x`` (e, m, 2) of all x^i y^j up to ``degree``, ordered by
-    degree, then by the power of y."""
+def _monomials(x: FloatArray, degree: int) -> FloatArray:
+    """All x^i y^j (k, c) up to a ``degree`` at places ``x`` (k, 2)."""
     powers = [(total - j, j) for total in range(degree + 1) for j in range(total + 1)]
-    found = np.zeros((*x.shape[:2], len(_kinds(orders)), len(powers)))
-    for kind, (dx, dy) in enumerate(_kinds(orders)):
-        for column, (i, j) in enumerate(powers):
-            if i >= dx and j >= dy:
-                factor = math.perm(i, dx) * math.perm(j, dy)
-                found[:, :, kind, column] = factor * x[..., 0] ** (i - dx) * x[..., 1] ** (j - dy)
-    return found
-
-
-def _singular(w: ComplexArray, powers: FloatArray, orders: tuple[int, int], axis: complex) -> FloatArray:
-    """Derivatives (e, m, kinds, 4p) by x and y of a corner's functions at ``w`` (e, m), places seen from its
-    tip with the ``axis`` as the real line; 0 at the tip."""
-    found = np.zeros((*w.shape, len(_kinds(orders)), 4 * len(powers)))
-    off = np.abs(w) > AT
-    size, angle = np.abs(w[off]), np.angle(w[off])
-    for number, power in enumerate(powers.tolist()):
-        # z^a conj(z)^b, whose real and imaginary parts they are.
-        for part, (a, b) in enumerate(((power, 0.0), (1.0, power - 1.0))):
-            for kind, (dx, dy) in enumerate(_kinds(orders)):
-                total = _differentiated(size, angle, (a, b), (dx, dy), axis)
-                column = 4 * number + 2 * part
-                found[off, kind, column], found[off, kind, column + 1] = total.real, total.imag
-    return found
+    return np.stack([x[:, 0] ** i * x[:, 1] ** j for i, j in powers], axis=1)
 
 
 def _differentiated(

@@ -8,8 +8,10 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.kernels.fits import fit_derivatives
+from mlsanm_cli.operators.cornered import sharp_corners
+from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import fits_at_corners, neighbors_of, sound_fits
+from mlsanm_cli.operators.stencils import build_stencils, sound_fits
 from mlsanm_cli.startup import cKDTree
 
 TOGETHER = 4096
@@ -49,9 +51,10 @@ def fitted_derivatives(
         some = np.arange(first, min(first + TOGETHER, len(targets)))
         for which, (found,), _ in sound_fits(len(points), targets, some, settings, fit):
             result[which] = found
-    if tips is not None:
-        around = targets[:, None]
-        cornered_fits = fits_at_corners(points, tree, targets, around, settings, (0, 2), tips, sight)
-        for which, numbers, weights in cornered_fits:
-            result[which] = np.swapaxes(weights, 1, 2) @ field[numbers]
+    near = np.zeros(len(targets), dtype=bool)
+    for corner in sharp_corners(points, tree, settings, sight, tips):
+        near |= corner.near(targets)
+    if near.any():
+        stencils = build_stencils(points, tree, targets[near], 2, settings, sight, tips=tips)
+        result[near] = stencils.derivatives(field)
     return result

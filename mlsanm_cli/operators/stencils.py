@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
-from mlsanm_cli.operators.cornered import cornered, corners_of_fits
+from mlsanm_cli.operators.cornered import sharp_corners, with_corner
+from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
@@ -26,12 +26,8 @@ MARGIN, STEEP, PATIENT = 20.0, 3, 1.9
 """From this degree on fits are first sought so many times above the limit, with up to so many times the
 neighbours. On a structured mesh of an eye 15 of 1,362 were below, and its displacement 19 % off at degree 3
 and 9 % at degree 4; with more neighbours there 5 and 4 %."""
-SPARE = 8
-"""Nodes looked at beyond a stencil's size where more are equally far than it takes."""
 SLICE = 4096
 """Stencils that are fitted at once: a tenth of a second at high degrees."""
-TIE = 1e-7
-"""Distances closer to each other than this, relatively, count as equal."""
 
 
 @dataclass(frozen=True)
@@ -138,42 +134,19 @@ def _built(
         _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
         return (indices, weights.reshape(len(some), size, -1)), ratio
 
-    plain, cornered_fits = np.arange(len(centers)), []
-    if tips is not None:
-        cornered_fits = fits_at_corners(points, tree, centers, targets, settings, orders, tips, sight)
-        plain = np.setdiff1d(plain, cornered_fits[0][0]) if cornered_fits else plain
-    fits = list(sound_fits(len(points), centers, plain, settings, fit))
+    fits = list(sound_fits(len(points), centers, np.arange(len(centers)), settings, fit))
     worst = min((float(ratio.min(initial=1.0)) for _, _, ratio in fits), default=1.0)
-    enlarged = len(plain) - len(fits[0][0]) if fits else 0
-    return _merge(
-        [*((which, indices, found) for which, (indices, found), _ in fits), *cornered_fits],
+    enlarged = len(centers) - len(fits[0][0]) if fits else 0
+    found = _merge(
+        [(which, indices, weights) for which, (indices, weights), _ in fits],
         len(centers),
         len(points),
         enlarged,
         worst,
     )
-
-
-def fits_at_corners(
-    points: FloatArray,
-    tree: cKDTree,
-    centers: FloatArray,
-    targets: FloatArray,
-    settings: MlsSettings,
-    orders: tuple[int, int],
-    tips: Tips,
-    sight: VisibilityCriterion | None,
-) -> list[tuple[IntArray, IntArray, FloatArray]]:
-    """Fits at those of the ``centers`` (e, 2) that know a corner, at their ``targets`` (e, t, 2): their
-    numbers (c,), nodes (c, k) and weights (c, k, kinds); nothing where there are none."""
-    which, tip, size = corners_of_fits(tree, centers, settings, tips)
-    if not len(which):
-        return []
-    radius, indices = neighbors_of(points, tree, centers[which], size, sight)
-    found, sound = cornered(
-        points, indices, centers[which], targets[which], radius, settings, orders, tips, tip
-    )
-    return [(which[sound], indices[sound], found[sound])] if sound.any() else []
+    for corner in sharp_corners(points, tree, settings, sight, tips):
+        found = with_corner(found, corner, points, centers, targets, orders)
+    return found
 
 
 def _fit_in_slices(
@@ -239,91 +212,6 @@ def sound_fits(
                 "make the spacing smaller there, or mls.degree lower",
             )
         size = int(np.ceil(GROWTH * size))
-
-
-def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
-    """Numbers (e, k) of the nodes nearest to ``targets`` (e, 2), enough for stencils of ``size`` nodes."""
-    distance, found = nearest(tree, targets, np.arange(1, min(size + 1, tree.n) + 1))
-    numbers = np.asarray(found, dtype=np.int32)
-    # Which of equally far nodes comes first must not depend on how many are looked for.
-    tied = np.flatnonzero((distance[:, 1:] == distance[:, :-1]).any(axis=1))
-    order = np.lexsort((numbers[tied], distance[tied]), axis=1)
-    numbers[tied] = np.take_along_axis(numbers[tied], order, axis=1)
-    return numbers
-
-
-def neighbors_of(
-    points: FloatArray,
-    tree: cKDTree,
-    targets: FloatArray,
-    size: int,
-    sight: VisibilityCriterion | None,
-    known: IndexArray | None = None,
-) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of stencils, the nearest nodes that the ``targets`` (e, 2) see.
-
-    They are searched for where those ``known`` (e, k), by :func:`nearest_nodes`, are not enough.
-    """
-    if known is None or known.shape[1] <= min(size, len(points) - 1):
-        known = nearest_nodes(tree, targets, size)
-    radius, indices = _nearest(points, tree, targets, size, known)
-    if sight is not None:
-        asked = np.flatnonzero(sight.near(targets, radius))
-        radius[asked], indices[asked] = _seen(points, sight, tree, targets[asked], size)
-    return radius, indices
-
-
-def _nearest(
-    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
-) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), equally far ones by
-    their numbers.
-
-    Without that rule round-off would choose among equals, and a change of units would change the result.
-    """
-    indices = known[:, :size].astype(np.int64)
-    radius = _distance(points, targets, known[:, size - 1 : size])[:, 0]
-    if known.shape[1] > size:
-        beyond = _distance(points, targets, known[:, size : size + 1])[:, 0]
-        tied = np.flatnonzero(beyond <= (1.0 + TIE) * radius)
-        if len(tied):
-            more = nearest_nodes(tree, targets[tied], size + SPARE - 1)
-            distance = _distance(points, targets[tied], more)
-            order = np.argsort(distance * (1.0 + TIE * more / len(points)), axis=1)[:, :size]
-            indices[tied] = np.take_along_axis(more, order, axis=1)
-            radius[tied] = np.take_along_axis(distance, order[:, -1:], axis=1)[:, 0]
-    return radius, indices
-
-
-def _distance(points: FloatArray, targets: FloatArray, numbers: IndexArray | IntArray) -> FloatArray:
-    """Distances (e, k) of the nodes ``numbers`` (e, k) from each target (e, 2)."""
-    away = points[numbers] - targets[:, None]
-    return np.sqrt(away[..., 0] ** 2 + away[..., 1] ** 2)
-
-
-def _seen(
-    points: FloatArray, sight: VisibilityCriterion, tree: cKDTree, targets: FloatArray, size: int
-) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of the nearest nodes on each target's own side of the slits."""
-    indices = np.empty((len(targets), size), dtype=np.int64)
-    pending, asked, nodes = np.arange(len(targets)), min(size, len(points)), len(points)
-    while len(pending):
-        some = targets[pending]
-        numbers = _nearest(points, tree, some, asked, nearest_nodes(tree, some, asked))[1]
-        seen = ~sight.cut(targets[pending], numbers)
-        enough = seen.sum(axis=1) >= size
-        # Stable: nodes that are seen come first, still ordered by distance.
-        first = np.argsort(~seen[enough], axis=1, kind="stable")[:, :size]
-        indices[pending[enough]] = np.take_along_axis(numbers[enough], first, axis=1)
-        pending = pending[~enough]
-        if len(pending) and asked == nodes:
-            x, y = targets[pending[0]]
-            raise NumericalError(
-                f"fewer than {size} nodes can be seen from ({x:.6g}, {y:.6g}) past the slits of the body",
-                "make the spacing smaller there",
-            )
-        asked = min(2 * asked, nodes)
-    return _distance(points, targets, indices[:, -1:])[:, 0], indices
 
 
 def _merge(

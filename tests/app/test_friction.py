@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.plot_choice import Choice
-from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent
+from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json

@@ -328,3 +328,15 @@ def test_a_smaller_disk_between_plates_stays_where_it_is_drawn(tmp_path: Path) -
     assert (forces["small-lid"], forces["small-floor"]) == (0.0, 0.0)
     small = read_run(tmp_path / "run").states[-1].bodies["small"]["displacement"]
     assert np.abs(small).max() < 1e-9
+
+
+def test_surfaces_that_overlap_as_drawn_are_told(tmp_path: Path) -> None:
+    """Nothing is said where an overlap is given as one."""
+    held = BLOCK.replace('kind = "traction"\ntraction = [0.0, -0.001]', 'kind = "platen"\nuy = -0.001')
+    drawn = solve(held, tmp_path / "drawn", FLOOR.format(0.01))
+    (warning,) = [text for text in drawn["warnings"] if "overlap as drawn" in text]
+    assert "by 0.01 near" in warning
+    assert "contact.floor.interference" in warning
+    fitted = solve(held, tmp_path / "fitted", FLOOR.format(0.01), *FIT)
+    assert not [text for text in fitted["warnings"] if "overlap" in text]
+    assert fitted["contacts"]["floor"]["force"] == pytest.approx(drawn["contacts"]["floor"]["force"])

@@ -12,10 +12,11 @@ import pytest
 
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.scene.assemble import prepare
+from mlsanm_cli.app.scene.boundary_parts import outline_of
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
 from mlsanm_cli.app.scene.imported import load_with_files
-from mlsanm_cli.app.scene.surfaces import drawn, outline_of
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import OutlineShape
 from mlsanm_cli.cloud.curves import Outline

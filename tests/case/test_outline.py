@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.scene.imported import geometry_of
-from mlsanm_cli.app.scene.surfaces import drawn
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.summary import toml_text

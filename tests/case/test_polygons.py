@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.scene.imported import geometry_of
-from mlsanm_cli.app.scene.surfaces import drawn
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.polygon import signed_area
 from tests.case.scenes import only, parse, problems
@@ -85,6 +85,13 @@ def test_arcs_may_use_up_a_side() -> None:
     assert outline.names == ("corner1", "side1", "corner2", "corner3", "side3", "corner4")
     arcs = [curve for curve in outline.curves if isinstance(curve, Arc)]
     assert [arc.sweep for arc in arcs] == pytest.approx([0.5 * math.pi] * 4)
+
+
+def test_one_radius_is_that_of_all_corners() -> None:
+    listed = "[0.0, 0.0, 0.3, 0.5, 0.0, 0.0]"
+    alike = parse(PLATE.replace(listed, "0.25")).case.body[0].shape
+    assert alike == parse(PLATE.replace(listed, str(6 * [0.25]))).case.body[0].shape
+    assert only(PLATE.replace(listed, "-0.25")).key == "body.plate.shape.rounding.0"
 
 
 def test_default_names() -> None:

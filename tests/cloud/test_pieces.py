@@ -10,7 +10,7 @@ from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, annulus, disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import Line
-from mlsanm_cli.cloud.pieces import APART, FEW, MOST, divide, pair_up
+from mlsanm_cli.cloud.pieces import APART, FEW, MOST, _bisected, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 BLOCK = rectangle((-1.0, 1.0), (0.0, 1.0))
@@ -134,3 +134,14 @@ def test_a_closed_surface_is_paired_all_around() -> None:
     assert (labels >= 0).sum() == 2 * (len(index) // 2)
     assert (pair_up(cloud, [], []) == -1).all()
     assert (pair_up(cloud, [name], [name]) == -1).all()
+
+
+@pytest.mark.parametrize("unit", [25.4, 1.0 / 3.0])
+def test_units_do_not_cut_regular_meshes_otherwise(unit: float) -> None:
+    # Round-off chose along which axis squares were cut, and among nodes that are equally far: a frame from a
+    # mesh swayed by 1 to 2 % more or less.
+    points = np.stack(np.meshgrid(*2 * [np.linspace(0.0, 3.1, 32)]), axis=2).reshape(-1, 2)
+    wanted = np.full(len(points), 16.0)
+    one, other = (_bisected(where, wanted) for where in (points, unit * (points + np.array([0.7, 0.3]))))
+    np.testing.assert_array_equal(one, other)
+    assert len(np.unique(one)) == 64

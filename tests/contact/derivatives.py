@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent
+from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
 from mlsanm_cli.continuation import Problem
 
 

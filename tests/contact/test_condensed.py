@@ -8,7 +8,7 @@ import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.pairing import surface_fit
+from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.response.coercivity import (
     constrained_resistance,
     contact_stability,

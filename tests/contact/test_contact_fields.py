@@ -7,7 +7,8 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Segment
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid, Facing
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
+from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.obstacles import Plane
 from mlsanm_cli.contact.response.contact_fields import fields_of

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.grid import STEEPEST, Hats, chebyshev, lagrange, on_panels
+from mlsanm_cli.contact.geometry.grid import STEEPEST, Hats
+from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
 
 LOG, NONE = np.eye(2), np.zeros((2, 2))
 GRADED = Hats(

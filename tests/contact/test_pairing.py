@@ -16,14 +16,8 @@ from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, 
 from mlsanm_cli.cloud.loops import Loop, trace
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.pairing import (
-    OPPOSED,
-    Pairing,
-    pair_surfaces,
-    spacing_ratio,
-    surface_fit,
-    transfer,
-)
+from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing, pair_surfaces, spacing_ratio
+from mlsanm_cli.contact.geometry.transfer import surface_fit, transfer
 
 BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.contact.geometry.pairing import transfer
+from mlsanm_cli.contact.geometry.transfer import transfer
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from tests.contact.scenes import Small, blocks, blocks_text, build, mirrored

@@ -40,16 +40,19 @@ def polygon(points: Sequence[tuple[float, float]], spacing: float, turn: float =
     return build_cloud(Outline(tuple(map(str, range(len(ends)))), sides), Spacing(spacing), 1)
 
 
-def opening(cloud: Cloud, tips: Tips, nu: float) -> FloatArray:
-    """Displacements (n, 2) of the first corner's symmetric field with free faces (plane stress, shear modulus
-    one half): phi = z^power, psi = c z^power."""
-    power, half, kappa = float(tips.powers[0][0]), float(tips.half[0]), (3.0 - nu) / (1.0 + nu)
-    axis, place = complex(*tips.axis[0]), complex(*tips.place[0])
-    c = -(cmath.exp(2j * power * half) + power * cmath.exp(2j * half)).real
+def near_field(cloud: Cloud, tips: Tips, nu: float, mode: int) -> FloatArray:
+    """Displacements (n, 2) of the first corner's opening (0) or shearing (1) field with free faces (plane
+    stress, shear modulus one half): phi = a z^power, psi = a c z^power with a = 1 or i."""
+    (power, _), half, kappa = tips.modes[0][mode], float(tips.half[0]), (3.0 - nu) / (1.0 + nu)
+    axis, place, a = complex(*tips.axis[0]), complex(*tips.place[0]), 1j if mode else 1.0
+    # phi + z conj(phi') + conj(psi) = 0 on both faces.
+    on_face = a * cmath.exp(1j * power * half) + np.conj(a) * power * cmath.exp(1j * (2.0 - power) * half)
+    c = -on_face / (np.conj(a) * cmath.exp(-1j * power * half))
+    assert abs(c.imag) < 1e-9
     w = (cloud.points[:, 0] + 1j * cloud.points[:, 1] - place) / axis
     r, theta = np.abs(w), np.angle(w)
     first, second = np.exp(1j * power * theta), np.exp(1j * (2.0 - power) * theta)
-    u = r**power * (kappa * first - power * second - c * np.conj(first)) * axis
+    u = r**power * (kappa * a * first - np.conj(a) * (power * second + c.real * np.conj(first))) * axis
     return np.stack([u.real, u.imag], axis=1)
 
 
@@ -57,9 +60,10 @@ def test_powers_are_those_of_williams() -> None:
     # A void of 90 degrees and a slit; mode two is regular where the void is above 103 degrees.
     angles = np.radians([270.0, 359.999, 240.0])
     tips = Tips(np.zeros((3, 2)), np.tile([1.0, 0.0], (3, 1)), 0.5 * angles)
-    np.testing.assert_allclose(tips.powers[0], [0.5444837, 0.9085292], rtol=1e-6)
-    np.testing.assert_allclose(tips.powers[1], [0.5, 0.5], rtol=1e-4)
-    assert len(tips.powers[2]) == 1
+    powers, opens = zip(*(zip(*modes, strict=True) for modes in tips.modes), strict=True)
+    assert powers[0] == pytest.approx([0.5444837, 0.9085292], rel=1e-6)
+    assert powers[1] == pytest.approx([0.5, 0.5], rel=1e-4)
+    assert [*opens[0], *opens[2]] == [True, False, True]
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0])
@@ -86,17 +90,17 @@ def test_bodies_without_such_corners_know_none() -> None:
 
 
 @pytest.mark.parametrize("degree", [2, 4])
-@pytest.mark.parametrize("turn", [0.0, 2.0])
-@pytest.mark.parametrize("shape", list(TIPS))
+@pytest.mark.parametrize("mode", [0, 1])
+@pytest.mark.parametrize(("shape", "turn"), [("ell", 0.0), ("ell", 2.0), ("notch", 2.0)])
 def test_rows_beside_a_corner_know_its_field(
-    shape: str, turn: float, degree: int, monkeypatch: pytest.MonkeyPatch
+    shape: str, turn: float, mode: int, degree: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # However little a function differs from polynomials.
     monkeypatch.setattr(cornered, "TOLD", 1e-7)
     cloud = polygon(TIPS[shape][0], 1.0, turn)
     model = BodyModel.build("body", cloud, isotropic(1.3, 0.3, "stress"), MlsSettings(degree))
     assert model.tips is not None
-    u = opening(cloud, model.tips, 0.3)
+    u = near_field(cloud, model.tips, 0.3, mode)
     away = np.hypot(*(cloud.points - model.tips.place[0]).T)
     rest = np.hypot(model.equilibrium(0) @ u.ravel(), model.equilibrium(1) @ u.ravel())
     # Polynomials alone leave 0.1 to 1 there.
@@ -117,10 +121,11 @@ def test_derivatives_are_the_same_with_and_without_weights() -> None:
 
 
 @pytest.mark.parametrize(
-    ("degree", "spacing", "limit"), [(2, 2.0, 0.015), (2, 1.4, 0.01), (2, 1.0, 0.006), (4, 1.0, 0.003)]
+    ("degree", "spacing", "limit"), [(2, 2.0, 0.009), (2, 1.4, 0.007), (2, 1.0, 0.002), (4, 1.0, 0.003)]
 )
 def test_a_bracket_with_a_sharp_corner_droops_as_it_should(degree: int, spacing: float, limit: float) -> None:
-    # By polynomials alone 13, 3 and 3 % too little; with small weights of the rows there 3 % at 1.4.
+    # By polynomials alone 13, 3 and 3 % too little; with small weights of the rows there 3 % at 1.4. Where
+    # every fit found the strengths of the corner's fields for itself 1.1, 0.8 and 0.3 %.
     cloud = polygon(ELL, spacing)
     model = BodyModel.build("body", cloud, SOFT, MlsSettings(degree))
     body = assemble(model, {"0": (True, True)}, (), CholeskySolver())
@@ -131,9 +136,9 @@ def test_a_bracket_with_a_sharp_corner_droops_as_it_should(degree: int, spacing:
     stress, side = model.stress(u), cloud.surfaces["3"]
     assert model.tips is not None
     energy = twice_strain_energy(cloud, SOFT, stress)
-    more = energy_at_tips(cloud, SOFT, stress, model.tips)
+    more = energy_at_tips(model, u, stress)
     down = -u[side.index, 1]
     work = float(np.diff(side.arc_length) @ (down[1:] + down[:-1])) / 2.0
     # Without what is at the tip 5 to 10 % are missing.
-    assert energy + more == pytest.approx(work, rel=0.06 if spacing > 1.0 else 0.03)
+    assert energy + more == pytest.approx(work, rel=0.02 if spacing > 1.0 else 0.01)
     assert more > 0.02 * energy / spacing

@@ -7,7 +7,8 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
-from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Face
+from mlsanm_cli.mechanics.corner import Corner, CorneredForces
+from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
 from mlsanm_cli.mechanics.near_field import Kernel, SurfaceForces, kernel_of, traction
 from mlsanm_cli.mechanics.wedge import STEP, Wedge

@@ -12,8 +12,9 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators import fits
 from mlsanm_cli.operators.fits import fitted_derivatives
+from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import build_stencils, nearest_nodes
+from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.startup import cKDTree
 
 FINE = Spacing(0.1, (Zone.around((0.5, 1.0), 0.005, 0.05, 0.12),))

@@ -13,8 +13,9 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_stencils, nearest_nodes
+from mlsanm_cli.operators.stencils import Stencils, build_stencils
 
 KINDS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
 # Twenty times what was measured; a Cholesky factorisation of the moments would leave 1e-8 at degree 6.

@@ -53,8 +53,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         rest = found.displacement - moved, found.stress - stressed
         strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
-        if body.model.tips is not None:
-            energies[name] += energy_at_tips(cloud, material, rest[1], body.model.tips)
+        energies[name] += energy_at_tips(body.model, rest[0], rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
         strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.surfaces import drawn, numbers_of
+from mlsanm_cli.app.scene.outlines import drawn, numbers_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Points, split_boundary
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment

@@ -13,8 +13,8 @@ from functools import cached_property, partial
 import numpy as np
 import scipy.sparse as sparse
 
+from mlsanm_cli.app.scene.boundary_parts import outline_of
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.surfaces import outline_of
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone

@@ -152,10 +152,7 @@ def prepare(
     free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
     # Next to a corner soft springs pull at nothing that counts.
     occupied = {
-        name: {
-            **sides,
-            **{side: None for side in loads.springs[name] if grips[name].get(side) != sides.get(side)},
-        }
+        name: sides | {side: None for side in loads.springs[name] if grips[name].get(side) != sides.get(side)}
         for name, sides in held.items()
     }
     # At finite strain pressures live at the nodes.

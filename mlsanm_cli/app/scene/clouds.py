@@ -7,7 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundary_parts import outline_of, with_cuts
 from mlsanm_cli.app.scene.contact_pairs import shape_of
+from mlsanm_cli.app.scene.contact_sides import bond_ends, sides_of
 from mlsanm_cli.app.scene.default_spacing import (
     ACROSS,
     GROWTH,
@@ -21,16 +23,8 @@ from mlsanm_cli.app.scene.default_spacing import (
 )
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones
-from mlsanm_cli.app.scene.surfaces import (
-    bond_ends,
-    curve_at,
-    drawn,
-    imported_geometry,
-    numbers_of,
-    outline_of,
-    sides_of,
-    with_cuts,
-)
+from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
+from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
 from mlsanm_cli.case.model.files import Mesh, Points

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mlsanm_cli.app.scene.surfaces import drawn, numbers_of, surfaces_at
+from mlsanm_cli.app.scene.outlines import drawn, numbers_of
+from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.checks.conditions import Kind, load_components, may_meet, support_components
 from mlsanm_cli.cloud.curves import Segment

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.scene.causes import no_opposite_surface_hint
+from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.fields import AmountField
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.surfaces import sides_of, surface_at
+from mlsanm_cli.app.scene.surfaces import surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape

@@ -15,8 +15,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import points_of
-from mlsanm_cli.contact.geometry.contact_grid import Facing, turned
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel

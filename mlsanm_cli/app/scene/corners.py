@@ -15,7 +15,8 @@ from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.mechanics.body import BodyModel
-from mlsanm_cli.mechanics.corner import Corner, Face
+from mlsanm_cli.mechanics.corner import Corner
+from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
 from mlsanm_cli.mechanics.wedge import Wedge
 

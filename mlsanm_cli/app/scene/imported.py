@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.app.scene.surfaces import drawn, imported_geometry, numbers_of
+from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     AnyShape,

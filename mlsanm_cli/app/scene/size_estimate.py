@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from mlsanm_cli.app.scene.assemble import mls_settings
+from mlsanm_cli.app.scene.boundary_parts import outline_of
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.surfaces import imported_geometry, outline_of
+from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing

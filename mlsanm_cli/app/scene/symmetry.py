@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundary_parts import outline_of
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.surfaces import imported_geometry, outline_of
+from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.case.model.case import Body

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, WithJsonSchema, model_validator
 
 from mlsanm_cli.case.model.base import ANGLE, LENGTH, Name, Positive, Section, Vector
 from mlsanm_cli.case.model.files import Mesh, Points
@@ -13,6 +14,7 @@ from mlsanm_cli.errors import Fault
 
 Center = Annotated[Vector, LENGTH]
 Radius = Annotated[Positive, LENGTH]
+RADIUS = {"type": "number", "minimum": 0.0}
 
 
 class Rectangle(Section):
@@ -94,11 +96,25 @@ class Polygon(Section):
     """Corners in either direction; the last is joined to the first automatically."""
     names: tuple[Name, ...] = ()
     """Names of the sides, one per point: from that point to the next; side1, side2 ... by default."""
-    rounding: Annotated[tuple[Annotated[float, Field(ge=0.0)], ...], LENGTH] = ()
-    """Radius of the arc at each point, 0 where it stays sharp; all sharp by default."""
+    rounding: Annotated[
+        tuple[Annotated[float, Field(ge=0.0)], ...],
+        WithJsonSchema({"anyOf": [{"type": "array", "items": RADIUS}, RADIUS]}),
+        LENGTH,
+    ] = ()
+    """Radius of the arc at each point, 0 where it stays sharp, or one for all; all sharp by default."""
     corners: tuple[Name | Literal[""], ...] = ()
     """Names of the arcs, one per point; "" for the default: corner1 ..., or that of both sides next to it."""
     holes: tuple[Hole, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rounded_alike(cls, data: Any) -> Any:
+        """One radius is that of all corners."""
+        radius, points = (data.get(key) if isinstance(data, dict) else None for key in ("rounding", "points"))
+        if isinstance(radius, bool) or not isinstance(radius, int | float) or not isinstance(points, tuple):
+            return data
+        # What is no radius is told once.
+        return {**data, "rounding": (radius,) * (len(points) if 0.0 <= radius < math.inf else 1)}
 
 
 class OutlineSide(Section):

@@ -19,7 +19,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
 from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.contact.finite.transfer import Transfer
-from mlsanm_cli.contact.geometry.contact_grid import turned
+from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import OPPOSED
 
 DEEP = 3.0

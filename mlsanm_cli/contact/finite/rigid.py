@@ -15,7 +15,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.meeting import Meeting, by_component
 from mlsanm_cli.contact.finite.sides import Side
-from mlsanm_cli.contact.geometry.contact_grid import turned
+from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 
 SMALL = 1e-3

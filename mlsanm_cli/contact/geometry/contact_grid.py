@@ -18,24 +18,20 @@ from itertools import product
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import corners_of, normals_towards
-from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange, logarithm, on_panels
-from mlsanm_cli.contact.geometry.obstacles import Shape
+from mlsanm_cli.contact.geometry.facing import Facing, turned
+from mlsanm_cli.contact.geometry.grid import Hats, logarithm
+from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
-from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
     Kernel,
     SurfaceForces,
     as_complex,
-    as_real,
     by_component,
 )
 
 STEP = 1e-4
 """Difference quotients along a contact are taken over this part of its range."""
-
 STRAIGHT = 1e-9
 """Directions, and parts of lengths, that differ by less are the same."""
 NOTHING = 1e-14
@@ -44,112 +40,6 @@ LEAST = 1e-12
 """Pressures are no nearer to a corner than this part of its faces."""
 KEPT = 1000
 """What corners add is kept for grids of up to so many nodes: of more it would take memory."""
-
-
-def turned(normal: FloatArray) -> FloatArray:
-    """Vectors (n, 2) turned by -90 degrees: (x, y) becomes (y, -x)."""
-    return np.stack([normal[:, 1], -normal[:, 0]], axis=1)
-
-
-@dataclass(frozen=True)
-class Facing:
-    """The two surfaces of a contact as functions of a place ``s``: arc length along ``base``, from where the
-    closest points of the ``other`` surface, or of a rigid ``obstacle``, are looked for.
-
-    If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
-    increases along the slave. On a closed base it may continue past the start. Which of two surfaces is the
-    base is a matter of their shapes alone, so that roles have no part in what comes out. The directions of
-    pressures ``turn`` by an angle as bodies move. A ``profile`` over the slave's points is added to the gap.
-    """
-
-    base: Curve
-    other: Curve | None
-    obstacle: Shape | None = None
-    slave_first: bool = True
-    turn: float = 0.0
-    profile: Field | None = None
-
-    @property
-    def curves(self) -> tuple[Curve, ...]:
-        """The base and, if it is no obstacle, the other surface."""
-        return (self.base,) if self.other is None else (self.base, self.other)
-
-    def _arc(self, s: FloatArray) -> FloatArray:
-        arc = s if self.slave_first else -s
-        return np.mod(arc, self.base.length) if self.base.closed else arc
-
-    def _places(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Points (e, 2) of the base and of the other surface, and both outward normals (e, 2)."""
-        arc = self._arc(s)
-        points, outward = self.base.points(arc), self.base.normals(arc)
-        if self.other is None:
-            assert self.obstacle is not None
-            return points, *self.obstacle.closest(points, outward), outward
-        there = self.other.closest(points)
-        # At corners within the curves those of the sides that face each other.
-        normals = normals_towards(self.other, there, outward)
-        return points, self.other.points(there), normals, normals_towards(self.base, arc, normals)
-
-    def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
-        the slave: those of the other surface's normals."""
-        points, there, normal, _ = self._places(s)
-        normal = self._direction(normal)
-        return (points, there, normal) if self.slave_first else (there, points, normal)
-
-    def _direction(self, normal: FloatArray) -> FloatArray:
-        """Directions (e, 2) of pressures on the slave from the other surface's normals (e, 2)."""
-        if self.turn:
-            normal = as_real(as_complex(normal) * np.exp(1j * self.turn))
-        return normal if self.slave_first else -normal
-
-    def normal(self, s: FloatArray) -> FloatArray:
-        """The directions (e, 2) of pressures on the slave."""
-        return self.opposite(s)[2]
-
-    def directions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Directions (e, 2) of pressures and of tractions on the slave: the master's outward normals, and
-        these turned by -90 degrees."""
-        normal = self.normal(s)
-        return normal, turned(normal)
-
-    def gap(self, s: FloatArray) -> FloatArray:
-        """Initial gaps (e,)."""
-        return self.gap_between(*self.opposite(s))
-
-    def gap_between(self, points: FloatArray, partner: FloatArray, normal: FloatArray) -> FloatArray:
-        """Initial gaps (e,) of what :meth:`opposite` says."""
-        drawn = np.asarray(((points - partner) * normal).sum(axis=1))
-        return drawn if self.profile is None else drawn + self.profile.at(points)
-
-    def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
-        """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
-        if slave == self.slave_first and (self.other is None or not len(corners_of(self.base))):
-            arc = self._arc(s)
-            return as_complex(self.base.points(arc)), -as_complex(self.base.normals(arc))
-        return self._side(self._places(s), slave)
-
-    def loaded(
-        self, s: FloatArray, slave: bool
-    ) -> tuple[ComplexArray, ComplexArray, tuple[FloatArray, FloatArray]]:
-        """What :meth:`side` and :meth:`directions` say, from one search for the closest points."""
-        places = self._places(s)
-        normal = self._direction(places[2])
-        return *self._side(places, slave), (normal, turned(normal))
-
-    def _side(
-        self, places: tuple[FloatArray, FloatArray, FloatArray, FloatArray], slave: bool
-    ) -> tuple[ComplexArray, ComplexArray]:
-        points, there, normal, outward = places
-        if slave == self.slave_first:
-            return as_complex(points), -as_complex(outward)
-        return as_complex(there), -as_complex(normal)
-
-    def locate(self, points: FloatArray) -> FloatArray:
-        """The places (e,) of ``points`` (e, 2) on or near the base, in a row along it."""
-        arc = self.base.closest(points)
-        s = arc if self.slave_first else -arc
-        return np.unwrap(s, period=self.base.length) if self.base.closed else s
 
 
 @dataclass(frozen=True)

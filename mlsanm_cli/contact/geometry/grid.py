@@ -21,7 +21,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
-
 RULE = GAUSS[3]
 NEAR = 5.0
 """Hats closer than this many widths are integrated exactly, others by their moments: those have 1e-9 left
@@ -30,9 +29,6 @@ ORDERS = 8
 """Powers of the distances from their places that moments of hats are of."""
 CROWDED = 8
 """An interval that ends at a corner is halved towards it so many times."""
-PANEL, PANEL_POINTS = 0.5, 10
-"""Width, in the logarithm of the distance from a corner, of panels with so many points: what a corner of 25
-degrees adds is known to 1e-6 then, of 90 degrees to 1e-10."""
 NOTHING = 1e-14
 STEEPEST = 2.5
 """Neighbouring intervals differ by this factor at most."""
@@ -319,41 +315,3 @@ def _power(t: FloatArray, order: int) -> FloatArray:
 def _gauss(start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Gauss's points and weights on intervals, all first points first."""
     return np.concatenate([start + at * step for at, _ in RULE]), np.concatenate([w * step for _, w in RULE])
-
-
-def chebyshev(first: float, last: float, count: int) -> FloatArray:
-    """Chebyshev's points (k,) of the first kind between two places, increasing."""
-    angle = np.pi * (np.arange(count) + 0.5) / count
-    return 0.5 * (first + last) - 0.5 * (last - first) * np.cos(angle)
-
-
-def lagrange(places: FloatArray, nodes: FloatArray) -> FloatArray:
-    """Values (e, k) at ``places`` of the polynomials that are 1 at one and 0 at all other Chebyshev's points
-    ``nodes`` (k,), by the barycentric formula (Berrut and Trefethen 2004, doi:10.1137/S0036144502417715)."""
-    count = len(nodes)
-    factor = (-1.0) ** np.arange(count) * np.sin(np.pi * (np.arange(count) + 0.5) / count)
-    apart = places[:, None] - nodes
-    same = apart == 0.0
-    share = factor / np.where(same, 1.0, apart)
-    values = share / share.sum(axis=1, keepdims=True)
-    row = same.any(axis=1)
-    values[row] = same[row]
-    return np.asarray(values)
-
-
-def on_panels(x: FloatArray) -> tuple[FloatArray, sparse.csr_array]:
-    """Places (k,) that stand for places ``x`` (e,), all above 0, to functions of the logarithm that are
-    smooth, and values (e, k) of their polynomials: Chebyshev's points of panels of equal width."""
-    t = np.log(x)
-    count = max(1, int(np.ceil(float(np.ptp(t)) / PANEL)))
-    if count * PANEL_POINTS >= len(x):
-        return x, sparse.csr_array(sparse.eye_array(len(x), format="csr"))
-    width = float(np.ptp(t)) / count
-    panel = np.clip(((t - t.min()) / width).astype(np.int64), 0, count - 1)
-    nodes = chebyshev(0.0, 1.0, PANEL_POINTS)
-    values = lagrange((t - t.min()) / width - panel, nodes)
-    column = panel[:, None] * PANEL_POINTS + np.arange(PANEL_POINTS)
-    start = np.arange(len(x) + 1) * PANEL_POINTS
-    shape = len(x), count * PANEL_POINTS
-    shares = sparse.csr_array((values.ravel(), column.ravel(), start), shape=shape)
-    return np.exp(t.min() + width * (np.arange(count)[:, None] + nodes).ravel()), shares

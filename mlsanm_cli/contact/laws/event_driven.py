@@ -31,7 +31,10 @@ STANDSTILL = 1e-13
 OVERLAP = (
     "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move apart"
 )
-OVERLAP_HINT = "move one body so that the surfaces at most touch, or prescribe its platen's displacement"
+OVERLAP_HINT = (
+    "move one body so that the surfaces at most touch, or prescribe its platen's displacement; for a press "
+    "fit give contact.NAME.interference"
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ import numpy as np
 from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.geometry.grid import RULE, chebyshev, lagrange
+from mlsanm_cli.contact.geometry.grid import RULE
+from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex, as_real
 from mlsanm_cli.startup import cKDTree
 

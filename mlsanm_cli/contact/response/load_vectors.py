@@ -8,16 +8,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.contact_grid import turned
-from mlsanm_cli.contact.geometry.pairing import (
-    OPPOSED,
-    Pairing,
-    facing_parts,
-    feet,
-    opposed,
-    slave_normals,
-    transfer,
-)
+from mlsanm_cli.contact.geometry.facing import turned
+from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing, facing_parts, opposed
+from mlsanm_cli.contact.geometry.transfer import feet, slave_normals, transfer
 from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along

@@ -8,7 +8,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.pairing import Pairing, candidates_fit
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.transfer import candidates_fit
 from mlsanm_cli.contact.response.linear_map import LinearMap
 
 SMOOTH = 6.0

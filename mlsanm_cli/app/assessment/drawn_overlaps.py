@@ -1,0 +1,33 @@
+"""Surfaces that overlap as drawn without a given interference, and so press on each other without a load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.state import State
+
+PRESSING = 0.01
+"""Pressures before any load are told from this part of those at the end of the path."""
+
+
+def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterator[str]:
+    """What to do about contacts that press in the ``first`` state of a path, where all loads are zero."""
+    given = {contact.name for contact in built.case.contact if contact.gap != 0.0}
+    if first.position > 0.0:
+        return
+    for pairing in built.condensed.pairings:
+        span = built.condensed.spans[pairing.name]
+        before, after = (float(state.pressure[span].max(initial=0.0)) for state in (first, last))
+        gap = pairing.gap[pairing.candidate]
+        if pairing.name in given or not before > PRESSING * after or not (gap < 0.0).any():
+            continue
+        deepest = int(np.argmin(gap))
+        x, y = pairing.partner[pairing.candidate][deepest]
+        yield (
+            f"contact {pairing.name}: the surfaces overlap as drawn, by {-gap[deepest]:.3g} near "
+            f"({x:.6g}, {y:.6g}), and press on each other with up to {before:.4g} before any load; draw them "
+            f"touching, or give contact.{pairing.name}.interference if they are a press fit"
+        )

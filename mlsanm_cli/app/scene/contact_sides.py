@@ -1,0 +1,128 @@
+"""The sides of a contact: with roundings that continue them; of bonds the parts that face each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mlsanm_cli.app.scene.boundary_runs import AT_END, range_of, run_of
+from mlsanm_cli.app.scene.outlines import numbers_of
+from mlsanm_cli.case import Case, Displacement, Place, Platen
+from mlsanm_cli.case.model.case import Contact
+from mlsanm_cli.case.model.places import listed
+from mlsanm_cli.cloud.curves import Arc
+from mlsanm_cli.cloud.joined import SMOOTH, joined, part_of
+
+IN_PLACE = 1e-4
+"""Surfaces lie on each other where they are apart by less than this part of their length."""
+
+
+def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
+    """The slave and, if there is one, the master of a contact, with the rounded corners at their ends; of
+    bonds only the parts that face each other, so that tractions may begin and end where a surface
+    continues."""
+    sides = contact.sides
+    if not contact.bonded or len(sides) < 2:
+        return tuple(
+            _with_roundings(case, contact, place, role)
+            for role, place in zip(("slave", "master"), sides, strict=False)
+        )
+    return _facing_part(case, contact, 0), _facing_part(case, contact, 1)
+
+
+def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Place:
+    """The side of a contact with the rounded corners that it continues in: what presses on a face presses on
+    the beginning of its roundings.
+
+    Not with those that have conditions of their own, or lie between two sides in contact.
+    """
+    if place.ends is not None:
+        return place
+    run = run_of(case, place, f"contact.{contact.name}.{role}")
+    if run.around or run.curves[0].closed:
+        return place
+    outline, found = run.outline, list[tuple[str, int]]()
+    loop = next(loop for loop in outline.loops if loop.start <= run.numbers[0] < loop.stop)
+    count = loop.stop - loop.start
+    for last, step in ((run.numbers[0], -1), (run.numbers[-1], 1)):
+        adjacent, beyond = (loop.start + (last - loop.start + k * step) % count for k in (1, 2))
+        curve = outline.curves[adjacent]
+        if not isinstance(curve, Arc) or curve.sweep <= 0.0 or curve.closed:
+            continue
+        own = outline.curves[last]
+        ends = (own.length, 0.0) if step > 0 else (0.0, curve.length)
+        here, there = own.normals(np.array([ends[0]]))[0], curve.normals(np.array([ends[1]]))[0]
+        names = [f"{place.body}.{outline.names[k].partition('/')[0]}" for k in (adjacent, beyond)]
+        if float(here @ there) > math.cos(SMOOTH) and _is_free(case, contact, place, *names):
+            found.append((names[0], adjacent))
+    # Arcs of one name are taken together or not at all.
+    taken = {number for _, number in found}
+    more = {name for name, _ in found if {*numbers_of(outline, name.partition(".")[2])} <= taken}
+    return Place((*place.boundaries, *sorted(more))) if more else place
+
+
+def _is_free(case: Case, contact: Contact, place: Place, rounding: str, beyond: str) -> bool:
+    """Whether nothing but given tractions acts on a ``rounding``, and no other contact on the side behind."""
+    taken = [name for support in case.support for name in listed(support.boundary)]
+    for load in case.load:
+        if isinstance(load, Platen | Displacement):
+            taken += [name for one in load.places for name in one.boundaries]
+    others = [name for one in case.contact if one is not contact for name in one.boundaries]
+    apart = contact.boundaries if beyond not in place.boundaries else ()
+    return rounding not in (*taken, *others, *contact.boundaries) and beyond not in (*others, *apart)
+
+
+def _facing_part(case: Case, contact: Contact, which: int) -> Place:
+    """One side of a bond, from where to where the other one lies on it."""
+    own, other = contact.sides[which], contact.sides[1 - which]
+    if own.ends is not None:
+        return own
+    run = run_of(case, own, f"contact.{contact.name}")
+    facing = run_of(case, Place(other.boundaries), f"contact.{contact.name}")
+    theirs = joined(facing.curves, facing.around)
+    if other.ends is not None:
+        first, length = range_of(facing, other)
+        theirs = part_of(theirs, first, first + length)
+    if theirs.closed:
+        return own
+    whole, closed = run.starts[-1], run.around or run.curves[0].closed
+    tips = theirs.points(np.array([0.0, 0.5, 1.0]) * theirs.length).tolist()
+    (start, *_), (middle, _), (end, *_) = places = [run.nearest((x, y)) for x, y in tips]
+    if places[1][1] > IN_PLACE * whole:
+        return own
+    inside = [away <= IN_PLACE * whole and AT_END < at / whole < 1.0 - AT_END for at, away in places[::2]]
+    if not any(inside):
+        return own
+    # Surfaces that face each other run past each other; on a closed one the part has the middle in it.
+    low, high = sorted((start, end))
+    if closed:
+        low, high = (low, high) if low < middle < high else (high, low)
+    else:
+        low, high = (place if within else far for place, within, far in _ordered(start, end, inside, whole))
+    curve = joined(run.curves, run.around)
+    (a, b), (c, d) = curve.points(np.array([low, high])).tolist()
+    return Place(own.boundaries, ((a, b), (c, d)))
+
+
+def _ordered(
+    start: float, end: float, inside: Sequence[bool], whole: float
+) -> list[tuple[float, bool, float]]:
+    """Both ends of a part in order along an open run, whether each is inside it, and the run's end there."""
+    both = sorted([(start, inside[0]), (end, inside[1])])
+    return [(*both[0], 0.0), (*both[1], whole)]
+
+
+def bond_ends(case: Case, contact: Contact) -> list[tuple[float, float]]:
+    """The points where a bond ends on a surface that continues."""
+    found = []
+    for place in sides_of(case, contact):
+        if place.ends is None:
+            continue
+        run = run_of(case, place, f"contact.{contact.name}")
+        for point in place.ends:
+            at, _ = run.nearest(point)
+            if AT_END < at / run.starts[-1] < 1.0 - AT_END or run.curves[0].closed:
+                found.append(point)
+    return found
