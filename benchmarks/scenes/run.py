@@ -21,7 +21,15 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.scenes import assemblies, bending, fits, layers, machines, profiles  # noqa: F401  (they register their scenes)
+from benchmarks.scenes import (  # noqa: F401  (they register their scenes)
+    assemblies,
+    bending,
+    fits,
+    layers,
+    machines,
+    mechanisms,
+    profiles,
+)
 from benchmarks.scenes.compared import through_variants
 from benchmarks.scenes.judge import Verdict, judged, run_case
 from benchmarks.scenes.scene import SCENES

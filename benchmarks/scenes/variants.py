@@ -17,6 +17,8 @@ from benchmarks.scenes.scene import Array, Move, Table, listed
 LENGTH, STRESS = 1e3, 1e-6
 """From metres and pascals to millimetres and megapascals; the other way round is as good a test."""
 
+PLACES = ("from", "to", "hinge")
+"""Keys of supports, loads and contacts that are places."""
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 MIRROR = np.array([[-1.0, 0.0], [0.0, 1.0]])
 SIDES = {
@@ -140,6 +142,8 @@ def _scaled(given: Table) -> Table:
                     obstacle[key] = _times(obstacle[key], LENGTH)
     for one in made.get("probe", []):
         one["point"] = _times(one["point"], LENGTH)
+    for one in (*made.get("load", []), *made.get("contact", []), *made.get("support", [])):
+        one.update({key: _times(one[key], LENGTH) for key in PLACES if key in one})
     return made
 
 
@@ -179,6 +183,7 @@ def _moved(given: Table, matrix: Array, how: str) -> Table:
         one["point"] = _turn(one["point"], matrix)
     for key in ("support", "load", "contact"):
         for one in made.get(key, []):
+            one.update({place: _turn(one[place], matrix) for place in PLACES if place in one})
             for side in ("boundary", "slave", "master"):
                 if side in one:
                     named = [_side(boundary, shapes, how) for boundary in listed(one[side])]
