@@ -88,14 +88,26 @@ def bends(outline: Outline) -> bool:
 def _sizes(outline: Outline) -> tuple[float, float]:
     """The spacings that a body's size and its thickness ask for."""
     area = length = 0.0
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for curve in outline.curves:
-        points = _along(curve)
-        low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-        (x, y), (ahead_x, ahead_y) = points[:-1].T, points[1:].T
+        (x, y), (ahead_x, ahead_y) = (points := _along(curve))[:-1].T, points[1:].T
         area += 0.5 * float((x * ahead_y - ahead_x * y).sum())
         length += curve.length
-    return float((high - low).max()) / ALONG, 2.0 * area / length / ACROSS
+    return _extent(outline) / ALONG, 2.0 * area / length / ACROSS
+
+
+def _extent(outline: Outline) -> float:
+    """The longer side of the box around a body, along the straight side for which that is least, and of
+    bodies without one their width: turned bodies have turned boxes."""
+    points = [_along(curve) for curve in outline.curves]
+    straight = [
+        one[-1] - one[0] for one, c in zip(points, outline.curves, strict=True) if isinstance(c, Segment)
+    ]
+    along = np.array(straight) if straight else np.concatenate([np.diff(one, axis=0) for one in points])
+    along = along[np.hypot(*along.T) > 0.0]
+    along /= np.hypot(*along.T)[:, None]
+    both = np.stack([along, along[:, ::-1] * [-1.0, 1.0]])
+    sides = np.ptp(np.einsum("nc,bkc->bkn", np.concatenate(points), both), axis=2).max(axis=0)
+    return float(sides.min() if straight else sides.max())
 
 
 def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone]:
