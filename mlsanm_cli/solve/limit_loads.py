@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.limit_load import LimitLoad, limit_load
 from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
 from mlsanm_cli.contact.laws.sliding import SlidingError
@@ -15,10 +17,12 @@ from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
 CLOSE = 0.85
 """A path that comes so far towards a limit load, and no further, ends there."""
+NEAR = 0.9
+"""The last state that scales and refines a path towards a limit load is at this part of it."""
 TAKES_PART = 1e-3
 """Bodies take part in a motion by at least this part of what moves most."""
 NOTHING = 1e-6
-"""Smaller parts of a stage are none."""
+"""Smaller parts of a stage, or of a motion, are none."""
 SLIDES = "slide"
 """What messages call it."""
 RUBBED = 0.5
@@ -51,6 +55,18 @@ def beyond_limit(
     return error
 
 
+def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:
+    """Load factors (L,) short of the first limit load of ``stages`` (T + 1, L), and its position; None where
+    there is none, or loads cannot be carried at all."""
+    for stage, (begin, end) in enumerate(itertools.pairwise(stages)):
+        limit = limit_load(condensed, begin, end - begin)
+        if limit is None or limit.part <= NOTHING:
+            return None
+        if not limit.whole:
+            return begin + NEAR * limit.part * (end - begin), stage + limit.part
+    return None
+
+
 def _limit(
     scene: Scene, condensed: Condensed, stages: FloatArray, stage: int, came: float | None
 ) -> tuple[str, str] | None:
@@ -60,7 +76,7 @@ def _limit(
     limit = limit_load(condensed, begin, end - begin)
     if limit is None or limit.whole or (came is not None and not CLOSE * limit.part <= came):
         return None
-    names, how = _mechanism(scene, limit)
+    names, how = _mechanism(scene, condensed, limit)
     if limit.part <= NOTHING:
         hint = f"hold {names} with a [[support]]"
         if limit.rubbed > RUBBED:
@@ -75,27 +91,37 @@ def _limit(
     )
 
 
-def _mechanism(scene: Scene, limit: LimitLoad) -> tuple[str, str]:
+def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[str, str]:
     """Who moves, and what that is called."""
     sizes: dict[str, float] = {}
-    turns = False
-    for (constraint, motion), part in zip(scene.unknown_motions, limit.motion, strict=True):
+    turns = np.zeros(len(limit.motion), dtype=bool)
+    for number, (constraint, motion) in enumerate(scene.unknown_motions):
+        part, points = abs(float(limit.motion[number])), {}
         if isinstance(constraint, Obstacle):
-            name, points = f"the obstacle of contact {constraint.contact}", np.zeros((1, 2))
+            points[f"the obstacle of contact {constraint.contact}"] = np.zeros((1, 2))
         else:
-            name, points = f"body {constraint.body}", scene.bodies[constraint.body].model.cloud.points
-        pattern = rigid_pattern(points, constraint.center, motion.component)
-        moved = abs(float(part)) * float(np.hypot(*pattern.T).max())
-        sizes[name] = max(sizes.get(name, 0.0), moved)
-        turns |= motion.component == ROTATION and moved > 0.0
+            points |= {f"body {n}": scene.bodies[n].model.cloud.points for n in constraint.bodies}
+        for name, places in points.items():
+            pattern = rigid_pattern(places, constraint.center, motion.component)
+            moved = part * float(np.hypot(*pattern.T).max())
+            sizes[name] = max(sizes.get(name, 0.0), moved)
+            turns[number] |= motion.component == ROTATION and moved > 0.0
     largest = max(sizes.values())
     names = [name for name, size in sizes.items() if size > TAKES_PART * largest]
     text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
     several = len(names) > 1
     if limit.rubbed > RUBBED:
         how = SLIDES if several else f"{SLIDES}s"
-    elif turns and limit.pressed:
+    elif turns.any() and (limit.pressed or _pushed(condensed, limit.motion, turns)):
         how = "tip over" if several else "tips over"
     else:
         how = "lose contact" if several else "loses contact"
     return text, how
+
+
+def _pushed(condensed: Condensed, motion: FloatArray, turns: BoolArray) -> bool:
+    """Whether a motion (k,) that lets go of the contacts would press on some but for the part of it that
+    ``turns`` (k,)."""
+    opening = condensed.gap.motion @ motion
+    moved = condensed.gap.motion @ np.where(turns, 0.0, motion) * np.sign(opening.sum())
+    return bool(moved.min(initial=0.0) < -NOTHING * np.abs(opening).max(initial=0.0))

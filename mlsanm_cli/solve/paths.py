@@ -9,15 +9,20 @@ import numpy as np
 
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
+from mlsanm_cli.contact.laws.set_search import UnbalancedError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.limit_loads import near_limit
 from mlsanm_cli.solve.load_factors import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions, stops
+
+TOWARDS = (0.5, 0.9, 0.99, 0.999)
+"""Parts of a limit load at which the path towards it has states."""
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or what of it is left, polished where the case asks for it."""
-    if not built.case.polished or built.stays_open:
+    if not built.case.polished or built.follows_exactly:
         return path_of(built, start)
     from mlsanm_cli.solve.polish import polished
 
@@ -29,7 +34,7 @@ def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[
     if not built.case.touching:
         return linear_path(built, start)
     # The methods of the other laws are imported where a case asks for them: each brings a package along.
-    if built.case.touching[0].regularization.law != "exact" and not built.stays_open:
+    if built.case.touching[0].regularization.law != "exact" and not built.follows_exactly:
         from mlsanm_cli.solve.regularized import regularized_path
 
         return _limited(built, start, regularized_path(built, start))
@@ -78,21 +83,38 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Exact contact at the stages' ends, which are known, and wherever fields are wanted, each from the set
-    before."""
-    wanted = output_positions(built)
-    ends = {float(number): one for number, one in enumerate(built.ends, start=1)}
+    before; on the way to a limit load as near to it as there are states."""
+    wanted, positions = output_positions(built), stops(built)
+    ends = {
+        float(number): one
+        for number, one in enumerate(built.ends, start=1)
+        if np.array_equal(one.factors, built.stages[number])
+    }
+    near = near_limit(built.condensed, built.stages) if built.ends_early else None
+    towards = [] if near is None else [_part_of(near[1], share) for share in TOWARDS]
     state = unloaded_state(built) if start is None else start.state
     if start is None:
         yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
-    for position in stops(built):
+    for position in sorted({*positions, *towards}):
         if position <= state.position:
             continue
         active = state.closed if state.position > 0.0 else None
         factors = factors_at(built.stages, position)
-        exact = ends[position] if position in ends else solve_exact(built.condensed, factors, active)
+        try:
+            exact = ends[position] if position in ends else solve_exact(built.condensed, factors, active)
+        except UnbalancedError:
+            if position in positions:
+                raise
+            continue
         step = exact_step(exact, position)
         state = step.state
         yield replace(step, saved=(state,) if position in wanted else (), checkpoint=Checkpoint(state))
+
+
+def _part_of(position: float, share: float) -> float:
+    """A ``share`` of what a ``position`` is into its stage."""
+    stage = np.ceil(position) - 1.0
+    return float(stage + share * (position - stage))
 
 
 def exact_step(exact: ExactState, position: float) -> PathStep:

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.contact_grids import Wanted
-from mlsanm_cli.solve.limit_loads import beyond_limit
+from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
 from mlsanm_cli.solve.load_factors import factors_at
 
 MOST_LEVELS = 40
@@ -47,7 +47,8 @@ def searched_ends(
     """Exact states at the ends of the stages, with friction only of the ``starts``, without it of some, if no
     more are to be ``known``, or every state that counts with those where fields are wanted;
     or some between the ends, but for friction, whose path would have to be followed. Without friction those
-    ``known`` at the same load factors are taken as they are."""
+    ``known`` at the same load factors are taken as they are. Where a stage cannot be carried to its end the
+    last state is one near its limit load."""
     factors, every = stages, which not in ("ends", "known")
     rubbing = len(condensed.friction_nodes) > 0
     if which == "between":
@@ -79,6 +80,7 @@ def searched_ends(
     if len(starts) not in (1, len(factors) - 1):
         starts = ()  # of other states
     ends: list[ExactState] = []
+    lost: NumericalError | None = None
     for number, wanted in enumerate(factors[1:]):
         found = next((one for one in known if np.array_equal(one.factors, wanted)), None)
         if found is not None:
@@ -90,13 +92,20 @@ def searched_ends(
         try:
             ends.append(_solved_exactly(condensed, wanted, first))
         except UnbalancedError as error:
+            lost = lost or error
             if not every:
-                raise beyond_limit(scene, condensed, stages, error) from error
-        except NumericalError:
+                near = near_limit(condensed, stages)
+                if near is None:
+                    break
+                return (*ends, _solved_exactly(condensed, near[0], last))
+        except NumericalError as error:
             # A body that floats on its way has no exact state there.
+            lost = lost or error
             if not every:
-                raise
-    return tuple(ends)
+                break
+    if lost is None or (every and ends):
+        return tuple(ends)
+    raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
 
 
 def _in_line(stages: FloatArray) -> IntArray:

@@ -14,7 +14,7 @@ from mlsanm_cli.contact.laws.limit_load import limit_load
 from mlsanm_cli.contact.laws.set_search import UnbalancedError
 from mlsanm_cli.solve.stage_ends import check_slips
 from tests.app.scenes import solve
-from tests.case_text import body, box, contact, head, item, material, plane, support
+from tests.case_text import body, box, contact, half_disk, head, item, load, material, plane, support
 from tests.contact.friction import half_planes
 
 BRICK = (
@@ -49,9 +49,40 @@ def test_limit_loads_are_named(tmp_path: Path, settings: list[str], how: str, po
     hint = re.match(r"apply ([0-9.]+) % of what stage 2 adds to quake at most", summary["hint"])
     assert hint
     assert float(hint[1]) == pytest.approx(100.0 * (position - 1.0), rel=0.04)
+    if settings == [EXACT, UP, "contact.floor.friction=0.0"]:
+        assert float(summary["position"]) == pytest.approx(position, rel=1e-3)
     if settings:
         less = f"stage=[{{weight=1.0}},{{quake={0.0097 * float(hint[1])!r}}}]"
         assert solve(BRICK, tmp_path / "less", *settings, less)["status"] == "done"
+
+
+FEET = (
+    head("strain")
+    + material("steel", E=210e3, nu=0.3)
+    + "".join(
+        body(name, "steel", shape=half_disk([x, 15.0], 15.0))
+        + contact(f"under-{name}", f"{name}.arc", "base.top")
+        for name, x in (("a", -20.0), ("b", 20.0))
+    )
+    + body("base", "steel", shape=box([-60.0, 60.0], [-40.0, 0.0]))
+    + support("base.bottom", ux=0.0, uy=0.0)
+    + load("plate", ["a.flat", "b.flat"], "platen", ux=0.0, fy=-500.0, hinge=[23.0, 15.0])
+)
+
+
+def test_a_plate_pressed_beside_its_feet_tips_over(tmp_path: Path) -> None:
+    """No stage has a state, though a coarse grid finds one."""
+    summary = solve(FEET, tmp_path / "run")
+    assert summary["stop_reason"].startswith("body a and body b tip over: contacts carry no part of")
+
+
+def test_what_linear_equations_turn_too_far_tips_over(tmp_path: Path) -> None:
+    """On a rigid floor the plate would come to rest turned by half a radian."""
+    feet = FEET.replace('master = "base.top"', 'obstacle = {kind = "plane", point = [0, 0], normal = [0, 1]}')
+    start, end = feet.index('[[body]]\nname = "base"'), feet.index("[[load]]")
+    summary = solve(feet[:start] + feet[end:], tmp_path / "run", "load.plate.hinge=[27.5, 15.0]")
+    assert "would turn by" in summary["stop_reason"]
+    assert "tip it over" in summary["stop_reason"]
 
 
 def test_the_limit_of_sliding_is_friction_times_force() -> None:

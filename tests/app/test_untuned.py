@@ -172,3 +172,33 @@ def test_a_band_on_a_drum_is_pulled_at_both_ends(tmp_path: Path) -> None:
     )
     assert summary["status"] == "done"
     assert summary["contacts"]["wrap"]["force"] == pytest.approx([0.0, 2.0 * pull * thick], abs=1e-6)
+
+
+def test_a_shaft_in_a_v_block_settles_and_is_twisted_until_it_slides(tmp_path: Path) -> None:
+    """While it settles all of both contacts slips, and it may turn as well: that was said to slide as a whole
+    at a quarter of the weight. What presses says nothing of the plate's rotation, which was refused."""
+    friction, radius, weight, more = 0.25, 20.0, 400.0, 1.5
+    places = {"left": -1.0, "right": 1.0}
+    limit = friction * radius * weight * np.sqrt(2.0) / (1.0 + friction**2)
+    summary = solve(
+        head("strain")
+        + STEEL
+        + body("shaft", "steel", shape={"kind": "annulus", "center": [0.0, 0.0], "radii": [8.0, radius]})
+        + load("press", "shaft.inner", "platen", fx=0.0, fy=-weight)
+        + load("twist", "shaft.inner", "platen", hinge=[0.0, 0.0], moment=more * float(limit))
+        + "".join(
+            contact(
+                name,
+                "shaft.outer",
+                obstacle=plane([side * radius / 2.0**0.5, -radius / 2.0**0.5], [-side, 1.0]),
+                friction=friction,
+                accuracy=0.02,
+            )
+            for name, side in places.items()
+        )
+        + item("stage", press=1.0)
+        + item("stage", twist=1.0),
+        tmp_path / "run",
+    )
+    assert "slide" in summary["stop_reason"]
+    assert float(summary["position"]) - 1.0 == pytest.approx(1.0 / more, rel=5e-3)

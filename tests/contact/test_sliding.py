@@ -43,6 +43,14 @@ def test_axes_mean_nothing(angle: float) -> None:
     assert not slides_freely(c, ContactStatus(nothing > 0.0, nothing > 0.0, nothing))
 
 
+@pytest.mark.parametrize(("rates", "slides"), [([1.0, 0.5], False), ([0.0, 1.0], True), ([1.0, 1e3], True)])
+def test_what_slips_everywhere_and_is_not_driven_along_does_not_slide(
+    rates: list[float], slides: bool
+) -> None:
+    c = half_planes(20).condensed
+    assert slides_freely(c, all_slip(c), np.array(rates)) == slides
+
+
 def test_a_surface_that_rises_holds() -> None:
     c = half_planes(20).condensed
     for slope, slides in ((0.1, True), (-1.0, False)):

@@ -10,9 +10,11 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turns
-from mlsanm_cli.solve.stage_ends import reach_error
+from mlsanm_cli.solve.stage_ends import ASTRAY, reach_error
 from mlsanm_cli.solve.state import Polish, State
 
 BALANCE_LIMIT = 0.1
@@ -135,7 +137,21 @@ def check_state(built: CondensedScene, state: State) -> None:
     for pairing in condensed.pairings:
         gaps = pairing.gap[touched[pairing.name]]
         if len(gaps):
-            raise reach_error(pairing.name, float(gaps.max()))
+            raise _turned_over(built) or reach_error(pairing.name, float(gaps.max()))
+
+
+def _turned_over(built: CondensedScene) -> NumericalError | None:
+    """The error that bodies turn further than contacts at small strain can follow, if one does."""
+    for number, (constraint, motion) in enumerate(built.scene.unknown_motions):
+        angle = max(abs(float(end.motion[number])) for end in built.ends)
+        if motion.component == ROTATION and not isinstance(constraint, Obstacle) and angle > ASTRAY:
+            names = " and ".join(f"body {name}" for name in constraint.bodies)
+            return NumericalError(
+                f"{names} would turn by {np.degrees(angle):.3g} degrees until contacts as drawn balance the "
+                "loads: these tip it over",
+                f"move the loads to between the contacts, or hold {names} with a [[support]]",
+            )
+    return None
 
 
 def _judge_cone(built: CondensedScene, state: State) -> None:

@@ -192,7 +192,7 @@ def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> 
                 carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
             if abs(carried) > CARRIED * pressed:
                 return False
-    return len(built.ends) == len(built.stages) - 1
+    return not built.ends_early
 
 
 def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Scene | None) -> CondensedScene:

@@ -292,6 +292,28 @@ class Case(Section):
         growing = {name: 1.0 for name in fits if not any(name in stage for stage in given)}
         return {**data, "stage": ({**growing, **given[0]}, *given[1:])}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _common_plates(cls, data: Any) -> Any:
+        """Loads on one plate share its hinge, and turn with it where they say nothing of that."""
+        if not isinstance(data, dict) or not isinstance(data.get("load"), tuple):
+            return data
+        return {**data, "load": tuple(_on_its_plate(row, data["load"]) for row in data["load"])}
+
+
+def _on_its_plate(row: Any, rows: tuple[Any, ...]) -> Any:
+    """A raw load, completed by what others on the same plate say of hinge and rotation."""
+    if not isinstance(row, dict) or row.get("kind") != "platen":
+        return row
+    keys = ("kind", "boundary", "from", "to")
+    others = [one for one in rows if isinstance(one, dict) and all(one.get(k) == row.get(k) for k in keys)]
+    hinges = [one["hinge"] for one in others if "hinge" in one]
+    common: dict[str, Any] = {"hinge": hinges[0]} if hinges else {}
+    turning = [one.get("rotation", "free") for one in others if one.keys() & {"rotation", "hinge", "moment"}]
+    if turning and not row.keys() & {"rotation", "hinge", "moment"}:
+        common["rotation"] = 0.0 if isinstance(turning[0], float) else turning[0]
+    return common | row
+
 
 def _names(items: Any, with_key: str = "name") -> list[str]:
     """Names of the items of a raw list that have a key."""

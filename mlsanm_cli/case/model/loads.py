@@ -193,9 +193,10 @@ class Platen(_OnBoundary, _Moving):
     """Kind of load."""
     rotation: Annotated[Rotation, TURN] = "fixed"
     """Rotation of the plate: `"fixed"`, `"free"`, or a prescribed angle (counter-clockwise). Free by default
-    if a `hinge` or a `moment` is given."""
+    if a `hinge` or a `moment` is given, there or in another load on the same plate."""
     hinge: Annotated[Vector, LENGTH] | None = None
-    """Reference point of force, moment and displacement; the middle of the boundary by default."""
+    """Reference point of force, moment and displacement; that of other loads on the same plate, or the middle
+    of the boundary by default."""
     moment: Annotated[float, MOMENT] | None = None
     """Moment about the hinge, counter-clockwise."""
 

@@ -13,6 +13,10 @@ TILT = 0.2
 """A platen whose motion opens or closes the contact by less than this part of it is resisted by friction."""
 TAPER = 0.02
 """One that closes all of a contact by this part of it drives a wedge: round patches have both sides of it."""
+CLOSING = 0.01
+"""Sliding that makes less than this part of what bodies move towards each other carries no load."""
+FAST = 100.0
+"""Sliding so many times as fast as all else is driven by a load."""
 ROUND_OFF = 1e-9
 
 
@@ -27,12 +31,14 @@ class SlidingError(NumericalError):
         self.fraction = fraction
 
 
-def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
+def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray | None = None) -> bool:
     """Whether some motion of force-controlled platens runs along slipping contacts alone.
 
     It may be any combination of their unknown motions, so that directions of axes mean nothing. It moves no
     sticking node and hardly opens or closes closed ones, in the mean over a contact still less; contacts that
-    it does not move have no say.
+    it does not move have no say. Where the ``rates`` (k,) of a state that slips so are known it has to be
+    what these close contacts by, or by far the fastest: a shaft that settles in a groove slips on both sides
+    and may turn as well, but nothing turns it.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping = sets.slip_sign != 0.0
@@ -46,22 +52,31 @@ def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
     motions = units @ _unmoved(tangential[sets.stuck] @ units)
     if not motions.size:
         return False
-    both = np.vstack([across, tangential[slipping]]) @ motions
+    both = np.vstack([across, tangential[slipping]])
+    seen = both @ motions
     if motions.shape[1] == 1:
-        parts = (both**2)[:, 0]
+        parts = (seen**2)[:, 0]
         if parts[: len(across)].sum() >= TILT**2 * parts.sum():
             return False
-    left, values, _ = np.linalg.svd(both, full_matrices=False)
-    moving = left[: len(across), values > ROUND_OFF]
+    left, values, _ = np.linalg.svd(seen, full_matrices=False)
+    left = left[:, values > ROUND_OFF]
+    moving = left[: len(across)]
     if not len(moving):
         return bool(moving.shape[1])
     # The eigenvalues are squares of the parts of orthonormal motions that go across.
-    parts, motions = np.linalg.eigh(moving.T @ moving)
-    little = motions[:, parts < TILT**2]
+    parts, directions = np.linalg.eigh(moving.T @ moving)
+    little = directions[:, parts < TILT**2]
     if not little.size:
         return False
-    means = _closed_of_each(condensed, sets) @ (moving @ little)
-    return means.shape[0] < means.shape[1] or float(np.linalg.svd(means, compute_uv=False).min()) < TAPER
+    _, means, right = np.linalg.svd(_closed_of_each(condensed, sets) @ (moving @ little))
+    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < TAPER].T
+    if rates is None or not along.size:
+        return bool(along.size)
+    whole = both @ rates[free]
+    slid = left @ (along @ (along.T @ (left.T @ whole)))
+    closed = len(across)
+    by_sliding = np.linalg.norm(slid[:closed]) > CLOSING * np.linalg.norm(whole[:closed])
+    return bool(by_sliding or np.linalg.norm(slid) > FAST * np.linalg.norm(whole - slid))
 
 
 def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:
