@@ -11,6 +11,8 @@ from mlsanm_cli.solve.state import State
 
 PRESSING = 0.01
 """Pressures before any load are told from this part of those at the end of the path."""
+ROUND_OFF = 1e-9
+"""Overlaps below this part of the coordinates are none: regularised laws press where surfaces just touch."""
 
 
 def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterator[str]:
@@ -21,11 +23,12 @@ def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterat
     for pairing in built.condensed.pairings:
         span = built.condensed.spans[pairing.name]
         before, after = (float(state.pressure[span].max(initial=0.0)) for state in (first, last))
-        gap = pairing.gap[pairing.candidate]
-        if pairing.name in given or not before > PRESSING * after or not (gap < 0.0).any():
+        gap, partner = pairing.gap[pairing.candidate], pairing.partner[pairing.candidate]
+        overlaps = (gap < -ROUND_OFF * np.abs(partner).max(initial=0.0)).any()
+        if pairing.name in given or not before > PRESSING * after or not overlaps:
             continue
         deepest = int(np.argmin(gap))
-        x, y = pairing.partner[pairing.candidate][deepest]
+        x, y = partner[deepest]
         yield (
             f"contact {pairing.name}: the surfaces overlap as drawn, by {-gap[deepest]:.3g} near "
             f"({x:.6g}, {y:.6g}), and press on each other with up to {before:.4g} before any load; draw them "

@@ -9,6 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.contact.geometry.facing import turned
@@ -28,6 +29,10 @@ SLIDES = 1e-6
 SURE = 1e-3
 """The same as ``TILT`` of contacts whose directions are exact, so that nothing but the surface's curvature is
 in them."""
+
+POINTS_AT = 1e-3
+"""Forces that all point at a centre, as a pressure in a bore, have a moment by quadrature alone: this part of
+force times arm counts as parts of it that cancel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,25 +80,30 @@ def unknown_motion(
         springs = [k for body in constraint.bodies for k in loads.springs[body].values()]
         elastic = any(any(k) if motion.component == ROTATION else k[motion.component] for k in springs)
         for number, forces, points in [
-            one for body in constraint.bodies for one in _nodal_forces(loads, clouds, body)
+            one for body in constraint.bodies for one in _forces(loads, clouds, body)
         ]:
             parts = resultant(forces, points, constraint.center)[motion.component]
             force[number] += parts.sum()
             size[number] += np.abs(parts).sum()
+            if motion.component == ROTATION:
+                arms = np.hypot(*(points - constraint.center).T)
+                size[number] += POINTS_AT * np.hypot(*forces.T) @ arms
     one = UnknownMotion(constraint, motion, force, size, elastic)
     moved = [one.at(clouds[p.slave_body].points[p.node]) for p in pairings if one.side(p)]
     return replace(one, lever=max((float(np.hypot(*some.T).max()) for some in moved), default=1.0))
 
 
-def _nodal_forces(
+def _forces(
     loads: Acting, clouds: Mapping[str, Cloud], body: str
 ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
     """Load numbers, forces (n, 2) and points (n, 2) of all tractions and body forces on a body."""
     cloud = clouds[body]
     for load in loads.surface_loads:
         if load.body == body and not load.held:
+            assert load.between is not None  # as of all tractions
             surface = cloud.surfaces[load.surface]
-            yield load.number, surface.weight[:, None] * load.values, cloud.points[surface.index]
+            halves = Halves.of(surface, FINE)
+            yield load.number, halves.length[:, None] * load.between, surface.curve.points(halves.arc)
     for force in loads.body_forces:
         if force.body == body:
             yield force.number, cloud.areas[:, None] * force.values, cloud.points
