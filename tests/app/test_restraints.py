@@ -127,7 +127,7 @@ def test_forces_that_all_point_at_the_centre_drive_no_rotation() -> None:
     """Their moment is round-off, and so are its parts; that of a slight shear is not."""
     assert any(note.startswith("body inner: rotation is fixed at 0") for note in prepared(BORE).notes)
     spin = item("load", name="spin", kind="body-force", body="outer", body_force=["0.03*(x-3)", "0.03*(y-1)"])
-    assert prepared(BORE + spin)
+    assert prepared(BORE + spin).notes
     drag = item("load", name="drag", kind="traction", boundary="outer.outer")
     turning = drag + 'traction = ["1e-3*(1-y)/30", "1e-3*(x-3)/30"]\n'
     with pytest.raises(CaseError, match="nothing resists its force"):
