@@ -55,7 +55,7 @@ def _turn(grid: ContactGrid, middle: float) -> float:
     bends = [
         abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
     ]
-    if bends[0] <= (1.0 - ALIKE) * bends[1] or (grid.facing.obstacle is not None and not bends[1]):
+    if bends[0] <= (1.0 - ALIKE) * bends[1] or (grid.facing.other is None and not bends[1]):
         return 0.0
     return float(np.angle(inward[0] / -outward[0]))
 
