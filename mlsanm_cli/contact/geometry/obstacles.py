@@ -38,7 +38,7 @@ class Shape(Protocol):
 
     @property
     def curve(self) -> Curve | None:
-        """The surface as one curve with the obstacle on its left; None where it is straight or has corners."""
+        """The surface as one curve with the obstacle on its left; None if it is straight or has corners."""
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The obstacle's points (n, 2) closest to ``points`` (n, 2), and its unit outward normals (n, 2).
