@@ -61,9 +61,6 @@ def __getattr__(name: str) -> Any:
     """A part, loaded when it is imported from here."""
     if name not in _PARTS:
         raise AttributeError(f"module {__name__} has no {name}")
-    if name == "Delaunay" and isinstance(masked := sys.modules.get("numpy.ma"), _Waiting):
-        # It asks whether points are masked arrays, of which there are none before their module has run.
-        vars(masked).setdefault("isMaskedArray", lambda array: False)
     known, public = _PARTS[name]
     try:
         found = getattr(importlib.import_module(known), name)
@@ -143,6 +140,9 @@ class _Patient(Loader):
         assert module.__spec__ is not None
         module.__spec__.loader = module.__loader__ = self.loader
         module.__class__ = _Waiting
+        if module.__name__ == "numpy.ma":
+            # numpy's sets and scipy's triangles ask; before their module has run there are no masked arrays.
+            vars(module).update(dict.fromkeys(("isMaskedArray", "is_masked"), lambda array: False))
 
 
 _loading: set[str] = set()

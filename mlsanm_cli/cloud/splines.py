@@ -12,7 +12,6 @@ from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.sparse.linalg import splu
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
@@ -71,6 +70,8 @@ class NodeSpline:
             rhs[end] = ((near + 2.0 * both) * far * rise[one] + near**2 * rise[other]) / both
         rows, columns, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
         matrix = sparse.csc_array((values, (rows, columns)), shape=(last + 1, last + 1))
+        from scipy.sparse.linalg import splu  # only curves through nodes of files need it
+
         found = np.asarray(splu(matrix).solve(rhs))
         return np.concatenate([found, found[:1]]) if self.closed else found
 
