@@ -12,7 +12,8 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TypeAlias
+from itertools import product
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -30,6 +31,7 @@ ORDERS = 8
 CROWDED = 8
 """An interval that ends at a corner is halved towards it so many times."""
 NOTHING = 1e-14
+THREE = np.arange(3)
 STEEPEST = 2.5
 """Neighbouring intervals differ by this factor at most."""
 
@@ -161,8 +163,12 @@ class Hats:
         """Integrals (m, k) with every function of ``values`` (g,) at the points times powers of the distance
         from its place."""
         points, weights = self._own_points
-        away, product = self.points[points] - self.place[:, None], weights * values[points]
-        return np.stack([(product * away**order).sum(axis=1) for order in range(ORDERS + 1)], axis=1)
+        away, part = self.points[points] - self.place[:, None], weights * values[points]
+        found = [part.sum(axis=1)]
+        for _ in range(ORDERS):
+            part *= away
+            found.append(part.sum(axis=1))
+        return np.stack(found, axis=1)
 
     def _kernel(
         self, values: Table, shift: float, fourth: Table, third: Table, second: Table, reach: float = NEAR
@@ -173,15 +179,24 @@ class Hats:
         way = self.place[:, None] + shift - self.place
         near = np.abs(way) <= reach * (wide[:, None] + wide)
         one, other = np.nonzero(near)
-        # In extended precision, as fourth differences lose digits.
-        nodes, three = self.nodes.astype(np.longdouble), np.arange(3)
-        t = (nodes[one[:, None] + three] + shift)[:, :, None] - nodes[other[:, None] + three][:, None, :]
+        # In extended precision, as fourth differences lose digits; of every pair of nodes once.
+        nodes: Any = self.nodes.astype(np.longdouble)
+        count = len(self.place)
+        involved = np.zeros((len(nodes), len(nodes)), dtype=bool)
+        for a, b in product(range(3), repeat=2):
+            involved[a : a + count, b : b + count] |= near
+        first, last = np.nonzero(involved)
+        number = np.zeros(involved.shape, dtype=np.int64)
+        number[first, last] = np.arange(len(first))
+        pairs = number[(one[:, None] + THREE)[:, :, None], (other[:, None] + THREE)[:, None, :]]
+        t = nodes[first] + shift - nodes[last]
         impulses, doublets = self._second
-        exact = np.einsum("ea,eab,eb->e", impulses[one], fourth(t), impulses[other])
+        exact = np.einsum("ea,eab,eb->e", impulses[one], fourth(t)[pairs], impulses[other])
         if doublets.any():
-            exact += np.einsum("ea,eab,eb->e", impulses[one], third(t), doublets[other])
-            exact -= np.einsum("ea,eab,eb->e", doublets[one], third(t), impulses[other])
-            exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t), doublets[other])
+            rise = third(t)[pairs]
+            exact += np.einsum("ea,eab,eb->e", impulses[one], rise, doublets[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], rise, impulses[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t)[pairs], doublets[other])
         overlap = np.abs(way)[one, other] < wide[one] + wide[other]
         at = self.points[self._own_points[0]]
         seen = values(at[one][:, :, None] + shift - at[other][:, None, :])
