@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs
+    from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import Delaunay, cKDTree
 
@@ -42,6 +42,7 @@ __all__ = [
     "dgeqp3",
     "dgetrf",
     "dgetrs",
+    "dgtsv",
     "dpotrf",
     "dpotrs",
     "lean_imports",
@@ -52,7 +53,7 @@ _PARTS = {
     "cKDTree": ("scipy.spatial._ckdtree", "scipy.spatial"),
     "Delaunay": ("scipy.spatial._qhull", "scipy.spatial"),
     "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),
-    **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dpotrf", "dpotrs"), _LAPACK),
+    **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dgtsv", "dpotrf", "dpotrs"), _LAPACK),
 }
 """Where each part is in the versions of scipy that we know, and where scipy says that it is."""
 

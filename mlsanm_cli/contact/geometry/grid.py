@@ -115,19 +115,22 @@ class Hats:
     def towards_ends(self) -> tuple[FloatArray, sparse.csr_array]:
         """Points (e,) that crowd towards the ends, for kernels that change with the logarithm of the distance
         from there, and what makes integrals (m, e) with the functions."""
-        starts, steps, interval = [], [], []
-        for number, (start, step) in enumerate(zip(self.nodes[:-1], self.steps, strict=True)):
-            if step == 0.0:
-                continue
-            ends = np.array([0.0, 1.0])
-            if number <= self.whole[0] or number >= len(self.steps) - 1 - self.whole[1]:
-                ends = np.concatenate([[0.0], 0.5 ** np.arange(CROWDED, -1, -1)])
-                ends = ends if number <= self.whole[0] else 1.0 - ends[::-1]
-            starts.append(start + step * ends[:-1])
-            steps.append(step * np.diff(ends))
-            interval.append(np.full(len(ends) - 1, number))
-        points, weights = _gauss(np.concatenate(starts), np.concatenate(steps))
-        return points, self._integrals(points, np.tile(np.concatenate(interval), len(RULE)), weights)
+        starts, steps, interval = self.nodes[:-1], self.steps, np.arange(len(self.steps))
+        parts = 0.5 ** np.arange(CROWDED, -1, -1)
+        first, last = int(self.whole[0]), len(self.steps) - 1 - self.whole[1]
+        for number, ends in ((last, 1.0 - np.append(parts[::-1], 0.0)), (first, np.append(0.0, parts))):
+            crowded = starts[number] + steps[number] * ends
+            starts, steps, interval = (
+                np.concatenate([whole[:number], part, whole[number + 1 :]])
+                for whole, part in (
+                    (starts, crowded[:-1]),
+                    (steps, np.diff(crowded)),
+                    (interval, np.full(len(ends) - 1, number)),
+                )
+            )
+        kept = steps > 0.0
+        points, weights = _gauss(starts[kept], steps[kept])
+        return points, self._integrals(points, np.tile(interval[kept], len(RULE)), weights)
 
     def _integrals(self, points: FloatArray, interval: IntArray, weights: FloatArray) -> sparse.csr_array:
         """What makes integrals (m, e) of values at ``points`` (e,) in intervals (e,), of ``weights`` (e,)."""
