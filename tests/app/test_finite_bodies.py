@@ -401,7 +401,7 @@ def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -
     assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.01)
 
 
-@pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "only 1 of the nodes")])
+@pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "too few nodes")])
 def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words: str) -> None:
     """Pressed by 4e-3 R less than it sags between its nodes, or a little more: done without a word."""
     shape = {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"}
