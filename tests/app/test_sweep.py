@@ -17,7 +17,7 @@ import pytest
 from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.run import run
 from mlsanm_cli.app.sweep import engines, point
-from mlsanm_cli.app.sweep.point import Point
+from mlsanm_cli.app.sweep.point import SweepPoint
 from mlsanm_cli.app.sweep.run_sweep import SweepOptions, geometry, point_name, sweep
 from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
@@ -179,7 +179,7 @@ def test_a_process_lost_is_a_point_repeated(tmp_path: Path, bar: Path) -> None:
     assert_same_points(tmp_path / "there", swept(bar, tmp_path / "here", *varied))
 
 
-def _dies(one: Point) -> Mapping[str, Any]:
+def _dies(one: SweepPoint) -> Mapping[str, Any]:
     os.kill(os.getpid(), signal.SIGKILL)
     raise AssertionError
 
@@ -189,7 +189,7 @@ def test_a_point_that_kills_its_process_is_given_up(
 ) -> None:
     monkeypatch.setattr(engines, "solve_point", _dies)
     monkeypatch.setattr(engines, "ATTEMPTS", 2)
-    deadly = Point(case, (), tmp_path / "x", "x", 1, 0, (), False)
+    deadly = SweepPoint(case, (), tmp_path / "x", "x", 1, 0, (), False)
     with engines.PoolEngine(1) as engine:
         engine.submit(deadly)
         (row,) = engine.results()

@@ -1,4 +1,4 @@
-"""From a validated case and its clouds to the mechanical scene: pairs, held components, movers, systems."""
+"""From a validated case and its clouds to the mechanical scene: pairs, supports, rigid motions, systems."""
 
 from __future__ import annotations
 

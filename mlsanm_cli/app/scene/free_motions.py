@@ -55,8 +55,8 @@ class WeakMotion:
 
 @dataclass(frozen=True)
 class Restrained:
-    """The movers, ``notes`` on what is held, and the motions held: of each the velocities (3,) of every body
-    in it, x, y and the rotation about the origin. ``loose`` are those of them in which nothing but loose
+    """The rigid constraints, ``notes`` on what is held, and the motions held: of each the velocities (3,) of
+    every body in it, x, y and the rotation about the origin. ``loose`` are those in which only loose
     bodies moves, ``weak`` those that are hardly resisted."""
 
     rigid_constraints: tuple[RigidConstraint, ...]
@@ -74,7 +74,7 @@ def constrain_free_rigid_modes(
     loads: Acting,
     exact: Collection[str] = (),
 ) -> Restrained:
-    """The movers with motions that nothing resists prescribed at zero, and notes about them.
+    """The rigid constraints with motions that nothing resists prescribed at zero, and notes about them.
 
     The directions of the contacts named ``exact`` are those of their surfaces; others know theirs at nodes.
     Raises CaseError where a load drives such a motion.
