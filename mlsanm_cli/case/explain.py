@@ -17,6 +17,9 @@ from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
 
+CLOSE = 0.8
+"""An item whose name is as similar as that to one of its keys is taken for the key, misspelt."""
+
 _BOUNDS = {
     "exclusiveMinimum": "above",
     "minimum": "at least",
@@ -56,8 +59,12 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     an unknown one.
     """
     schema = json_schema()
-    found, path = _find(schema, [part for part in key.split(".") if part])
-    if not found:
+    parts = [part for part in key.split(".") if part]
+    found, path = _find(schema, parts)
+    # A name of an item may be a key that is misspelt.
+    named = bool(found and path) and parts[-1] != path[-1]
+    keys = [name for table in _siblings(schema, (*path, "")) for name in table["properties"]] if named else []
+    if not found or difflib.get_close_matches(parts[-1], keys, n=1, cutoff=CLOSE):
         raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":
         return (_kind(schema, path, found),)

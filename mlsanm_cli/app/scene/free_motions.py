@@ -56,8 +56,8 @@ class WeakMotion:
 @dataclass(frozen=True)
 class Restrained:
     """The rigid constraints, ``notes`` on what is held, and the motions held: of each the velocities (3,) of
-    every body in it, x, y and the rotation about the origin. ``loose`` are those in which only loose
-    bodies moves, ``weak`` those that are hardly resisted."""
+    every body in it, x, y and the rotation about the origin. ``loose`` are those in which only loose bodies
+    move, ``weak`` those that are hardly resisted."""
 
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
