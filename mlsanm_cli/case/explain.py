@@ -61,10 +61,7 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     schema = json_schema()
     parts = [part for part in key.split(".") if part]
     found, path = _find(schema, parts)
-    # A name of an item may be a key that is misspelt.
-    named = bool(found and path) and parts[-1] != path[-1]
-    keys = [name for table in _siblings(schema, (*path, "")) for name in table["properties"]] if named else []
-    if not found or difflib.get_close_matches(parts[-1], keys, n=1, cutoff=CLOSE):
+    if not found or (path and parts[-1] != path[-1] and _is_key(schema, path, parts[-1])):
         raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":
         return (_kind(schema, path, found),)
@@ -108,6 +105,12 @@ def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
     if len(path) < 2:
         return [schema]
     return [table for _, node in _find(schema, list(path[:-1]))[0] for table in tables(schema, node)]
+
+
+def _is_key(schema: Node, path: tuple[str, ...], name: str) -> bool:
+    """Whether the name of an item is rather one of its keys, misspelt."""
+    keys = {key for table in _siblings(schema, (*path, "")) for key in table["properties"]}
+    return bool(difflib.get_close_matches(name, keys, n=1, cutoff=CLOSE))
 
 
 def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Explanation:
