@@ -222,8 +222,8 @@ DIE = (
     head("strain", strain="finite")
     + material("soft", E=1.0, nu=0.3, law="neo-hookean")
     + material("hard", E=100.0, nu=0.3, law="neo-hookean")
-    + body("base", "soft", 0.25, box([-3.0, 3.0], [0.0, 2.0]))
-    + body("die", "hard", 0.1, {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"})
+    + body("base", "soft", 0.25, box([-2.0, 2.0], [0.0, 1.0]))
+    + body("die", "hard", 0.14, {"kind": "half-disk", "center": [0.0, 2.0], "radius": 1.0, "side": "lower"})
     + support("base.bottom", ux=0.0, uy=0.0)
     + load("press", "die.flat", "displacement", displacement=[0.0, -0.15])
 )
@@ -288,7 +288,7 @@ def test_a_punch_with_sharp_corners(tmp_path: Path) -> None:
 def test_a_side_of_several_pieces(tmp_path: Path) -> None:
     """A cylinder pressed into the joint of two pieces of one side, slave or master, against one piece; on a
     soft base, whose nodes are the same."""
-    fine = [{"at": [0.0, 2.0], "spacing": 0.15, "radius": 0.5, "growth": 0.3}]
+    fine = [{"at": [0.0, 2.0], "spacing": 0.15, "radius": 0.5, "growth": 0.4}]
     forces = []
     for pieces in (1, 2):
         points = [[-2.0, 2.0], [-2.0, 0.0], [2.0, 0.0], [2.0, 2.0]]
@@ -298,7 +298,7 @@ def test_a_side_of_several_pieces(tmp_path: Path) -> None:
             names = ["left", "bottom", "right", "east", "west"]
         shape = {"kind": "polygon", "points": points, "names": names}
         side = "block.top" if pieces == 1 else ["block.east", "block.west"]
-        parts = HEAD + body("block", "rubber", 0.3, shape, refine=fine)
+        parts = HEAD + body("block", "rubber", 0.4, shape, refine=fine)
         parts += support("block.bottom", ux=0.0, uy=0.0)
         cylinder = {"kind": "disk", "center": [0.0, 3.0], "radius": 1.0}
         rigid = parts + contact("c", side, obstacle=cylinder, friction=0.3) + pushed("press", "c", uy=-0.1)
@@ -307,7 +307,7 @@ def test_a_side_of_several_pieces(tmp_path: Path) -> None:
         forces.append([summary["contacts"]["c"]["force"][1]])
         disk = {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"}
         soft = parts + material("softer", E=1.0, nu=0.3, law="neo-hookean")
-        soft += body("disk", "softer", 0.15, disk)
+        soft += body("disk", "softer", 0.2, disk)
         soft += load("press", "disk.flat", "displacement", displacement=[0.0, -0.1])
         summary = solve(soft + contact("c", "disk.arc", side), tmp_path / f"soft{pieces}")
         assert summary["status"] == "done"
@@ -401,7 +401,7 @@ def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -
     assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.01)
 
 
-@pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "only 1 of the nodes")])
+@pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "too few nodes")])
 def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words: str) -> None:
     """Pressed by 4e-3 R less than it sags between its nodes, or a little more: done without a word."""
     shape = {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"}

@@ -63,10 +63,10 @@ def test_kinds_contacts_and_files_are_chosen(punches_run: Path, tmp_path: Path) 
         (Choice(what=("line",)), "a line is missing"),
         (Choice(along="block.tp"), "no boundary"),
         (Choice(along="0,0:0"), "neither a boundary nor a line"),
-        (Choice(along="9,9:8,8"), "meets no body"),
+        (Choice(along="9,9:8,8"), "no body"),
         (Choice(what=("bodies",), at=(0.123,)), "saved at position"),
         (Choice(what=("force",), contact="under-left"), "not apply to force"),
-        (Choice(animate=True, what=("bodies",)), "does not move"),
+        (Choice(animate=True, what=("bodies",)), "animation"),
     ],
 )
 def test_choices_of_what_there_is_not_are_told(punches_run: Path, choice: Choice, message: str) -> None:

@@ -68,7 +68,7 @@ def check_overlaps(
     x, y = worst.place
     raise NumericalError(
         f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
-        f"position {state.position:.6g}, and no contact keeps it out",
+        f"position {state.position:.6g}, and no contact is defined there",
         _hint(built, worst, found),
     )
 

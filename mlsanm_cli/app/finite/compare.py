@@ -100,11 +100,11 @@ def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
     """Raise RunError for methods that finite strain does not have, and where there is but one."""
     if contact:
         raise RunError(
-            "contact, or several bodies, at finite strain has one method only: there is nothing to compare"
+            "finite strain with contact or several bodies has a single method: there is nothing to compare"
         )
     for name in methods:
         if name != "newton":
-            raise RunError(f"--{name}: finite strain knows power series and Newton's method only", "--newton")
+            raise RunError(f"--{name}: finite strain has power series and Newton's method only", "--newton")
     if analytic:
         raise RunError("--analytic: there is no closed formula for finite strain", "--newton")
     if not methods:

@@ -44,16 +44,16 @@ def check_overlaps(
         place = _crossing(body.outline)
         if place is not None:
             raise NumericalError(
-                f"body {body.name} meets itself near ({place[0]:.6g}, {place[1]:.6g}) at position "
-                f"{position:.6g}: contact of a body with itself is not supported",
-                "smaller loads; or draw it as two bodies",
+                f"body {body.name} touches itself near ({place[0]:.6g}, {place[1]:.6g}) at position "
+                f"{position:.6g}: self-contact is not supported",
+                "use smaller loads, or model it as two bodies",
             )
     found = [*_between_bodies(bodies), *_obstacles(scene, bodies, factors)]
     if found:
         depth, (x, y), one, other = max(found)
         raise NumericalError(
             f"{one} lies inside {other} by {depth:.3g} near ({x:.6g}, {y:.6g}) at position {position:.6g}",
-            "give these a [[contact]] of their own, or use finer nodes there",
+            "add a [[contact]] between them, or use finer nodes there",
         )
 
 

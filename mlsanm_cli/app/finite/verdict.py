@@ -13,7 +13,7 @@ from mlsanm_cli.solve.load_factors import factors_at
 
 FEW_WAVES = 0.1
 """Below this part of the shear modulus the acoustic tensor is so soft that a run warns."""
-_LAWS = 'law = "neo-hookean" bears any compression; or smaller loads'
+_LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
 
 
 def check_deformation(scene: FiniteScene, position: float, displacement: FloatArray) -> None:
@@ -30,8 +30,8 @@ def _check_body(scene: FiniteScene, name: str, position: float, displacement: Fl
     node = int(np.argmin(volume))
     if not volume[node] > 0.0:
         raise NumericalError(
-            f"{_place(scene, name, node)} is turned inside out at position {position:.6g}: "
-            f"det F = {volume[node]:.3g}",
+            f"{_place(scene, name, node)}: the deformation is not invertible at position {position:.6g} "
+            f"(det F = {volume[node]:.3g})",
             "use smaller loads, or finer nodes there",
         )
     waves = body.ellipticity(displacement, factors)
@@ -58,7 +58,7 @@ def path_failure(
         place = _place(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)
-    least = f"the least det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
+    least = f"the smallest det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
     return NumericalError(f"{where}; {least}", "use smaller loads, finer nodes, or raise solver.tolerance")
 
 

@@ -43,7 +43,9 @@ def draw_together(path: Path, runs: Sequence[RunData], cases: Sequence[Case], ch
         for curve in _of_run(run, name, kind, choice)
     ]
     if not curves:
-        raise RunError(f"the runs have nothing for {kind}", "kinds of contacts need contacts, loops friction")
+        raise RunError(
+            f"the runs have no data for {kind}", "pressures and peaks need a contact, loops need friction"
+        )
     position = "position on the load path (stages)"
     words = {
         "pressure": (
@@ -139,7 +141,7 @@ def _along(
         values[inside] = _column(seen, field)
         found.append((name, share * float(np.hypot(*(last - first))), values))
     if not found:
-        raise RunError(f"the line {along} meets no body", "give places as they are before loading")
+        raise RunError(f"the line {along} crosses no body", "give coordinates of the undeformed bodies")
     return [("" if len(found) == 1 else name, x, y) for name, x, y in found]
 
 

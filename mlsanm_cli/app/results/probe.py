@@ -280,7 +280,8 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
     inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
     if not inside.all():
         x, y = points[~inside][0]
-        raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
+        message = f'({x:g}, {y:g}) lies outside body "{body}"'
+        raise RunError(message, "give coordinates of the undeformed body")
     material = _material(case, body)
     settings = mls_settings(case)
     if data.degree is not None:

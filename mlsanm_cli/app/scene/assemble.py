@@ -1,4 +1,4 @@
-"""From a validated case and its clouds to the mechanical scene: pairs, held components, movers, systems."""
+"""From a validated case and its clouds to the mechanical scene: pairs, supports, rigid motions, systems."""
 
 from __future__ import annotations
 
@@ -330,7 +330,8 @@ def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
         if not clouds[probe.body].holds(point)[0]:
             x, y = probe.point
             message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
-            problems.append(CaseProblem(f"probe.{probe.name}.point", message, hint="as it is before loading"))
+            hint = "give coordinates of the undeformed body"
+            problems.append(CaseProblem(f"probe.{probe.name}.point", message, hint=hint))
         probes.append(Probe(probe.name, probe.body, point))
     if problems:
         raise CaseError(tuple(problems))
