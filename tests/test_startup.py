@@ -93,7 +93,7 @@ def test_where_numpy_is_there_nothing_waits(place: Path) -> None:
     assert done.stdout.split() == ["big", "part", "other", "more", "True"]
 
 
-NAMES = "Delaunay, cKDTree, connected_components, dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs"
+NAMES = "Delaunay, cKDTree, connected_components, dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs"
 PARTS = f"from mlsanm_cli.startup import {NAMES}\n"
 LEAN = "from mlsanm_cli.startup import lean_imports\nwith lean_imports():\n    pass\n"
 WHOLE = (
@@ -106,7 +106,7 @@ SAME = (
     "assert scipy.optimize.minimize_scalar(lambda x: (x - 1.0) ** 2).success\n"
     "assert (Delaunay, cKDTree) == (scipy.spatial.Delaunay, scipy.spatial.cKDTree)\n"
     "assert connected_components is scipy.sparse.csgraph.connected_components\n"
-    "for routine in (dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs):\n"
+    "for routine in (dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs):\n"
     "    assert routine in vars(scipy.linalg.lapack).values()\n"
     "assert scipy.linalg.cython_blas.__pyx_capi__ and scipy.linalg.cython_lapack.__pyx_capi__\n"
     "assert scipy.linalg.eigvalsh([[3.0]]) == 3.0 and scipy.linalg.qr([[1.0]], pivoting=True)[2] == 0\n"

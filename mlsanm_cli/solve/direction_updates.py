@@ -28,6 +28,8 @@ ASIDE = 0.01
 """Curvatures are looked at over this part of the range on both sides."""
 ALIKE = 1e-3
 """Curvatures that differ by less than this part are alike: patches move on both surfaces."""
+STRAIGHT = 1e-6
+"""Sides that bend by no more than this part of the other one are straight, but for round-off."""
 
 
 def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
@@ -55,7 +57,8 @@ def _turn(grid: ContactGrid, middle: float) -> float:
     bends = [
         abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
     ]
-    if bends[0] <= (1.0 - ALIKE) * bends[1] or (grid.facing.obstacle is not None and not bends[1]):
+    straight = grid.facing.other is None and bends[1] <= STRAIGHT * bends[0]
+    if straight or bends[0] <= (1.0 - ALIKE) * bends[1]:
         return 0.0
     return float(np.angle(inward[0] / -outward[0]))
 

@@ -136,7 +136,9 @@ def _started(
         law = replace(coupling.law, delta=wider * coupling.law.delta)
         problem = problem_of(built, replace(coupling, law=law), 0)
         try:
-            found = correct(problem, start_point(built, problem) if x is None else x, 0.0, options)
+            found = correct(
+                problem, start_point(built, problem, afloat=True) if x is None else x, 0.0, options
+            )
         except NumericalError:
             raise failure from None
         x = found.x
