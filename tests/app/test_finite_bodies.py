@@ -15,6 +15,7 @@ from tests.case_text import (
     box,
     contact,
     disk,
+    half_disk,
     head,
     item,
     load,
@@ -32,7 +33,7 @@ DISK = (
         "disk",
         "rubber",
         0.25,
-        {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"},
+        half_disk([0.0, 3.0], 1.0),
         refine=[{"at": [0.0, 2.0], "spacing": 0.05, "radius": 0.5, "growth": 0.2}],
     )
     + body(
@@ -223,7 +224,7 @@ DIE = (
     + material("soft", E=1.0, nu=0.3, law="neo-hookean")
     + material("hard", E=100.0, nu=0.3, law="neo-hookean")
     + body("base", "soft", 0.25, box([-2.0, 2.0], [0.0, 1.0]))
-    + body("die", "hard", 0.14, {"kind": "half-disk", "center": [0.0, 2.0], "radius": 1.0, "side": "lower"})
+    + body("die", "hard", 0.14, half_disk([0.0, 2.0], 1.0))
     + support("base.bottom", ux=0.0, uy=0.0)
     + load("press", "die.flat", "displacement", displacement=[0.0, -0.15])
 )
@@ -305,7 +306,7 @@ def test_a_side_of_several_pieces(tmp_path: Path) -> None:
         summary = solve(rigid, tmp_path / f"rigid{pieces}")
         assert summary["status"] == "done"
         forces.append([summary["contacts"]["c"]["force"][1]])
-        disk = {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"}
+        disk = half_disk([0.0, 3.0], 1.0)
         soft = parts + material("softer", E=1.0, nu=0.3, law="neo-hookean")
         soft += body("disk", "softer", 0.2, disk)
         soft += load("press", "disk.flat", "displacement", displacement=[0.0, -0.1])
@@ -349,9 +350,7 @@ def test_a_pin_in_half_a_bearing(tmp_path: Path) -> None:
         head("strain", strain="finite")
         + material("soft", E=5.0, nu=0.3, law="neo-hookean")
         + material("hard", E=50.0, nu=0.3, law="neo-hookean")
-        + body(
-            "pin", "hard", 0.15, {"kind": "half-disk", "center": [0.0, 0.0], "radius": 1.0, "side": "lower"}
-        )
+        + body("pin", "hard", 0.15, half_disk([0.0, 0.0], 1.0))
         + body(
             "shell",
             "soft",
@@ -387,7 +386,7 @@ def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -
             "bump",
             "soft",
             0.1,
-            {"kind": "half-disk", "center": [0.0, 0.0], "radius": 1.0, "side": "upper"},
+            half_disk([0.0, 0.0], 1.0, "upper"),
             refine=arc,
         )
         + body("plate", "hard", 0.125, box([-2.0, 2.0], [1.0, 1.6]))
@@ -404,7 +403,7 @@ def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -
 @pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "too few nodes")])
 def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words: str) -> None:
     """Pressed by 4e-3 R less than it sags between its nodes, or a little more: done without a word."""
-    shape = {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"}
+    shape = half_disk([0.0, 1.0], 1.0)
     across, up = float(np.sin(turn)), float(np.cos(turn))
     text = HEAD + body("disk", "rubber", 0.17, shape)
     text += load("press", "disk.flat", "displacement", displacement=[0.0, -2e-3])

@@ -22,6 +22,7 @@ from tests.case_text import (
     body,
     box,
     contact,
+    disk,
     head,
     load,
     material,
@@ -63,36 +64,15 @@ obstacle = {{ {obstacle} }}
 [contact.regularization]
 law = "exact"
 """
-SQUEEZED = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.rubber]
-E = 2.6
-nu = 0.3
-law = "neo-hookean"
-[[body]]
-name = "ring"
-material = "rubber"
-spacing = 0.2
-shape = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
-[[load]]
-name = "close"
-kind = "obstacle"
-obstacle = "lid"
-uy = -0.2
-[[contact]]
-name = "floor"
-slave = "ring.arc"
-friction = 0.1
-obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-[[contact]]
-name = "lid"
-slave = "ring.arc"
-friction = 0.1
-obstacle = { kind = "plane", point = [0.0, 2.0], normal = [0.0, -1.0] }
-"""
+SQUEEZED = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + body("ring", "rubber", 0.2, disk([0.0, 1.0], 1.0))
+    + pushed("close", "lid", uy=-0.2)
+    + contact("floor", "ring.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.1)
+    + contact("lid", "ring.arc", obstacle=plane([0.0, 2.0], [0.0, -1.0]), friction=0.1)
+    + table("output", at=[1.0])
+)
 SIDE = '[[support]]\nboundary = "block.left"\nux = 0.0\n'
 DISK = 'kind = "disk", center = [0.0, 3.0], radius = 1.0'
 FINE = "{at = [0.0, 2.0], spacing = 0.05, radius = 0.75, growth = 0.15}"
@@ -395,8 +375,7 @@ def test_a_plate_that_has_turned_is_one_drawn_so(tmp_path: Path) -> None:
 
 def test_a_disk_pressed_where_its_arc_begins(tmp_path: Path) -> None:
     """At its top: half-width and picture are of one stretch, not of all that is between its halves."""
-    text = SQUEEZED + "[output]\nat = [1.0]\n"
-    summary = solve(text, tmp_path / "run")
+    summary = solve(SQUEEZED, tmp_path / "run")
     widths = [summary["contacts"][name]["half_width"] for name in ("floor", "lid")]
     assert widths[1] == pytest.approx(widths[0], rel=0.3)
     assert 0.2 < widths[0] < 0.6

@@ -8,7 +8,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.deformed import Outline, distances, outline_of
+from mlsanm_cli.app.assessment.deformed import DeformedOutline, distances, outline_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -28,7 +28,7 @@ class _Body:
     name: str
     cloud: Cloud
     places: FloatArray
-    outline: Outline
+    outline: DeformedOutline
 
 
 def check_overlaps(
@@ -102,7 +102,7 @@ def _named(body: _Body, surface: str) -> str:
     return f"{body.name}.{surface.partition('/')[0]}"
 
 
-def _crossing(outline: Outline) -> tuple[float, float] | None:
+def _crossing(outline: DeformedOutline) -> tuple[float, float] | None:
     """Where two chords of an outline cross that do not follow each other."""
     start, way = outline.edges[:, :2], outline.edges[:, 2:] - outline.edges[:, :2]
     low, high = np.minimum(start, start + way), np.maximum(start, start + way)
