@@ -66,22 +66,6 @@ def test_code_runs_when_a_name_is_asked_for(place: Path, code: str, words: str) 
     assert printed(place, code) == words.split()
 
 
-def test_methods_of_dataclasses_are_those_they_would_be(place: Path) -> None:
-    code = (
-        "import dataclasses, pickle\n"
-        "@dataclasses.dataclass(frozen=True, order=True)\n"
-        "class Pair:\n    one: int\n    two: float = 2.0\n"
-        "pair = Pair(1)\n"
-        "try:\n    pair.one = 3\nexcept dataclasses.FrozenInstanceError:\n    print('frozen')\n"
-        "print(pair == Pair(1, 2.0), pair != Pair(2), pair < Pair(2), pair == 1)\n"
-        "print(hash(pair) == hash(Pair(1)))\n"
-        "print(repr(pair), Pair.__eq__.__qualname__, dataclasses.replace(pair, one=4).one)\n"
-        "print(Pair.__init__.__code__.co_argcount)\n"
-    )
-    words = "frozen True True True False True Pair(one=1, two=2.0) Pair.__eq__ 4 3"
-    assert printed(place, code) == words.split()
-
-
 def test_threads_wait_for_the_one_that_loads(place: Path) -> None:
     code = (
         "import big.more, concurrent.futures as futures\n"
