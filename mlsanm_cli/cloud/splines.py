@@ -176,9 +176,7 @@ class SplinePart:
         return self.spline.derivative(self._parameter(s), 0)
 
     def normals(self, s: FloatArray) -> FloatArray:
-        along = self.spline.derivative(self._parameter(s), 1)
-        normal: FloatArray = np.stack([along[:, 1], -along[:, 0]], axis=1)
-        return np.asarray(normal / np.hypot(*along.T)[:, None])
+        return _across(self.spline.derivative(self._parameter(s), 1))
 
     def curvature(self, s: FloatArray) -> FloatArray:
         t = self._parameter(s)
@@ -194,7 +192,20 @@ class SplinePart:
         return t, cKDTree(self.spline.derivative(t[:-1] if self.closed else t, 0))
 
     def closest(self, points: FloatArray) -> FloatArray:
-        """The nearest of some samples, then Newton's method, halving where it would leave its interval."""
+        t = self._closest(points)
+        arc = np.asarray(self.spline.arc_of(t) - self._start)
+        # What is there is asked for next.
+        self._asked[:] = [(arc.copy(), t)]
+        return arc
+
+    def closest_points(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (n, 2) of the curve closest to ``points`` (n, 2), and the normals (n, 2) there."""
+        place, along, _ = self.spline.up_to_second(self._closest(points))
+        return place, _across(along)
+
+    def _closest(self, points: FloatArray) -> FloatArray:
+        """Parameters (n,) of the closest points: the nearest of some samples, then Newton's method, halving
+        where it would leave its interval."""
         samples, tree = self._samples
         near = np.asarray(tree.query(points)[1])
         steps = np.diff(samples)
@@ -216,11 +227,7 @@ class SplinePart:
             t = following
             if done.all():
                 break
-        t = np.mod(t, self.spline.knots[-1]) if self.closed else t
-        arc = np.asarray(self.spline.arc_of(t) - self._start)
-        # What is there is asked for next.
-        self._asked[:] = [(arc.copy(), t)]
-        return arc
+        return np.mod(t, self.spline.knots[-1]) if self.closed else t
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """The chords between nodes: near enough for a node spacing."""
@@ -233,6 +240,12 @@ class SplinePart:
             )
             for row in Segment((float(a[0]), float(a[1])), (float(b[0]), float(b[1]))).zones()
         )
+
+
+def _across(along: FloatArray) -> FloatArray:
+    """Unit normals (n, 2) on the right of ways ``along`` (n, 2)."""
+    normal: FloatArray = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return np.asarray(normal / np.hypot(*along.T)[:, None])
 
 
 def _in_a_row(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:

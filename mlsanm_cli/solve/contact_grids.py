@@ -94,7 +94,7 @@ def find_grids(
             if every and turnings:
                 turned = _turned(condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
-                between = () if looked else search(condensed, (), "between", ())
+                between = () if looked or _whole(grids, ranges) else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
                     return condensed, search(condensed, starts, "ends", states)
                 looked = True
@@ -165,6 +165,13 @@ def _effort(contact: Contact, count: int) -> float:
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
+
+
+def _whole(grids: Mapping[str, ContactGrid], ranges: Mapping[str, ContactRange]) -> bool:
+    """Whether there is nothing beyond the grids."""
+    return all(
+        grids[name].first <= room.first and room.last <= grids[name].last for name, room in ranges.items()
+    )
 
 
 def _on_grids(

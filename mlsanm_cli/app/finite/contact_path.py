@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.finite.overlaps import check_overlaps
-from mlsanm_cli.app.finite.path import RENEW, FiniteMark, FiniteState, FiniteStep, most_stretched
-from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.path import FiniteMark, FiniteState, FiniteStep, far_from, most_stretched
+from mlsanm_cli.app.finite.scene import TOUCHING, FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
@@ -72,7 +72,7 @@ def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
             state = path.state(reached, path.now)
-            check_deformation(scene, reached, path.now.displacement)
+            check_deformation(scene, reached, state.factors, state.displacement)
             check_overlaps(scene, reached, state.whole, state.shown(scene))
             _resist(reached, path.now.stability)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
@@ -270,7 +270,10 @@ class _Path:
         where, first = f"the path stopped at position {position:.6g}", 0
         for contact in self._scene.contacts:
             slave = contact.slave
-            gripped = slave.held & self.now.sets.closed[first : first + slave.count]
+            here = slice(first, first + slave.count)
+            # A held node that touches is pressed next.
+            touching = self.now.gap[here] <= TOUCHING * slave.weight
+            gripped = slave.held & (touching | self.now.sets.closed[here])
             first += slave.count
             if gripped.any() and not any(axis is not None for axis in slave.mirrors):
                 x, y = slave.places[int(np.argmax(gripped))]
@@ -291,7 +294,7 @@ class _Path:
         for name, own in self._scene.parts(state.displacement).items():
             body, station = self._scene.bodies[name], self._projectors[name].station
             angle = body.turn(own) - body.turn(station)
-            if most_stretched(body, own, station) > RENEW:
+            if far_from(body, own, station):
                 station = own
             elif abs(np.exp(1j * angle) - 1.0) > TURNED:
                 upright = name in self._scene.upright

@@ -148,8 +148,7 @@ class Chain:
             here = (side >= first) & (side < last)
             here &= (corner == -1) | self.smooth[corner]
             if here.any():
-                arc = curve.closest(points[here])
-                partner[here], normal[here] = curve.points(arc), curve.normals(arc)
+                partner[here], normal[here] = curve.closest_points(points[here])
         return partner, normal
 
     def _on_sides(
