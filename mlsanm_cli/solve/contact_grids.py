@@ -92,7 +92,7 @@ def find_grids(
         if _same(wanted, grids):
             turned = None
             if every and turnings:
-                turned = _turned(condensed, states, grids, scene.held_motions, common)
+                turned = _turned(scene, condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
                 between = () if looked or _whole(grids, ranges) else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
@@ -122,6 +122,7 @@ def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
 
 
 def _turned(
+    scene: Scene,
     condensed: Condensed,
     states: Sequence[ExactState],
     grids: Mapping[str, ContactGrid],
@@ -133,7 +134,7 @@ def _turned(
     are so already."""
     now: dict[str, float] = {}
     for state in states:
-        now.update(turns(condensed, state))
+        now.update(turns(scene, condensed, state))
     before = {name: grids[name].facing.turn for name in grids}
     after = {}
     for name, turn in before.items():

@@ -241,7 +241,7 @@ def check_held(built: CondensedScene) -> str:
     held = {body for motion in along for body in motion}
     if not held or not built.ends:
         return ""
-    turned = turns(built.condensed, built.ends[-1])
+    turned = turns(built.scene, built.condensed, built.ends[-1])
     worst, where = 0.0, ""
     for pairing in built.condensed.pairings:
         bodies = held & set(pairing.bodies)
