@@ -84,9 +84,9 @@ def _resist(position: float, stability: float) -> None:
     """Raise UnstableError where pressures could change from node to node at will."""
     if not stability >= CONTACT_LIMIT:
         raise UnstableError(
-            f"the contact does not resist pressures that change from node to node at position {position:.6g} "
-            f"(stability {stability:.2g}, below {CONTACT_LIMIT:g})",
-            "give the softer body's side, or the one with wider spacings, as the slave; or use an even cloud "
+            f"the contact has almost no stiffness against pressures that alternate from node to node at "
+            f"position {position:.6g} (stability {stability:.2g}, below {CONTACT_LIMIT:g})",
+            "choose the softer body, or the one with larger spacings, as the slave; or use a more even cloud "
             "(lower growth)",
             stability,
         )
@@ -278,12 +278,12 @@ class _Path:
             if gripped.any() and not any(axis is not None for axis in slave.mirrors):
                 x, y = slave.places[int(np.argmax(gripped))]
                 raise NumericalError(
-                    f"{where}: in contact {contact.name} the held node of {slave.body} at ({x:.6g}, {y:.6g}) "
-                    "is pressed, and cannot give way",
-                    "let the contact end before the support, or move the obstacle less far",
+                    f"{where}: in contact {contact.name} the node of {slave.body} at ({x:.6g}, {y:.6g}) is "
+                    "fixed by a support and pressed at the same time",
+                    "end the contact surface before the support, or move the obstacle less far",
                 )
         raise NumericalError(
-            f"{where}: no increment of contact settles",
+            f"{where}: the contact iterations of an increment do not converge",
             "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
         )
 

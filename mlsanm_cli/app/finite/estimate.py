@@ -72,8 +72,8 @@ class EnergyError:
         x, y = np.round(cloud.points[node] / scene.size, 9) * scene.size + 0.0
         return (
             f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), most of it "
-            f"at ({x:.6g}, {y:.6g}) of body {name}: give it finer nodes there, and at places alike, that "
-            f"grow slowly, as with [[body.refine]] at = [{x:.6g}, {y:.6g}], "
+            f"at ({x:.6g}, {y:.6g}) of body {name}: refine there and at similar places, with slow "
+            f"growth, as in [[body.refine]] at = [{x:.6g}, {y:.6g}], "
             f"spacing = {cloud.spacing[node] / FINER:.2g}, radius = 0, growth = 0.1"
         )
 
@@ -110,8 +110,6 @@ def check_work(scene: FiniteScene, missing: Mapping[str, float], error: float) -
         return ""
     worst = max(missing, key=lambda name: abs(missing[name]))
     thin = thin_part(scene.bodies[worst].elastic.model.cloud)
-    message = (
-        f"the work of the stress of body {worst} is off that of the forces on it by {100.0 * error:.2g} %"
-    )
+    message = f"the work of stresses in body {worst} differs from that of its forces by {100.0 * error:.2g} %"
     hint = f"make body.{worst}.spacing smaller, above all {thin or 'where it is held and where it touches'}"
     return f"{message}: forces may be as far off; {hint}"

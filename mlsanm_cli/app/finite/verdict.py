@@ -12,7 +12,7 @@ from mlsanm_cli.mechanics.finite.law import determinant
 
 FEW_WAVES = 0.1
 """Below this part of the shear modulus the acoustic tensor is so soft that a run warns."""
-_LAWS = 'law = "neo-hookean" bears any compression; or smaller loads'
+_LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
 
 
 def check_deformation(
@@ -33,8 +33,8 @@ def _check_body(
     node = int(np.argmin(volume))
     if not volume[node] > 0.0:
         raise NumericalError(
-            f"{_place(scene, name, node)} is turned inside out at position {position:.6g}: "
-            f"det F = {volume[node]:.3g}",
+            f"{_place(scene, name, node)}: the deformation is not invertible at position {position:.6g} "
+            f"(det F = {volume[node]:.3g})",
             "use smaller loads, or finer nodes there",
         )
     waves = body.ellipticity(displacement, factors)
@@ -61,7 +61,7 @@ def path_failure(
         place = _place(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)
-    least = f"the least det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
+    least = f"the smallest det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
     return NumericalError(f"{where}; {least}", "use smaller loads, finer nodes, or raise solver.tolerance")
 
 
