@@ -1,13 +1,14 @@
 """Random scenes of two to five bodies, judged by balance and by variants.
 
     python benchmarks/scenes/random_scenes.py [--count 40] [--first 0] [--keep DIR] [--only NUMBER ...]
-        [--features | --frames | --pairs] [--no-variants]
+        [--features | --frames | --pairs | --limits] [--no-variants]
 
 Stacks of rectangles, polygons with rounded corners, disks and half-disks with all materials and laws, with
 friction or not, pressed from above. A run that is done must balance (forces reported of every body add up to
 1e-6 of the largest), and agree with itself turned by 90 degrees and on other clouds: forces 1 %, peaks 3 %
 (not where contact reaches sharp corners), displacements 3 %; scenes of random_frames.py are compared with
-themselves upright in mm and N. Writes random_scenes.json (``--out``).
+themselves upright in mm and N. Those of random_limits.py are judged by statics instead. Writes
+random_scenes.json (``--out``).
 """
 
 from __future__ import annotations
@@ -26,8 +27,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.scenes.compared import difference, peaks, vectors
 from benchmarks.scenes.judge import SIDES, imbalance, run_case
+from benchmarks.scenes.judge import judged as judged_by_figures
 from benchmarks.scenes.random_features import featured
 from benchmarks.scenes.random_frames import Frame, drawn_frame, framed
+from benchmarks.scenes.random_limits import limited
 from benchmarks.scenes.random_pairs import drawn_pair
 from benchmarks.scenes.scene import (
     FORCE,
@@ -188,6 +191,8 @@ def scene_of(number: int, kind: str) -> tuple[Table, list[str], list[str], list[
 
 def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
     """How the scene came through, with its variants if they are to ``compare``."""
+    if kind == "limits":
+        return _by_statics(number, folder)
     given, smooth, chosen, others = scene_of(number, kind)
     scene = Scene(f"random{number}", "random", given)
     ran = run_case(scene, given, folder / "base", lambda places: places, patience=60.0)
@@ -231,6 +236,24 @@ def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
     return told | {"outcome": outcome, "text": "; ".join(faults)}
 
 
+def _by_statics(number: int, folder: Path) -> Table:
+    """How a scene came through whose forces or limit load are known."""
+    scene = limited(number)
+    ran = run_case(scene, scene.case, folder / "base", lambda places: places, patience=60.0)
+    verdict = judged_by_figures(scene, ran)
+    figures = [f"{what}: {got:.4g}, true {true:.4g}" for what, got, true, *_ in verdict.figures]
+    return {
+        "number": number,
+        "bodies": [one["shape"]["kind"] for one in scene.case["body"]],
+        "law": "default",
+        "features": [scene.kind],
+        "friction": scene.case["contact"][-1]["friction"],
+        "warnings": list(verdict.warnings),
+        "outcome": verdict.outcome,
+        "text": "; ".join([*figures, verdict.message[:400]] if verdict.outcome != "right" else figures),
+    }
+
+
 def main() -> None:
     """Draw, run, print, write."""
     parser = argparse.ArgumentParser(
@@ -239,7 +262,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int, nargs="+")
-    for name in ("features", "frames", "pairs"):
+    for name in ("features", "frames", "pairs", "limits"):
         parser.add_argument(f"--{name}", dest="kind", action="store_const", const=name, default="stacks")
     parser.add_argument("--no-variants", action="store_true", help="run every scene once")
     parser.add_argument("--keep", type=Path)

@@ -29,6 +29,7 @@ from mlsanm_cli.app.assessment.pressed_ends import end_warnings
 from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
+from mlsanm_cli.app.assessment.rolling import check_rolling
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
@@ -243,6 +244,7 @@ def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) ->
     yield from check_points(energies)
     yield from check_peaks(built.case, recorder.peaks)
     yield check_held(built)
+    yield check_rolling(built, last)
     yield check_open(built)
     yield from built.weak
     yield check_polish(recorder.polished)

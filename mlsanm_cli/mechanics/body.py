@@ -151,6 +151,13 @@ class BodyModel:
         along = np.repeat(directions, np.diff(stencils.indptr), axis=0)
         return pair_rows(stencils, stencils.weights * along)
 
+    def values(self, points: FloatArray, displacement: FloatArray) -> FloatArray:
+        """The ``displacement`` (N, 2) of the nodes at ``points`` (e, 2) of the body."""
+        stencils = build_stencils(
+            self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
+        )
+        return np.asarray(scalar_rows(stencils, stencils.weights[:, 0]) @ displacement)
+
     def forces_through(
         self, centers: FloatArray, points: FloatArray, normals: FloatArray
     ) -> sparse.csr_array:

@@ -92,9 +92,9 @@ def find_grids(
         if _same(wanted, grids):
             turned = None
             if every and turnings:
-                turned = _turned(condensed, states, grids, scene.held_motions, common)
+                turned = _turned(scene, condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
-                between = () if looked else search(condensed, (), "between", ())
+                between = () if looked or _whole(grids, ranges) else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
                     return condensed, search(condensed, starts, "ends", states)
                 looked = True
@@ -122,6 +122,7 @@ def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
 
 
 def _turned(
+    scene: Scene,
     condensed: Condensed,
     states: Sequence[ExactState],
     grids: Mapping[str, ContactGrid],
@@ -133,7 +134,7 @@ def _turned(
     are so already."""
     now: dict[str, float] = {}
     for state in states:
-        now.update(turns(condensed, state))
+        now.update(turns(scene, condensed, state))
     before = {name: grids[name].facing.turn for name in grids}
     after = {}
     for name, turn in before.items():
@@ -165,6 +166,13 @@ def _effort(contact: Contact, count: int) -> float:
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
+
+
+def _whole(grids: Mapping[str, ContactGrid], ranges: Mapping[str, ContactRange]) -> bool:
+    """Whether there is nothing beyond the grids."""
+    return all(
+        grids[name].first <= room.first and room.last <= grids[name].last for name, room in ranges.items()
+    )
 
 
 def _on_grids(

@@ -118,9 +118,9 @@ def test_a_rolling_disk_turns_with_the_plate(tmp_path: Path) -> None:
     [
         (SIDEWAYS, [], "load.press", "on the obstacle of contact top in ux"),
         (BLOCK, ["load.push.traction=[1e-4, -1e-3]"], "load.push", "on body block in ux"),
-        (BLOCK, ['mls.scheme="ghost"'], "mls.scheme", "held by contact alone"),
+        (BLOCK, ['mls.scheme="ghost"'], "mls.scheme", "held by contact only"),
         (BLOCK, [*MONOLITHIC, *LAW], "solver.formulation", "condensed formulation"),
-        (BLOCK, [*FIT, FLOOR.format(-0.1)], "contact.floor.interference", "drawn apart"),
+        (BLOCK, [*FIT, FLOOR.format(-0.1)], "contact.floor.interference", "press fit"),
         (BLOCK, [*FIT, FLOOR.format(0.1)], "contact.floor.interference", "more than the interference"),
         (BLOCK, [FLOOR.format(0.3)], "contact.floor", "declare it with interference"),
         (BLOCK, ["contact.floor.obstacle.normal=[0.0, -1.0]"], "contact.floor", "faces the obstacle"),

@@ -147,9 +147,9 @@ def _turned_over(built: CondensedScene) -> NumericalError | None:
         if motion.component == ROTATION and not isinstance(constraint, Obstacle) and angle > ASTRAY:
             names = " and ".join(f"body {name}" for name in constraint.bodies)
             return NumericalError(
-                f"{names} would turn by {np.degrees(angle):.3g} degrees until contacts as drawn balance the "
-                "loads: these tip it over",
-                f"move the loads to between the contacts, or hold {names} with a [[support]]",
+                f"{names} would tip over: rotation of {np.degrees(angle):.3g} degrees before the contacts "
+                "balance the loads",
+                f"apply the loads between the contacts, or fix {names} with a [[support]]",
             )
     return None
 
@@ -229,8 +229,8 @@ def check_points(verdict: EnergyVerdict) -> Iterator[str]:
             where = f"body.{name}.spacing"
             yield (
                 f"body {name} is held at single nodes: displacements next to a point force are unbounded, "
-                f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary, "
-                f"with from and to, or measure displacements relative to another point than the held one"
+                f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary "
+                f"(from, to), or measure displacements relative to another point than the fixed one"
             )
 
 
@@ -241,7 +241,7 @@ def check_held(built: CondensedScene) -> str:
     held = {body for motion in along for body in motion}
     if not held or not built.ends:
         return ""
-    turned = turns(built.condensed, built.ends[-1])
+    turned = turns(built.scene, built.condensed, built.ends[-1])
     worst, where = 0.0, ""
     for pairing in built.condensed.pairings:
         bodies = held & set(pairing.bodies)
@@ -295,8 +295,8 @@ def check_estimates(
     texts = []
     if displacement is not None and from_law > LAW_WARNING:
         texts.append(
-            f"the smooth contact law moves bodies by {100 * from_law:.2g} % of their displacements, as they "
-            f'float where little presses them: use contact.regularization.law = "exact", or a lower '
+            f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
+            f'lightly loaded bodies float on it: use contact.regularization.law = "exact", or a lower '
             f"contact.regularization.eta"
         )
     elif displacement is not None and displacement > LARGE_ERROR:
@@ -313,7 +313,7 @@ def check_estimates(
             if pairing.grid is not None and pairing.friction:
                 keys.append(f"contact.{pairing.name}.accuracy")
             texts.append(
-                f"contact {pairing.name}: its pressures are estimated to be off by {100 * error:.2g} %; "
+                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; "
                 f"make {', '.join(keys)} smaller"
             )
     return texts
