@@ -26,7 +26,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
-from mlsanm_cli.solve.grid_ranges import first_grid, passed_beyond, ranged
+from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged
 from mlsanm_cli.solve.grid_refinement import refined, sampled
 
 WIDE = 0.05
@@ -82,6 +82,13 @@ def find_grids(
         which: Wanted = "every" if every else "known" if starts else "ends"
         starts = starts or [_starting_status(condensed.pairings)]
         states = search(condensed, starts, which, ())
+        begun = begun_open(condensed, grids, ranges, states)
+        if begun:
+            ranges = {**ranges, **begun}
+            grids = grids | {name: first_grid(one) for name, one in begun.items()}
+            some = _on_grids(pairings, grids, some)
+            starts, responses, condensed = [], None, None
+            continue
         wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None

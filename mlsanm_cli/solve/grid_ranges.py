@@ -34,6 +34,8 @@ FLAT = 1e-9
 """Surfaces whose gap varies by less than this part of the range are parallel."""
 NOTHING = 1e-10
 """Pressures below this part of the largest of all contacts are round-off."""
+OPEN = 0.1
+"""Surfaces that stay open over a larger part of a range that goes all around do not touch all around."""
 UNSEEN = 1e-3
 """Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
 
@@ -161,6 +163,39 @@ def ranged(
             even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
             result[name] = replace(grid, first=first, last=last, count=SAMPLES, hats=even, provisional=False)
     return result
+
+
+def begun_open(
+    condensed: Condensed,
+    grids: Mapping[str, ContactGrid],
+    ranges: Mapping[str, ContactRange],
+    states: Sequence[ExactState],
+) -> dict[str, ContactRange]:
+    """The ranges that go all around and begin where something touches, begun in the middle of what stays open
+    in all states instead; none of those that touch all around.
+
+    Where a pin is drawn in the middle of its hole nothing tells where it will be pressed to. Pressures are
+    independent of each other on both sides of where a range begins.
+    """
+    found = {}
+    for name, grid in grids.items():
+        room = ranges[name]
+        if not room.around or (grid.first, grid.last) != (room.first, room.last):
+            continue
+        closed = np.any([_pressed(state, condensed.spans[name]) for state in states], axis=0)
+        places = np.flatnonzero(closed)
+        if not len(places) or (places[0] > 0 and places[-1] < len(closed) - 1):
+            continue
+        long, at = room.last - room.first, grid.hats.place[places]
+        after = np.roll(at, -1)
+        after[-1] += long
+        widest = int(np.argmax(after - at))
+        if after[widest] - at[widest] > OPEN * long:
+            middle = 0.5 * float(at[widest] + after[widest])
+            first = middle if widest < len(at) - 1 else middle - long
+            nearest = first + np.mod(room.nearest - first, long)
+            found[name] = replace(room, first=first, last=first + long, nearest=float(nearest))
+    return found
 
 
 def _pressed(state: ExactState, span: slice) -> BoolArray:

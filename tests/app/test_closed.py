@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import solve
 from tests.case.scenes import parse
-from tests.case_text import annulus, body, contact, head, item, load, material, polygon, support
+from tests.case_text import annulus, body, contact, disk, head, item, load, material, polygon, support
 
 STEEL = material("steel", E=210e3, nu=0.3)
 FIT = (
@@ -107,3 +107,21 @@ def test_bodies_with_nodal_contacts_have_degree_2() -> None:
     case = parse(FIT).case
     models = prepare(case, clouds(case)).models
     assert {model.settings.degree for model in models.values()} == {2}
+
+
+def test_a_pin_drawn_in_the_middle_of_its_hole_may_be_pressed_anywhere(tmp_path: Path) -> None:
+    """Nothing tells where a range all around should begin; where that was inside the patch it had a spike."""
+    peaks = []
+    for number, pull in enumerate(([10.0, 0.0], [0.0, 10.0])):
+        text = (
+            head("stress")
+            + material("steel", E=210e3, nu=0.3)
+            + body("eye", "steel", shape=annulus([0.0, 0.0], [8.0, 25.0]))
+            + body("pin", "steel", shape=disk([0.0, 0.0], 7.95))
+            + support("eye.outer", ux=0.0, uy=0.0)
+            + item("load", name="pull", kind="body-force", body="pin", body_force=pull)
+            + contact("fit", "pin.arc", "eye.inner")
+        )
+        summary = solve(text, tmp_path / f"run{number}")
+        peaks.append(summary["contacts"]["fit"]["peak_pressure"])
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.01)
