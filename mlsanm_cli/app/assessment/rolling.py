@@ -23,7 +23,7 @@ ROLLS = 0.8
 """Where moments that small displacements leave out are this part of those that turn a body, or more, nothing
 resists it."""
 UNSTEADY = 0.1
-"""From this part on angles are told to be wrong."""
+"""From this ratio on a run warns of wrong angles."""
 MOVED, TURNED = 0.1, 1e-3
 """Turning that moves contacts by less than this part of their width, or moments by less than this part of the
 forces' arms, need not be driven by loads."""
