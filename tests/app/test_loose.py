@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.spatial import Delaunay
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.solve.series import _afloat
 from tests.app.scenes import Quiet, solve
 from tests.case_text import EXACT, body, box, contact, disk, head, load, material, plane, pushed, support
 
@@ -343,18 +345,29 @@ def test_surfaces_that_overlap_as_drawn_are_told(tmp_path: Path) -> None:
     assert fitted["contacts"]["floor"]["force"] == pytest.approx(drawn["contacts"]["floor"]["force"])
 
 
-def test_a_body_that_may_slide_in_its_hollow_does_not_in_the_mean(tmp_path: Path) -> None:
-    # Its grain, aslant, lets fields in closed form slide by 1.5e-3; the smooth law starts with it afloat.
+def test_a_body_that_may_slide_does_not_in_the_mean(tmp_path: Path) -> None:
+    # Its grain, aslant, lets fields in closed form slide by 1.2e-3.
     grain = "E1 = 1221.0\nE2 = 120.0\nE3 = 120.0\nG12 = 150.0\nangle = 30.0\n"
     grain += "".join(f"nu{pair} = 0.3\n" for pair in (12, 13, 23))
-    text = HOLLOW.replace("E = 1221.0\nnu = 0.4\n", grain)
+    text = HOLLOW[: HOLLOW.index("obstacle")].replace("E = 1221.0\nnu = 0.4\n", grain)
+    text += 'obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }\n'
     assert solve(text, tmp_path / "run", "body.foot.spacing=0.15")["status"] == "done"
     run = read_run(tmp_path / "run")
     points, moved = run.bodies["foot"].points, run.states[-1].bodies["foot"]["displacement"]
     triangles = Delaunay(points).simplices
     (ax, ay), (bx, by) = (np.subtract(points[triangles[:, k]], points[triangles[:, 0]]).T for k in (1, 2))
     areas = np.bincount(triangles.ravel(), np.repeat(np.abs(ax * by - ay * bx), 3))
-    turning = np.column_stack([28.0 - points[:, 1], points[:, 0]]) / 28.0
-    slide = areas @ (turning * moved).sum(axis=1) / (areas @ (turning**2).sum(axis=1))
-    assert abs(slide) <= 1e-4
-    assert run.path.factorizations[0] <= 30
+    assert abs(areas @ moved[:, 0] / areas.sum()) <= 1e-4
+
+
+def test_a_rigid_body_floats_where_its_pressures_balance() -> None:
+    # A wide foot far below where the law lets it float: it rises, and tilts to its shorter law's side.
+    place = np.linspace(-1.0, 1.0, 5)
+    motion = np.stack([np.ones(5), place], axis=1)
+    weight, delta, gap = np.full(5, 0.5), 1e4 * (1.0 + 0.2 * place), np.full(5, 1e-3)
+    law: Any = SimpleNamespace(eta=np.ones(5), delta=delta, motion=np.array([2.0, 0.1]))
+    condensed: Any = SimpleNamespace(weight=weight, gap=SimpleNamespace(motion=motion))
+    lifted = gap + motion @ _afloat(condensed, law, gap)
+    assert (lifted > 0.0).all()
+    force = weight * (delta / lifted - 1.0)
+    assert np.abs(motion.T @ force).max() <= 1e-4 * weight.sum()
