@@ -35,7 +35,7 @@ from benchmarks.scenes.scene import body as make_body
 Rng = np.random.Generator
 SLIDES = ("slid", "slip")
 TIPS = ("tip", "tilt", "turn", "rotat")
-GUIDED = ("between", "brake")
+GUIDED = ("between", "spin", "brake")
 """Scenes whose supports leave one axis of the drawing free."""
 SPINS = (*SLIDES, "turn", "rotat", "spin")
 
@@ -280,7 +280,7 @@ def spin(d: Draft, name: str) -> Scene:
             d.plane("lid", "ring.outer", (0.0, 2.0 * radius), (0.0, -1.0), mu),
         ],
         load=[
-            pushed("press", "lid", force=d.frame.force(0.0, -force)),
+            pushed("press", "lid", **_guided(d, 0.0, -force)),
             d.twist("turn", "ring.inner", asked * limit, force=[0.0, 0.0]),
         ],
         stage=[{"press": 1.0}, {"turn": 1.0}],
@@ -308,8 +308,8 @@ def brake(d: Draft, name: str) -> Scene:
         ],
         load=[
             platen("axle", "drum.inner", displacement=[0.0, 0.0], rotation="free"),
-            platen("push-left", "left.left", **_guided(d, force)),
-            platen("push-right", "right.right", **_guided(d, -force)),
+            platen("push-left", "left.left", **_guided(d, force, 0.0)),
+            platen("push-right", "right.right", **_guided(d, -force, 0.0)),
             d.twist("turn", "drum.inner", asked * limit),
         ],
         stage=[{"push-left": 1.0, "push-right": 1.0, "axle": 1.0}, {"turn": 1.0}],
@@ -317,9 +317,9 @@ def brake(d: Draft, name: str) -> Scene:
     return Scene(name, "brake", given, refusal=Refusal(SPINS, 1.0 + 1.0 / asked))
 
 
-def _guided(d: Draft, force: float) -> Table:
-    """A force along the drawn x with the other direction held, in frames at right angles."""
-    x, y = d.frame.force(force, 0.0)
+def _guided(d: Draft, x: float, y: float) -> Table:
+    """A force along an axis with the other direction held, in frames at right angles."""
+    x, y = d.frame.force(x, y)
     return {"fx": x, "uy": 0.0} if abs(x) > abs(y) else {"fy": y, "ux": 0.0}
 
 

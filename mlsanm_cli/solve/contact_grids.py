@@ -92,7 +92,7 @@ def find_grids(
         if _same(wanted, grids):
             turned = None
             if every and turnings:
-                turned = _turned(condensed, states, grids, scene.held_motions, common)
+                turned = _turned(scene, condensed, states, grids, common)
             if turned is None and every:
                 between = () if looked else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
@@ -122,18 +122,19 @@ def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
 
 
 def _turned(
+    scene: Scene,
     condensed: Condensed,
     states: Sequence[ExactState],
     grids: Mapping[str, ContactGrid],
-    held: Sequence[Mapping[str, FloatArray]],
     common: dict[str, float],
 ) -> dict[str, ContactGrid] | None:
     """The grids with directions as the bodies have turned in the last states where they touch, but for the
-    angles ``common`` that would push along ``held`` motions, which are brought up to date; None where these
-    are so already."""
+    angles ``common`` that would push along motions that are held, which are brought up to date; None where
+    these are so already."""
     now: dict[str, float] = {}
+    held = scene.held_motions
     for state in states:
-        now.update(turns(condensed, state))
+        now.update(turns(scene, condensed, state))
     before = {name: grids[name].facing.turn for name in grids}
     after = {}
     for name, turn in before.items():

@@ -2,8 +2,9 @@
 
 Directions vary along a contact as the normals of the flatter surface do, which the other one is pressed to.
 As bodies turn and move along each other the patch moves on the more curved one to where its normal has the
-direction of the pressures: so it is for all small rigid motions of both, if the normals are those drawn. A
-straight side of a rigid obstacle has one normal, to which a body that rolls on it turns: nothing turns there.
+direction of the pressures: so it is for all small rigid motions of both, if the normals are those drawn, and
+turn with their body. A straight side of a rigid obstacle has one normal, to which a body that rolls on it
+turns: nothing turns there.
 
 A body that nothing resists in a direction, as a plate that may slide on two round posts, is held there. Where
 it bends, the posts press on it along normals that have turned, and at first order nothing but the hold could
@@ -21,6 +22,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
 CARRIED = 1e-8
 """What holds carry of all that presses is no more than this part of it."""
@@ -32,9 +35,9 @@ STRAIGHT = 1e-6
 """Sides that bend by no more than this part of the other one are straight, but for round-off."""
 
 
-def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
+def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, float]:
     """Angles in radian, counter-clockwise, by which directions turn of contacts that touch in one patch."""
-    found = {}
+    found, turned = {}, _rotations(scene, state)
     for pairing in condensed.pairings:
         span = condensed.spans[pairing.name]
         closed = np.flatnonzero(state.active[span])
@@ -42,13 +45,24 @@ def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
             continue
         share = pairing.grid.hats.weight * state.pressure[span]
         if share.sum() > 0.0:
-            found[pairing.name] = _turn(pairing.grid, float(share @ pairing.grid.hats.place / share.sum()))
+            middle = float(share @ pairing.grid.hats.place / share.sum())
+            base = pairing.slave_body if pairing.grid.facing.slave_first else pairing.master_body
+            found[pairing.name] = _turn(pairing.grid, middle, turned.get(base or "", 0.0))
     return found
 
 
-def _turn(grid: ContactGrid, middle: float) -> float:
-    """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved, zero
-    on a straight side of an obstacle."""
+def _rotations(scene: Scene, state: ExactState) -> dict[str, float]:
+    """Angles by which bodies turn that nothing else holds against it."""
+    found: dict[str, float] = {}
+    for number, (constraint, motion) in enumerate(scene.unknown_motions):
+        if motion.component == ROTATION and motion.alone and not isinstance(constraint, Obstacle):
+            found.update(dict.fromkeys(constraint.bodies, float(state.motion[number])))
+    return found
+
+
+def _turn(grid: ContactGrid, middle: float, rotation: float) -> float:
+    """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved, whose
+    body has turned by its ``rotation``; zero on a straight side of an obstacle."""
     offset = ASIDE * (grid.last - grid.first)
     base = grid.facing.slave_first
     s = np.array([middle, middle - offset, middle + offset])
@@ -61,7 +75,7 @@ def _turn(grid: ContactGrid, middle: float) -> float:
         grid.facing.obstacle is not None and bends[1] <= STRAIGHT * bends[0]
     ):
         return 0.0
-    return float(np.angle(inward[0] / -outward[0]))
+    return float(np.angle(inward[0] / -outward[0])) + rotation
 
 
 def unturned(
