@@ -157,7 +157,8 @@ def tip(d: Draft, name: str) -> Scene:
     """A tower that is pressed, then pushed at its side until it slides or tips."""
     mu, wide, high = d.friction(0.1), d.between(2.0, 5.0), d.between(3.0, 8.0)
     materials, soft = d.materials("one", "two")
-    load = 1e-3 * soft * wide
+    # A soft foot lets the load lean out before the edge is reached.
+    load = 1e-5 * soft * wide
     low, up = 0.6 * high, 0.8 * high
     tipping, sliding = load * wide / (low + up), mu * load
     if abs(tipping / sliding - 1.0) < 0.1:
@@ -528,15 +529,7 @@ def wedge(d: Draft, name: str) -> Scene:
     )
     if locks:
         # Nothing presses: what the flanks carry is along x.
-        figures = [
-            Figure(
-                "locked",
-                lambda r: float(d.along(r, "on-left")[1] / d.along(r, "on-left")[0]),
-                0.0,
-                1.0,
-                1.0,
-            )
-        ]
+        figures = [d.figure("on-left", 1, 0.0, 1.0, force)]
     else:
         figures = [d.figure("on-left", 0, 0.1 * force * (c + mu * s) / (s - mu * c))]
     return Scene(name, "wedge", given, figures)
@@ -569,8 +562,14 @@ def pad(d: Draft, name: str) -> Scene:
         factor = np.interp(place[later], [4.0, 5.0, 6.0], [1.0, -1.0, 1.0])
         force = np.array(d.frame.force(shear, 0.0))
         along = moved[later] @ force
-        loop = float((0.5 * (factor[1:] + factor[:-1]) * np.diff(along)).sum())
-        return float(work[later][-1] - work[later][0]) / loop
+        # Chords of two sizes tell what lies between a curve and its chords.
+        turn = int(np.argmin(factor))
+        every, other = np.arange(len(factor)), np.r_[0 : turn + 1 : 2, turn, turn : len(factor) : 2, -1]
+        fine, coarse = (
+            float((0.5 * (f[1:] + f[:-1]) * np.diff(u)).sum())
+            for f, u in ((factor[one], along[one]) for one in (every, other))
+        )
+        return float(work[later][-1] - work[later][0]) / (fine + (fine - coarse) / 3.0)
 
     return Scene(name, "pad", given, [Figure("dissipated over loop", ratio, 1.0, 0.1)])
 

@@ -201,6 +201,8 @@ def _follow(
         with context.phase("continuation"):
             try:
                 step = next(steps, None)
+                for state in (*step.saved, step.state) if step is not None else ():
+                    check_rolling(built, state)
             except NumericalError as error:
                 last = recorder.last.position if recorder.last is not None else 0.0
                 raise at_limit(built.scene, built.condensed, built.stages, last, error) from error
@@ -208,7 +210,6 @@ def _follow(
             break
         for state in (*step.saved, step.state):
             recorder.checked = state
-            check_rolling(built, state)
             check_state(built, state)
         recorder.step(built, step)
         first = first or step.state

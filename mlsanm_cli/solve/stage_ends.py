@@ -174,8 +174,8 @@ def exact_ends(scene: Scene, condensed: Condensed, stages: FloatArray) -> tuple[
 def _friction_ends(
     scene: Scene, condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
 ) -> tuple[ExactState, ...]:
-    """One increment per stage as far as the loads can be carried, and roll nothing away; of the first at
-    least a part."""
+    """One increment per stage as far as the loads can be carried; of the first at least a part that rolls
+    nothing away."""
     ends: list[ExactState] = []
     state = unloaded(condensed, stages[0])
     for number, factors in enumerate(stages[1:]):
@@ -183,7 +183,7 @@ def _friction_ends(
             found, solves = _incremented(condensed, state, factors, next(iter(starts[number:]), None))
         except NoStateError:
             break
-        if _rolling(scene, condensed, found):
+        if not ends and _rolling(scene, condensed, found):
             break
         state = found
         ends.append(_end(condensed, state, solves))
