@@ -569,7 +569,10 @@ def pad(d: Draft, name: str) -> Scene:
             float((0.5 * (f[1:] + f[:-1]) * np.diff(u)).sum())
             for f, u in ((factor[one], along[one]) for one in (every, other))
         )
-        return float(work[later][-1] - work[later][0]) / (fine + (fine - coarse) / 3.0)
+        loop = fine + (fine - coarse) / 3.0
+        # What settles to rest hardly has a loop: then it counts against the elastic work.
+        least = 0.01 * float(np.ptp(along))
+        return 1.0 + (float(work[later][-1] - work[later][0]) - loop) / max(loop, least)
 
     return Scene(name, "pad", given, [Figure("dissipated over loop", ratio, 1.0, 0.1)])
 
