@@ -1,4 +1,4 @@
-"""The Python interface: ``import mlsanm_cli as mlsanm``. What it does the commands do as well.
+"""The Python interface: ``import mlsanm_cli as mlsanm``, with the functions of the command line.
 
 >>> import mlsanm_cli as mlsanm
 >>> mlsanm.overrides({"solver.order": 15, "contact.*.regularization.law": "exact"})
@@ -52,7 +52,7 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 
 
 class MlsanmWarning(UserWarning):
-    """What a run or a check warns of."""
+    """A warning of a run or a check."""
 
 
 def run(
@@ -69,15 +69,15 @@ def run(
 ) -> Run:
     """Solve the case in a file, with ``changes`` of its keys, and write a run directory.
 
-    ``changes`` are as of ``--set``: ``{"solver.order": 15, "contact.*.friction": 0.2}``. ``out`` is the run
-    directory, ``results/<name of the case>`` by default; ``force`` replaces a run in it, ``skip_done`` opens
-    the run in it if it is done and of this very case. ``max_wall`` stops after so many seconds, ``progress``
-    prints on stderr what the command prints; ``cache`` has no effect any more. Warnings come as
+    ``changes`` are those of ``--set``: ``{"solver.order": 15, "contact.*.friction": 0.2}``. ``out`` is the
+    run directory, by default ``results/<name of the case>``; ``force`` overwrites a run in it, ``skip_done``
+    opens a completed run of the same case. ``max_wall`` stops after this number of seconds, ``progress``
+    prints the messages of the command on stderr; ``cache`` has no effect. Warnings are issued as
     `MlsanmWarning`.
 
-    Raises CaseError for a case with faults (``problems`` has all of them), RunError for bad usage,
-    NumericalError for a run that failed, and Interrupted for one that was stopped; what these two have done
-    is kept, and can be opened.
+    Raises CaseError for an invalid case (``problems`` lists all errors), RunError for invalid usage,
+    NumericalError if the run failed, and Interrupted if it was stopped; completed steps of these two are kept
+    and can be opened.
     """
     with _numerics(threads):
         from mlsanm_cli.app.run import run as run_case
@@ -104,7 +104,7 @@ def resume(
     cache: bool = True,
     progress: bool = False,
 ) -> Run:
-    """Continue a run that was stopped or killed, to the same result; see `run`."""
+    """Continue a stopped or killed run, to the same result within the solver's tolerance; see `run`."""
     with _numerics(threads):
         from mlsanm_cli.app.resume import resume as resume_run
     with _console(progress) as console:
@@ -119,10 +119,10 @@ def check(
     write: Place | None = None,
     picture: Place | None = None,
 ) -> dict[str, Any]:
-    """Everything short of solving: sizes, quality of clouds, pairs, cost, ``warnings`` and ``notes``.
+    """Check a case without solving it: sizes, cloud quality, pairs, cost, ``warnings`` and ``notes``.
 
-    ``write`` names a VTU file for a look at the model, ``picture`` a picture of it. Raises CaseError and
-    RunError as `run` does.
+    ``write`` is a VTU file for the model, ``picture`` a picture of it. Raises CaseError and RunError as `run`
+    does.
     """
     with _numerics(1):
         from mlsanm_cli.app.check import check as check_case
@@ -138,9 +138,9 @@ def check(
 
 
 def open_run(rundir: Place) -> Run:
-    """A run directory, of a run that is done, failed, stopped or still running. RunError if it is none.
+    """Open the directory of a run that is done, failed, stopped or still running. Raises RunError otherwise.
 
-    The package has it as ``open``.
+    Exported by the package as ``open``.
     """
     return Run(Path(rundir))
 
@@ -156,12 +156,12 @@ def sweep(
     cache: bool = True,
     progress: bool = False,
 ) -> list[Run]:
-    """Solve every combination of the values of ``varied`` keys that is not done yet; all runs, geometry by
-    geometry.
+    """Solve all combinations of values of the ``varied`` keys that are not done yet; returns all runs, sorted
+    by geometry.
 
-    ``jobs`` processes share the work; a script that asks for more than one begins with
-    ``if __name__ == "__main__":``. Runs that failed are among those returned, with their ``status``. Raises
-    CaseError or RunError, with nothing run, where a point cannot be run as written.
+    ``jobs`` is the number of processes; scripts with more than one need ``if __name__ == "__main__":``.
+    Failed runs are returned as well, with their ``status``. Raises CaseError or RunError before the first
+    run if any point is invalid.
     """
     with _numerics(1):
         from mlsanm_cli.app.sweep.run_sweep import SweepOptions
@@ -183,19 +183,19 @@ def sweep(
 
 
 def collect(runs: Sequence[Place | Run]) -> list[dict[str, Any]]:
-    """One row per run: directory, status, the keys in which the cases differ, and figures."""
+    """One row per run: directory, status, the keys that differ between the cases, and results."""
     with _numerics(1):
         from mlsanm_cli.app.results.collect import collect as collect_runs
     return collect_runs([one.directory if isinstance(one, Run) else Path(one) for one in runs])
 
 
 def overrides(changes: Changes | None) -> tuple[str, ...]:
-    """Changes of a case as ``--set`` takes them. TypeError for values that no case can hold."""
+    """Changes of a case as arguments of ``--set``. Raises TypeError for values that TOML cannot express."""
     return tuple(f"{key}={toml_value(value)}" for key, value in (changes or {}).items())
 
 
 def _opened(summary: Mapping[str, Any]) -> Run:
-    """The run that a summary is of; its error if it has ended early. What it warned of comes first."""
+    """The run of a summary, after issuing its warnings. Raises the error of a run that ended early."""
     for text in summary["warnings"]:
         # When all is written: a filter may make errors of them.
         warnings.warn(text, MlsanmWarning, stacklevel=3)
@@ -209,10 +209,9 @@ def _opened(summary: Mapping[str, Any]) -> Run:
 
 @contextmanager
 def _numerics(threads: int) -> Iterator[None]:
-    """A block that imports what works on so many threads: libraries read the number when they are imported.
+    """Imports within the block use this number of threads, which libraries read when they are imported.
 
-    One that the caller has imported before keeps its own; bit for bit the same results on any machine need
-    the variables set before Python starts.
+    A library imported earlier keeps its number.
     """
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, str(threads)))
@@ -228,7 +227,8 @@ def _numerics(threads: int) -> Iterator[None]:
 
 @contextmanager
 def _console(progress: bool) -> Iterator[Any]:
-    """What a run talks to, the terminal or nothing. A limit on the time that ends it is Interrupted."""
+    """The console of a run: the terminal, or none. The wall-time limit is raised as Interrupted."""
+
     from mlsanm_cli.app.sweep.point import Silent
 
     shown = None

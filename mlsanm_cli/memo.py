@@ -7,6 +7,7 @@ another key, and whatever does not, as a friction coefficient, finds what is the
 from __future__ import annotations
 
 import hashlib
+from array import array
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
@@ -52,6 +53,7 @@ class Memo:
 
 NO_CACHE = Memo()
 """Keeps nothing."""
+SCALARS = (str, bool, int, float, complex, np.generic)
 
 
 def digest(*parts: object) -> str:
@@ -67,9 +69,26 @@ def digest(*parts: object) -> str:
 
 
 def _add(found: hashlib.blake2b, part: object) -> None:
-    if isinstance(part, np.ndarray):
+    if part is None or isinstance(part, SCALARS):
+        text = repr(part)
+        found.update(f"{type(part).__name__} {len(text)} {text}".encode())
+    elif isinstance(part, list | tuple):
+        if set(map(type, part)) == {float}:
+            found.update(f"floats {len(part)}".encode())
+            found.update(array("d", part))
+            return
+        found.update(f"sequence {len(part)}".encode())
+        for inner in part:
+            _add(found, inner)
+    elif isinstance(part, np.ndarray):
         found.update(f"array {part.dtype.str} {part.shape}".encode())
         found.update(np.ascontiguousarray(part).data)
+    elif is_dataclass(part) and not isinstance(part, type):
+        found.update(f"dataclass {type(part).__qualname__} ".encode())
+        content = getattr(part, "content", None)
+        _add(
+            found, content if isinstance(content, str) else [getattr(part, one.name) for one in fields(part)]
+        )
     elif isinstance(part, sparse.csr_array | sparse.csc_array):
         found.update(f"{part.format} {part.shape}".encode())
         for inner in (part.indptr, part.indices, part.data):
@@ -79,18 +98,5 @@ def _add(found: hashlib.blake2b, part: object) -> None:
         for name, inner in part.items():
             _add(found, name)
             _add(found, inner)
-    elif isinstance(part, list | tuple):
-        found.update(f"sequence {len(part)}".encode())
-        for inner in part:
-            _add(found, inner)
-    elif part is None or isinstance(part, str | bool | int | float | complex | np.generic):
-        text = repr(part).encode()
-        found.update(f"{type(part).__name__} {len(text)} ".encode() + text)
-    elif is_dataclass(part) and not isinstance(part, type):
-        found.update(f"dataclass {type(part).__qualname__} ".encode())
-        content = getattr(part, "content", None)
-        _add(
-            found, content if isinstance(content, str) else [getattr(part, one.name) for one in fields(part)]
-        )
     else:
         raise TypeError(f"no digest of a {type(part).__name__}")

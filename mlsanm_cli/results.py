@@ -1,4 +1,4 @@
-"""Runs as Python sees them: read from their directories when something is asked for."""
+"""Runs in the Python interface, read from their directories on access."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ContactState:
-    """A contact at one position of the path; arrays (m,) over its places along the slave surface.
+    """A contact at one position of the path; arrays (m,) along the slave surface.
 
-    ``how`` is the state known: "stored", or between stored states from the "series" of the step.
-    ``arc_length``, ``x`` and ``y`` are before loading; ``pressure`` is positive in compression; ``traction``
-    and ``slip`` are None without friction. ``force`` (2,) acts on the slave.
+    ``how`` is the origin of the values: "stored", or the power "series" of a step. ``arc_length``, ``x`` and
+    ``y`` are those of the undeformed surface; ``pressure`` is positive in compression; ``traction`` and
+    ``slip`` are None without friction. ``force`` (2,) acts on the slave.
     """
 
     position: float
@@ -42,7 +42,7 @@ class ContactState:
 
     @property
     def peak_pressure(self) -> float:
-        """The largest pressure; 0 where nothing is pressed."""
+        """The largest pressure; 0 for an open contact."""
         return float(self.pressure.max(initial=0.0))
 
 
@@ -54,9 +54,9 @@ class Contact:
     name: str
 
     def at(self, position: float | None = None) -> ContactState:
-        """The contact at a position of the path, the end by default; any position where there are series.
+        """The contact at a position of the path, by default its end; power series give any position.
 
-        Raises RunError where the path does not reach, or where nothing is known of it.
+        Raises RunError beyond the path and where no values are available.
         """
         from mlsanm_cli.app.results.probe import probe_contact, probe_force
 
@@ -68,9 +68,9 @@ class Contact:
 
 
 class Run:
-    """A run directory, of a run that is done, failed, stopped or still running.
+    """The directory of a run that is done, failed, stopped or still running.
 
-    What is read is kept; `reload` reads a run that has continued.
+    Data are read once; `reload` reads a run that has continued.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -99,7 +99,7 @@ class Run:
 
     @cached_property
     def summary(self) -> Mapping[str, Any]:
-        """Figures, checks, times and provenance, as ``mlsanm info`` shows them."""
+        """Results, checks, times and provenance, as shown by ``mlsanm info``."""
         from mlsanm_cli.app.results.info import info
 
         return info(self.directory)
@@ -113,7 +113,7 @@ class Run:
 
     @cached_property
     def path(self) -> dict[str, NDArray[Any]]:
-        """The columns of ``path.csv`` by name, an array each: ``pandas.DataFrame(run.path)`` takes them."""
+        """The columns of ``path.csv`` as arrays by name, as for ``pandas.DataFrame(run.path)``."""
         from mlsanm_cli.io.run_reader import read_path
 
         return dict(read_path(self.directory))
@@ -129,7 +129,7 @@ class Run:
         return tuple(self.data.bodies)
 
     def contact(self, name: str | None = None) -> Contact:
-        """A contact by its name, or the only one. Raises RunError where there is none such."""
+        """A contact by name, or the only one. Raises RunError if there is none."""
         if name is None and len(self.contacts) == 1:
             name = self.contacts[0]
         if name is None or name not in self.contacts:
@@ -148,20 +148,20 @@ class Run:
         return _vector(row["fx"], row["fy"])
 
     def probe(self, name: str, at: float | None = None) -> dict[str, float]:
-        """What a ``[[probe]]`` of the case has seen: ux, uy, xx, yy, xy, von_mises. Raises RunError."""
+        """Values at a ``[[probe]]`` of the case: ux, uy, xx, yy, xy, von_mises. Raises RunError."""
         from mlsanm_cli.app.results.probe import probe_named
 
         return _values(probe_named(self.data, _levels(at), name))
 
     def point(self, body: str, x: float, y: float, at: float | None = None) -> dict[str, float]:
-        """Displacement and stress of a body at any place, at a position whose fields are saved: ux, uy, xx,
-        yy, xy, von_mises. Raises RunError for other places and positions."""
+        """Displacement and stress at any point of a body, at a position with saved fields: ux, uy, xx, yy,
+        xy, von_mises. Raises RunError for other points and positions."""
         from mlsanm_cli.app.results.probe import probe_point
 
         return _values(probe_point(self.data, _levels(at), body, (float(x), float(y))))
 
     def fields(self, body: str, at: float | None = None) -> dict[str, NDArray[Any]]:
-        """Saved fields of a body: ``points`` (n, 2) before loading, ``triangles`` (t, 3) that fill it, and by
+        """Saved fields of a body: undeformed ``points`` (n, 2), ``triangles`` (t, 3), and by
         the names of ``output.fields`` displacement (n, 2), stress (n, 3) as xx, yy, xy, von_mises (n,).
 
         Raises RunError where no fields are saved.
@@ -191,8 +191,7 @@ class Run:
         animate: bool = False,
         formats: Sequence[str] = ("png",),
     ) -> list[Path]:
-        """Draw what ``mlsanm plot`` with the same options draws, into the run directory or the file ``out``;
-        the files."""
+        """Draw the pictures of ``mlsanm plot`` into the run directory or ``out``; returns the files."""
         from mlsanm_cli.app.results.plot import plot
         from mlsanm_cli.app.results.plot_choice import Choice
 

@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs
+    from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import Delaunay, cKDTree
 
@@ -42,6 +42,7 @@ __all__ = [
     "dgeqp3",
     "dgetrf",
     "dgetrs",
+    "dgtsv",
     "dpotrf",
     "dpotrs",
     "lean_imports",
@@ -52,7 +53,7 @@ _PARTS = {
     "cKDTree": ("scipy.spatial._ckdtree", "scipy.spatial"),
     "Delaunay": ("scipy.spatial._qhull", "scipy.spatial"),
     "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),
-    **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dpotrf", "dpotrs"), _LAPACK),
+    **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dgtsv", "dpotrf", "dpotrs"), _LAPACK),
 }
 """Where each part is in the versions of scipy that we know, and where scipy says that it is."""
 
@@ -61,9 +62,6 @@ def __getattr__(name: str) -> Any:
     """A part, loaded when it is imported from here."""
     if name not in _PARTS:
         raise AttributeError(f"module {__name__} has no {name}")
-    if name == "Delaunay" and isinstance(masked := sys.modules.get("numpy.ma"), _Waiting):
-        # It asks whether points are masked arrays, of which there are none before their module has run.
-        vars(masked).setdefault("isMaskedArray", lambda array: False)
     known, public = _PARTS[name]
     try:
         found = getattr(importlib.import_module(known), name)
@@ -143,6 +141,9 @@ class _Patient(Loader):
         assert module.__spec__ is not None
         module.__spec__.loader = module.__loader__ = self.loader
         module.__class__ = _Waiting
+        if module.__name__ == "numpy.ma":
+            # numpy's sets and scipy's triangles ask; before their module has run there are no masked arrays.
+            vars(module).update(dict.fromkeys(("isMaskedArray", "is_masked"), lambda array: False))
 
 
 _loading: set[str] = set()

@@ -45,6 +45,8 @@ SOFT = 1e-6
 """Springs that hold loose bodies where they last were, relative to their modulus over their area."""
 SETTLED, ROUNDS = 1e-4, 60
 PASSES = 200
+TURNS, LEVEL = 6, 1e-5
+"""Directions of contacts turn until they change by less, in radian."""
 LEVELS = ((0.5, 0.1, 0.1), (0.4, 0.03, 0.06), (0.3, 0.02, 0.04), (0.12, 0.01, 0.026), (0.06, 0.006, 0.02))
 """Spacings of the meshes: over the thickness, at corners, and of patches over their width."""
 Zones = list[tuple[Array, float, float]]
@@ -61,7 +63,8 @@ class Motion:
 
 @dataclass
 class Patch:
-    """A contact's candidates: their places, arc lengths, tributary lengths and normals on the slave."""
+    """A contact's candidates: their places, arc lengths, tributary lengths and normals on the slave, and the
+    directions that the ``flat`` and the ``steep``, more curved surface would give."""
 
     name: str
     side: Side
@@ -70,6 +73,8 @@ class Patch:
     normals: Array
     weight: Array
     places: Array
+    flat: Array
+    steep: Array
 
 
 class Model:
@@ -81,10 +86,10 @@ class Model:
         outlines: dict[str, Outline],
         base: float,
         zones: dict[str, Zones],
-        straight_walls: bool,
+        turns: dict[str, float],
     ) -> None:
         self.given = given
-        self.straight_walls = straight_walls
+        self.turns = turns
         self.solids: dict[str, Solid] = {}
         first = 0
         for one in given["body"]:
@@ -200,11 +205,19 @@ class Model:
             to, outward = _obstacle(one["obstacle"], places)
             other_bend = 1.0 / one["obstacle"]["radius"] if one["obstacle"]["kind"] == "disk" else 0.0
             moves = self.moves.get("obstacle " + one["name"], moves)
-        # Of the surface that is more curved, which is where the other one touches it whatever way that turns.
+        # Of the flatter surface, which the more curved one touches where it faces it; it turns with its body.
         own_more = bend(side.curve.curvature(s)) > other_bend
-        normal = -own if own_more != self.straight_walls else outward
+        flat, steep = (outward, -own) if own_more else (-own, outward)
+        cos, sin = np.cos(self.turns.get(one["name"], 0.0)), np.sin(self.turns.get(one["name"], 0.0))
+        normal = flat @ np.array([[cos, sin], [-sin, cos]])
         facing = (outward * own).sum(axis=1) < -0.3
         gap = ((places - to) * outward).sum(axis=1) / np.maximum((normal * outward).sum(axis=1), 0.3)
+        if not own_more and one.get("obstacle", {}).get("kind") == "disk":
+            # Straight to the disk, however far off that is drawn.
+            radius, away = one["obstacle"]["radius"], places - one["obstacle"]["center"]
+            ahead = (away * normal).sum(axis=1)
+            aside = radius**2 - ((away**2).sum(axis=1) - ahead**2)
+            gap = np.where(aside > 0.0, ahead - np.sqrt(np.maximum(aside, 0.0)), gap)
         rows = side.rows(edge, t, normal, self.dofs)
         wide = sparse.csr_matrix((len(edge), len(self.extra)))
         if "master" in one:
@@ -243,6 +256,8 @@ class Model:
             test @ normal,
             total[keep],
             solid.mesh.p.T[vertices[keep]],
+            test @ flat / total[keep, None],
+            test @ steep / total[keep, None],
         )
 
     @staticmethod
@@ -316,6 +331,15 @@ def signorini(compliance: Array, gap: Array, closed: NDArray[np.bool_]) -> Array
     factor = np.linalg.cholesky(0.5 * (scaled + scaled.T) + 1e-13 * np.eye(len(gap)))
     found, _ = nnls(factor.T, -solve_triangular(factor, gap / size, lower=True), maxiter=40 * len(gap))
     return found / size
+
+
+def turned(patch: Patch, pressure: Array) -> float:
+    """The angle (radian) by which the directions of a contact have turned where a single patch touches."""
+    closed = np.flatnonzero(pressure > 0.0)
+    if not len(closed) or closed[-1] - closed[0] >= 2 * len(closed):
+        return 0.0
+    flat, steep = (complex(*(pressure @ normals)) for normals in (patch.flat, patch.steep))
+    return float(np.angle(steep / flat))
 
 
 def bend(curvature: Array) -> float:
@@ -490,11 +514,15 @@ def reference(scene: Scene) -> Table:
         outlines = {body.name: outline_of(case, body) for body in case.body}
     began = time.process_time()
     zones = joined(corners(scene.case, outlines, 0.1), first_touches(scene.case, outlines))
-    results = []
+    results, turns = [], dict[str, float]()
     for level, (base, edge, share) in enumerate(LEVELS):
-        model = Model(scene.case, outlines, base, zones, scene.straight_walls)
-        model.outlines = outlines  # type: ignore[attr-defined]
-        moved, pressures = model.solve()
+        for _ in range(TURNS):
+            model = Model(scene.case, outlines, base, zones, {} if scene.straight_walls else turns)
+            model.outlines = outlines  # type: ignore[attr-defined]
+            moved, pressures = model.solve()
+            before, turns = turns, {one.name: turned(one, pressures[one.name]) for one in model.patches}
+            if scene.straight_walls or all(abs(turns[k] - before.get(k, 0.0)) < LEVEL for k in turns):
+                break
         results.append(figures(model, moved, pressures))
         print(
             f"  {scene.name} {level}: {model.dofs} dofs, {time.process_time() - began:.0f} s",

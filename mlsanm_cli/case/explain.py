@@ -17,6 +17,9 @@ from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
 
+CLOSE = 0.8
+"""An item whose name is as similar as that to one of its keys is taken for the key, misspelt."""
+
 _BOUNDS = {
     "exclusiveMinimum": "above",
     "minimum": "at least",
@@ -56,8 +59,9 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     an unknown one.
     """
     schema = json_schema()
-    found, path = _find(schema, [part for part in key.split(".") if part])
-    if not found:
+    parts = [part for part in key.split(".") if part]
+    found, path = _find(schema, parts)
+    if not found or (path and parts[-1] != path[-1] and _is_key(schema, path, parts[-1])):
         raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":
         return (_kind(schema, path, found),)
@@ -101,6 +105,12 @@ def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
     if len(path) < 2:
         return [schema]
     return [table for _, node in _find(schema, list(path[:-1]))[0] for table in tables(schema, node)]
+
+
+def _is_key(schema: Node, path: tuple[str, ...], name: str) -> bool:
+    """Whether the name of an item is rather one of its keys, misspelt."""
+    keys = {key for table in _siblings(schema, (*path, "")) for key in table["properties"]}
+    return bool(difflib.get_close_matches(name, keys, n=1, cutoff=CLOSE))
 
 
 def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Explanation:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
-from mlsanm_cli.case.lines import KeyPath, line_of
+from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
 from mlsanm_cli.errors import CaseProblem
 
 LONGEST_SHOWN = 500
@@ -91,13 +92,19 @@ def _below(value: Any, step: str | int) -> Any:
 
 @dataclass
 class Report:
-    """Problems found so far. ``changed`` holds the paths set on the command line."""
+    """Problems found so far in a case's ``data``, from the TOML ``text`` of a ``source``. ``changed`` holds
+    the paths set on the command line."""
 
     data: Mapping[str, Any]
-    lines: Mapping[KeyPath, int]
+    text: str
     source: str
     changed: frozenset[KeyPath] = frozenset()
     _found: dict[tuple[KeyPath, str], CaseProblem] = field(default_factory=dict)
+
+    @cached_property
+    def lines(self) -> Mapping[KeyPath, int]:
+        """Lines of the keys, looked for where there is a problem."""
+        return key_lines(self.text)
 
     def add(self, path: KeyPath, message: str, hint: str = "") -> None:
         """Adds a problem of the key, once for the same key and message."""

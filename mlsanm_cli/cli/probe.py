@@ -26,7 +26,7 @@ _WAYS = {
 }
 
 
-class Point(click.ParamType[tuple[float, float]]):
+class PointType(click.ParamType[tuple[float, float]]):
     """Two numbers separated by a comma."""
 
     name = "X,Y"
@@ -70,7 +70,7 @@ class Point(click.ParamType[tuple[float, float]]):
     help="Results of a [[probe]] of the case.",
 )
 @click.option("--body", metavar="NAME", shell_complete=completion.names("body"), help="Body, with --point.")
-@click.option("--point", type=Point(), help="Coordinates in the undeformed body.")
+@click.option("--point", type=PointType(), help="Coordinates in the undeformed body.")
 @click.option(
     "--field",
     type=click.Choice(["displacement", "stress", "von_mises"]),

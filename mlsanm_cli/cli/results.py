@@ -28,7 +28,8 @@ def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
                 f"pressure {100 * polish['pressure']:.2g} %, traction "
                 f"{100 * polish['traction']:.2g} % of the peak pressure",
             ),
-            ("cost", f"{polish['levels']} levels, {polish['factorizations']} factorizations"),
+            ("saved levels", number(polish["levels"])),
+            ("factorizations", number(polish["factorizations"])),
         ]
         parts.append(table("polished with the exact laws", rows, color))
     for name, probe in summary.get("probes", {}).items():

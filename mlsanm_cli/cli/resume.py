@@ -43,7 +43,9 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
     """Prints the result of a run and returns its exit code."""
     width = shutil.get_terminal_size((100, 24)).columns
     print_result(settings, summary, run_text(summary, settings.paints(sys.stdout), width))
-    if not settings.quiet and not settings.json and "directory" in summary:
+    # Before its first state a run has nothing to draw.
+    drawable = summary.get("position") is not None and "directory" in summary
+    if drawable and not settings.quiet and not settings.json:
         say(settings, f"pictures: mlsanm plot {summary['directory']}")
     return _STATUS_CODES.get(str(summary.get("status")), 0)
 

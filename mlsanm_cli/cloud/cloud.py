@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.front import filled
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH
 from mlsanm_cli.cloud.membership import belongs
-from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.places import Places
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
@@ -144,7 +144,7 @@ def build_cloud(
     seed: int,
     limit: int = 50_000_000,
     memo: Memo = NO_CACHE,
-    line: Line | None = None,
+    line: SymmetryLine | None = None,
     wanted: Sequence[tuple[float, float]] = (),
 ) -> Cloud:
     """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
@@ -202,7 +202,7 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
 
 
 def _bounded(
-    outline: Outline, spacing: Spacing, places: Places, line: Line | None = None
+    outline: Outline, spacing: Spacing, places: Places, line: SymmetryLine | None = None
 ) -> tuple[FloatArray, dict[str, Surface], IntArray]:
     """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places``, and where curves cross a
     ``line`` halfway."""

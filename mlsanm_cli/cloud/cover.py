@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 LIMIT = 24
@@ -21,7 +21,7 @@ def cover(
     wanted: FloatArray,
     planned: Spacing,
     growth: float,
-    line: Line | None = None,
+    line: SymmetryLine | None = None,
 ) -> tuple[Zone, ...]:
     """Round zones, LIMIT at most or twice as many with a ``line`` of symmetry, for nodes ``points`` (n, 2) of
     ``spacing`` (n,) that want ``wanted`` (n,).

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
-from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
@@ -31,7 +31,7 @@ class Half:
     around it, the last ones the ``cuts`` (k, 2, 2) along the line. ``image`` (b,) and ``side`` (b,) are those
     of all ``boundary`` nodes (b, 2), ``surfaces`` their images."""
 
-    line: Line
+    line: SymmetryLine
     boundary: FloatArray
     start: FloatArray
     chords: FloatArray
@@ -64,7 +64,7 @@ class Half:
 
 
 def halved(
-    line: Line,
+    line: SymmetryLine,
     boundary: FloatArray,
     edges: IntArray,
     surfaces: Mapping[str, Surface],

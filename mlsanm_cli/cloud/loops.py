@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.halves import surface_images
-from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
@@ -91,7 +91,7 @@ def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | Non
     return Cloud(points, _neighbour_distance(points, triangles), surfaces)
 
 
-def mirrored(cloud: Cloud, line: Line) -> Cloud | None:
+def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
     """The same cloud as its own mirror image about a ``line``; None where its nodes or surfaces are none, or
     the line runs along its outline."""
     image = line.images(cloud.points, cloud.spacing)

@@ -17,7 +17,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Line:
+class SymmetryLine:
     """A line of symmetry: the coordinate ``axis``, 0 for x and 1 for y, is ``at`` there."""
 
     axis: int
@@ -53,7 +53,7 @@ class Mirror:
     """A cloud's symmetry about a ``line``: ``image`` (n,) of every node, itself on the line, and of every
     surface the name of its image and, node by node (b,), which one of that surface is the node's."""
 
-    line: Line
+    line: SymmetryLine
     image: IntArray
     side: IntArray
     surfaces: Mapping[str, tuple[str, IntArray]]

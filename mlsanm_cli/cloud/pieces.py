@@ -58,7 +58,7 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     touching[labels[pairs[mirror.side[pairs].prod(axis=1) < 0]]] = True
     beyond = (mirror.side < 0) & ~touching[labels]
     labels[beyond] += own.max() + 1
-    return np.unique(labels, return_inverse=True)[1].astype(np.int64)
+    return _counted(labels)
 
 
 def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> IntArray:
@@ -98,27 +98,32 @@ def _runs(index: IntArray, far: BoolArray) -> list[IntArray]:
 
 
 def _divided(points: FloatArray, pairs: IntArray, wanted: FloatArray) -> IntArray:
-    labels = _joined(_connected(_bisected(points, wanted), pairs), pairs, FEW * wanted)
-    return np.unique(labels, return_inverse=True)[1].astype(np.int64)
+    return _joined(_connected(_bisected(points, wanted), pairs), pairs, FEW * wanted)
 
 
 def _bisected(points: FloatArray, wanted: FloatArray) -> IntArray:
     """Numbers (n,) of parts of the ``points`` (n, 2), of about as many as is ``wanted`` (n,) by the one of
     its points that wants fewest."""
-    labels = np.zeros(len(points), dtype=np.int64)
+    labels, order = np.zeros(len(points), dtype=np.int64), np.arange(len(points))
     while True:
         count = np.bincount(labels)
-        parts = np.round(count / _least(wanted, labels, len(count)))
+        first = np.cumsum(count) - count
+        # The points are in the order of their parts, as these are what they were cut into.
+        parts = np.round(count / np.minimum.reduceat(wanted[order], first))
         chosen = parts[labels] >= 2.0
         if not chosen.any():
             return labels
-        along = _along(points, labels, count)
-        order = np.lexsort((along, labels))
+        order = np.lexsort((_along(points, labels, count), labels))
         rank = np.empty(len(points), dtype=np.int64)
-        rank[order] = np.arange(len(points)) - np.repeat(np.cumsum(count) - count, count)
+        rank[order] = np.arange(len(points)) - np.repeat(first, count)
         cut = np.round(count * (parts // 2) / np.maximum(parts, 1.0))
         late: BoolArray = chosen & (rank >= cut[labels])
-        labels = np.unique(2 * labels + late, return_inverse=True)[1].astype(np.int64)
+        labels = _counted(2 * labels + late)
+
+
+def _counted(labels: IntArray) -> IntArray:
+    """The same numbers (n,) without those that nothing has."""
+    return np.asarray((np.cumsum(np.bincount(labels) > 0) - 1)[labels], dtype=np.int64)
 
 
 def _least(values: FloatArray, labels: IntArray, count: int) -> FloatArray:
@@ -168,4 +173,4 @@ def _joined(labels: IntArray, pairs: IntArray, few: FloatArray) -> IntArray:
         for at in first:
             if to[neighbour[at]] == neighbour[at]:
                 to[part[at]] = neighbour[at]
-        labels = np.unique(to[labels], return_inverse=True)[1].astype(np.int64)
+        labels = _counted(to[labels])

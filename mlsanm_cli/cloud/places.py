@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.membership import belongs
-from mlsanm_cli.cloud.mirror import SAME, Line
+from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
 from mlsanm_cli.cloud.spacing import APART, Spacing
 from mlsanm_cli.cloud.surface import Surface
 
@@ -40,7 +40,7 @@ class Places:
         """The arc lengths of those on a curve."""
         return np.asarray(self.arc[self.curve == number])
 
-    def upon(self, line: Line) -> bool:
+    def upon(self, line: SymmetryLine) -> bool:
         """Whether all inside are on a ``line``."""
         points = self.points[self.curve < 0]
         size = np.abs(points).max(initial=0.0) + abs(line.at)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.startup import cKDTree
@@ -26,7 +26,7 @@ LONGEST = 0.2
 
 
 def relax(
-    points: FloatArray, fixed: int, spacing: Spacing, line: Line | None = None, upon: int = 0
+    points: FloatArray, fixed: int, spacing: Spacing, line: SymmetryLine | None = None, upon: int = 0
 ) -> FloatArray:
     """The nodes ``points`` (n, 2), all but the first ``fixed`` moved a little.
 

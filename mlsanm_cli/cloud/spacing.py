@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
-from mlsanm_cli.cloud.mirror import SAME, Line
+from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
 from mlsanm_cli.cloud.search import PIECE, in_pieces
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
@@ -63,7 +63,7 @@ class Spacing:
         """The same with further zones."""
         return replace(self, zones=(*self.zones, *zones))
 
-    def symmetric(self, line: Line) -> bool:
+    def symmetric(self, line: SymmetryLine) -> bool:
         """Whether it is its own mirror image: every zone has one among the zones."""
         marks, asked = _marks(self.table())
         images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
@@ -80,7 +80,9 @@ class Spacing:
         """Smallest spacing anywhere."""
         return min([self.far, *(zone.spacing for zone in self.zones)])
 
-    def steps_along(self, curve: Curve, line: Line | None = None, places: Sequence[float] = ()) -> FloatArray:
+    def steps_along(
+        self, curve: Curve, line: SymmetryLine | None = None, places: Sequence[float] = ()
+    ) -> FloatArray:
         """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h
         between them and the ``places`` that are to have a node; so is its middle if it is on the ``line``.
         Places closer than half a spacing to an end or to another place get none.
@@ -130,7 +132,7 @@ class Spacing:
         return steps
 
 
-def _halved(curve: Curve, line: Line) -> bool:
+def _halved(curve: Curve, line: SymmetryLine) -> bool:
     """Whether the middle of a curve is on the ``line``."""
     middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
     return bool(abs(middle - line.at) <= SAME * curve.length)

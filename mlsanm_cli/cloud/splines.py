@@ -12,11 +12,10 @@ from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.sparse.linalg import splu
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
-from mlsanm_cli.startup import cKDTree
+from mlsanm_cli.startup import cKDTree, dgtsv
 
 GAUSS = 6
 """Points of Gauss' rule for the length of an interval."""
@@ -71,7 +70,7 @@ class NodeSpline:
             rhs[end] = ((near + 2.0 * both) * far * rise[one] + near**2 * rise[other]) / both
         rows, columns, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
         matrix = sparse.csc_array((values, (rows, columns)), shape=(last + 1, last + 1))
-        found = np.asarray(splu(matrix).solve(rhs))
+        found = _in_a_ring(matrix, rhs) if self.closed else _in_a_row(matrix, rhs)
         return np.concatenate([found, found[:1]]) if self.closed else found
 
     @cached_property
@@ -104,6 +103,14 @@ class NodeSpline:
             total *= u
             total += math.perm(power, order) * self._powers[power].take(k, axis=0)
         return total
+
+    def up_to_second(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What :meth:`derivative` says of orders 0, 1 and 2 at parameters ``t`` (n,)."""
+        t = np.mod(t, self.knots[-1]) if self.closed else t
+        k = self._interval(t, self.knots)
+        u, (a, b, c, d) = (t - self.knots[k])[:, None], self._powers.take(k, axis=1)
+        twice = 2.0 * c + 6.0 * u * d
+        return ((d * u + c) * u + b) * u + a, (3.0 * d * u + 2.0 * c) * u + b, twice
 
     def _interval(self, values: FloatArray, ends: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(ends, values, side="right") - 1, 0, len(ends) - 2)
@@ -169,9 +176,7 @@ class SplinePart:
         return self.spline.derivative(self._parameter(s), 0)
 
     def normals(self, s: FloatArray) -> FloatArray:
-        along = self.spline.derivative(self._parameter(s), 1)
-        normal: FloatArray = np.stack([along[:, 1], -along[:, 0]], axis=1)
-        return np.asarray(normal / np.hypot(*along.T)[:, None])
+        return _across(self.spline.derivative(self._parameter(s), 1))
 
     def curvature(self, s: FloatArray) -> FloatArray:
         t = self._parameter(s)
@@ -187,7 +192,20 @@ class SplinePart:
         return t, cKDTree(self.spline.derivative(t[:-1] if self.closed else t, 0))
 
     def closest(self, points: FloatArray) -> FloatArray:
-        """The nearest of some samples, then Newton's method, halving where it would leave its interval."""
+        t = self._closest(points)
+        arc = np.asarray(self.spline.arc_of(t) - self._start)
+        # What is there is asked for next.
+        self._asked[:] = [(arc.copy(), t)]
+        return arc
+
+    def closest_points(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (n, 2) of the curve closest to ``points`` (n, 2), and the normals (n, 2) there."""
+        place, along, _ = self.spline.up_to_second(self._closest(points))
+        return place, _across(along)
+
+    def _closest(self, points: FloatArray) -> FloatArray:
+        """Parameters (n,) of the closest points: the nearest of some samples, then Newton's method, halving
+        where it would leave its interval."""
         samples, tree = self._samples
         near = np.asarray(tree.query(points)[1])
         steps = np.diff(samples)
@@ -197,8 +215,8 @@ class SplinePart:
             low, high = samples[np.maximum(near - 1, 0)], samples[np.minimum(near + 1, len(samples) - 1)]
         t = samples[near]
         for _ in range(ITERATIONS):
-            away = self.spline.derivative(t, 0) - points
-            along, bend = (self.spline.derivative(t, order) for order in (1, 2))
+            place, along, bend = self.spline.up_to_second(t)
+            away = place - points
             slope = (away * along).sum(axis=1)
             growth = (along**2).sum(axis=1) + (away * bend).sum(axis=1)
             low, high = np.where(slope < 0.0, t, low), np.where(slope < 0.0, high, t)
@@ -209,11 +227,7 @@ class SplinePart:
             t = following
             if done.all():
                 break
-        t = np.mod(t, self.spline.knots[-1]) if self.closed else t
-        arc = np.asarray(self.spline.arc_of(t) - self._start)
-        # What is there is asked for next.
-        self._asked[:] = [(arc.copy(), t)]
-        return arc
+        return np.mod(t, self.spline.knots[-1]) if self.closed else t
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """The chords between nodes: near enough for a node spacing."""
@@ -226,3 +240,28 @@ class SplinePart:
             )
             for row in Segment((float(a[0]), float(a[1])), (float(b[0]), float(b[1]))).zones()
         )
+
+
+def _across(along: FloatArray) -> FloatArray:
+    """Unit normals (n, 2) on the right of ways ``along`` (n, 2)."""
+    normal: FloatArray = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return np.asarray(normal / np.hypot(*along.T)[:, None])
+
+
+def _in_a_row(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
+    """Solution (n, c) of a tridiagonal system."""
+    if len(rhs) == 1:
+        return np.asarray(rhs / matrix.diagonal())
+    *_, found, info = dgtsv(*(matrix.diagonal(k) for k in (-1, 0, 1)), rhs)
+    assert info == 0
+    return np.asarray(found)
+
+
+def _in_a_ring(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
+    """Solution (n, c) of a system that is tridiagonal but for its first and last unknowns, which are
+    neighbours too: what is without the last one is."""
+    row, column, last = matrix[[-1], :-1].toarray(), matrix[:-1, [-1]].toarray(), matrix[-1, -1]
+    both = _in_a_row(matrix[:-1, :-1], np.hstack([rhs[:-1], column]))
+    free, by_last = both[:, :-1], both[:, -1:]
+    end = (rhs[-1:] - row @ free) / (last - row @ by_last)
+    return np.concatenate([free - by_last * end, end])

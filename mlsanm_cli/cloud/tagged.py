@@ -107,7 +107,7 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
             raise GeometryError(
                 f'the nodes of "{name}" form no curve: it {"leaps" if leap[place] else "turns back"} '
                 f"from {one} to {other}",
-                "list the nodes of a boundary in order along it, and give separate stretches separate tags",
+                "list the nodes of a boundary in order along it, and give separate parts separate tags",
             )
     return chains
 

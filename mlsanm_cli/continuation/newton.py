@@ -182,7 +182,7 @@ class NewtonFollower(Follower):
         except SingularTangentError:
             raise _Failed(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}") from None
         if not self._loaded and self._metric.norm(point.x - x, point.lam - lam) > _ASTRAY * a:
-            raise _Failed(StopReason.CORRECTION_FAILED, f"iterations lead to another place {place}")
+            raise _Failed(StopReason.CORRECTION_FAILED, f"iterations lead to another branch {place}")
         end = Correction(point.x, point.lam, point.residual, 0, 0, 0)
         return _Leg(self._cubic(here, along, ahead), end, ahead)
 

@@ -63,11 +63,6 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def write_toml(path: Path, mapping: Mapping[str, Any]) -> None:
-    """Write ``mapping`` as TOML; floats keep every digit. RunError if the file cannot be written."""
-    write_text(path, toml_text(mapping))
-
-
 def toml_text(mapping: Mapping[str, Any]) -> str:
     """``mapping`` as TOML text; reading it back gives equal values, bit for bit."""
     return tomli_w.dumps(mapping)

@@ -204,7 +204,7 @@ def _freed(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
     balance = np.stack([body.force_source(one[: 2 * count].reshape(-1, 2)) for one in patterns.T], axis=1)
     balance = -balance @ np.linalg.inv(work @ balance)
     places = np.array([2 * node + component for node, component in pinned])
-    return FreeSystem(body.system, patterns, mean, places, work, balance)
+    return FreeSystem(body.system, patterns, mean, places, body.first_pin, work, balance)
 
 
 def row_weights(

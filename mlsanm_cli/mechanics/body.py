@@ -151,6 +151,13 @@ class BodyModel:
         along = np.repeat(directions, np.diff(stencils.indptr), axis=0)
         return pair_rows(stencils, stencils.weights * along)
 
+    def values(self, points: FloatArray, displacement: FloatArray) -> FloatArray:
+        """The ``displacement`` (N, 2) of the nodes at ``points`` (e, 2) of the body."""
+        stencils = build_stencils(
+            self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
+        )
+        return np.asarray(scalar_rows(stencils, stencils.weights[:, 0]) @ displacement)
+
     def forces_through(
         self, centers: FloatArray, points: FloatArray, normals: FloatArray
     ) -> sparse.csr_array:
@@ -284,9 +291,10 @@ class ElasticBody:
     ``first_row[surface]`` is where the surface's rows begin: x for its b nodes, then y for its b nodes.
     ``held[surface]`` says for x and y whether these rows hold a displacement, ``springs[surface]`` what
     traction per displacement springs there pull back with, ``free`` which rigid motions nothing holds:
-    ``system`` then answers to balanced loads, by displacements without mean motion. ``rows`` counts all rows:
-    behind those of the nodes are three for each of the k ``pieces``, whose right-hand sides are what the
-    loads on it are beyond those that the nodes' right-hand sides stand for.
+    ``system`` then answers to balanced loads, by displacements with the mean motions that the right-hand
+    sides of as many rows from ``first_pin`` on say. ``rows`` counts all rows: behind those of the nodes are
+    three for each of the k ``pieces``, whose right-hand sides are what the loads on it are beyond those that
+    the nodes' right-hand sides stand for.
     ``equations`` are factorised within ``timed()``.
     ``held_nodes`` are the (node, component) pairs that supports hold one by one, whose rows follow those of
     the surfaces.
@@ -314,6 +322,11 @@ class ElasticBody:
         """A digest of the body with its conditions."""
         chosen = [self.held, self.springs, self.free, self.first_row, self.rows]
         return digest(self.model.content, self.equations.content, chosen)
+
+    @property
+    def first_pin(self) -> int:
+        """The row of the first free motion, behind those of the nodes that supports hold one by one."""
+        return self.rows - 3 * self.pieces.count - len(self.free.components)
 
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""

@@ -2,7 +2,7 @@
 
 The remainder is smooth up to the forces: least squares find it on a cloud that knows nothing of them. Its
 data are the opposite of the fields' tractions on the outline, of their displacements where the body is held,
-and of both where springs pull.
+of both where springs pull, and of their mean motion where nothing holds it.
 
 Equation (5) of docs/method.md.
 """
@@ -16,6 +16,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.quadrature import graded_quadrature
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import CorneredForces, Forces
@@ -55,10 +56,25 @@ def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
     for number, (node, component) in enumerate(body.held_nodes):
         moved = forces.displacement(as_complex(cloud.points[node : node + 1]))
         source[first + number] = -moved[0, :, component]
+    source[body.first_pin : body.first_pin + len(body.free.components)] = -_mean_motion(body, forces)
     flat = source.reshape(body.rows, -1)
     missing = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(missing) :] = missing
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
+
+
+def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:
+    """How much (d, k, 2) of the body's free motions the fields have in their mean over the body."""
+    count = len(body.free.components)
+    if not count:
+        return np.zeros((0, len(forces.place), 2))
+    points, areas = graded_quadrature(body.model.cloud, as_real(forces.place))
+    patterns = body.free.patterns(points).reshape(len(points), 2, count)
+    moved = forces.displacement(as_complex(points))
+    weighted = areas[:, None, None] * patterns
+    gram = np.einsum("ecd,ecf->df", weighted, patterns)
+    means = np.einsum("ecd,ekcf->dkf", weighted, moved, optimize=True)
+    return np.linalg.solve(gram, means.reshape(count, -1)).reshape(means.shape)
 
 
 def _on_pieces(

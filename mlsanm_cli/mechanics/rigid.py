@@ -4,8 +4,9 @@ A body that only contact holds has no unique displacement, and no single unit lo
 mended without touching the answer. Every load is balanced by body forces that vary linearly over the body,
 as inertia would balance it (D'Alembert); since the rigid motions are unknowns of the contact problem with the
 body's equilibrium for equations, these body forces vanish in every state. And of all displacements that
-differ by a free rigid motion the one without any mean motion is taken, whatever nodes the factorised system
-was pinned at.
+differ by a free rigid motion the one with the mean motion asked for is taken, whatever nodes the factorised
+system was pinned at: that of a remainder is the opposite of its fields' in closed form, so that the body has
+none.
 """
 
 from __future__ import annotations
@@ -129,46 +130,59 @@ class FreeSystem:
     """The ``system`` of a pinned body, freed from its pins.
 
     ``patterns`` (n, d) are the free motions of the unknowns, ``mean`` (d, n) what says how much of them a
-    displacement has, ``pinned`` (d,) the numbers of the pinned unknowns. ``work`` (d, r) is what right-hand
-    sides do along the free motions, ``balance`` (r, d) the body forces that do the opposite of a unit of it.
+    displacement has, ``pinned`` (d,) the numbers of the pinned unknowns. Right-hand sides at the rows of
+    the pins, the d from ``first_pin`` on, are the mean motions that solutions are to have. ``work`` (d, r) is
+    what right-hand sides do along the free motions, ``balance`` (r, d) the body forces that do the opposite
+    of a unit of it.
     """
 
     system: LinearSystem
     patterns: FloatArray
     mean: FloatArray
     pinned: IntArray
+    first_pin: int
     work: FloatArray
     balance: FloatArray
 
+    @property
+    def _pins(self) -> slice:
+        return slice(self.first_pin, self.first_pin + len(self.pinned))
+
+    def _wanted(self, sources: sparse.csc_array) -> FloatArray:
+        """Mean motions (d, c) that solutions for ``sources`` (r, c) are to have."""
+        return np.asarray(sparse.csr_array(sources)[self._pins].toarray())
+
     def _balanced(self, sources: sparse.csc_array) -> sparse.csc_array:
         dense = sources.toarray()
+        dense[self._pins] = 0.0
         return sparse.csc_array(dense + self.balance @ (self.work @ dense))
 
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
-        """Solutions (n, c) without mean motion for right-hand sides ``sources`` (r, c), balanced first."""
-        return self._centred(self.system.solve(self._balanced(sources), tolerance))
+        """Solutions (n, c) for right-hand sides ``sources`` (r, c), balanced first."""
+        return self._centred(self.system.solve(self._balanced(sources), tolerance), self._wanted(sources))
 
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) without mean motion, and what the last update changed of each (c,), relatively."""
+        """Solutions (n, c), and what the last update changed of each (c,), relatively."""
         pinned = None if start is None else self._pinned(start)
         solution, change = self.system.solve_with_error(self._balanced(sources), pinned)
-        return self._centred(solution), change
+        return self._centred(solution, self._wanted(sources)), change
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone."""
-        return self._centred(self.system.solve_unrefined(self._balanced(sources)))
+        return self._centred(self.system.solve_unrefined(self._balanced(sources)), self._wanted(sources))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
         (r, 1) by the factor alone, (n, 2)."""
-        sources = (self._balanced(source), self._pinned(solution), self._balanced(more))
-        return self._centred(self.system.step(*sources))
+        found = self.system.step(self._balanced(source), self._pinned(solution), self._balanced(more))
+        wanted = self._wanted(more)
+        return self._centred(found, np.hstack([np.zeros_like(wanted), wanted]))
 
-    def _centred(self, solution: FloatArray) -> FloatArray:
-        """``solution`` (n, c) without mean motion."""
-        return np.asarray(solution - self.patterns @ (self.mean @ solution))
+    def _centred(self, solution: FloatArray, wanted: FloatArray) -> FloatArray:
+        """``solution`` (n, c) with the mean motions ``wanted`` (d, c)."""
+        return np.asarray(solution + self.patterns @ (wanted - self.mean @ solution))
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -176,13 +190,16 @@ class FreeSystem:
         """What the rows ``observed`` (g, n) make of these solutions, as a matrix (g, s), or of those for the
         ``sources`` (r, s) times the ``mixture`` (s, c): (g, c)."""
         rows = sparse.csr_array(sparse.vstack([observed, sparse.csr_array(self.mean)], format="csr"))
+        wanted, acting = self._wanted(sources), np.ones(sources.shape[0])
+        acting[self._pins] = 0.0
+        sources = sparse.csc_array(sparse.diags_array(acting) @ sources)
         # Every source balanced by itself would have an entry in every row.
         apart = sparse.csc_array(sparse.hstack([sources, sparse.csc_array(self.balance)], format="csc"))
         mixed = np.eye(sources.shape[1]) if mixture is None else mixture
         balanced = np.concatenate([mixed, (self.work @ sources) @ mixed])
         found = self.system.functionals(rows, apart, balanced)
         pinned, mean = np.split(found, [observed.shape[0]])
-        return np.asarray(pinned - (observed @ self.patterns) @ mean)
+        return np.asarray(pinned + (observed @ self.patterns) @ (wanted @ mixed - mean))
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
         """What one more refinement would change of each of the ``solutions`` (n, c), relatively: (c,)."""
@@ -212,4 +229,5 @@ class FreeSystem:
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """What ``solution`` (n,) has too much in each equation of the pinned body."""
-        return self.system.residual_vector(source + self.balance @ (self.work @ source), solution)
+        balanced = self._balanced(sparse.csc_array(source[:, None])).toarray()[:, 0]
+        return self.system.residual_vector(balanced, solution)

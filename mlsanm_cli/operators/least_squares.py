@@ -215,8 +215,13 @@ class LeastSquares:
         return np.asarray((weighted if strong else weighted[: len(self.weight)]).toarray())
 
     def _weighted(self, sources: sparse.csc_array) -> sparse.csc_array:
-        own = _scaled_rows(sparse.csc_array(sources[: len(self.weight)]), self.weight)
-        return sparse.csc_array(sparse.vstack([own, self.strong.loads @ sources], format="csc"))
+        return sparse.csc_array(self._scaling @ sources)
+
+    @cached_property
+    def _scaling(self) -> sparse.csc_array:
+        """What scales right-hand sides as the rows are, and makes the strong ones' of them (e + g, r)."""
+        own = sparse.diags_array(self.weight, shape=(len(self.weight), self.strong.loads.shape[1]))
+        return sparse.csc_array(sparse.vstack([own, self.strong.loads], format="csc"))
 
     def equations(self, sources: sparse.csc_array) -> Equations:
         """The normal equations of all rows, strong ones too, which fill the matrix, with what holds the
@@ -277,12 +282,6 @@ class Eliminated:
         wide = sparse.csr_array((left.data, left.indices, left.indptr), shape=(left.shape[0], size))
         tall = sparse.csc_array((right.data, right.indices, right.indptr), shape=(size, right.shape[1]))
         return self.factor.products(wide, tall)
-
-
-def _scaled_rows(columns: sparse.csc_array, weight: FloatArray) -> sparse.csc_array:
-    """``columns`` (e, c), every row multiplied by its ``weight`` (e,)."""
-    data = columns.data * weight[columns.indices]
-    return sparse.csc_array((data, columns.indices, columns.indptr), shape=columns.shape)
 
 
 def factorise(

@@ -188,8 +188,8 @@ def sound_fits(
     """
     if nodes < settings.coefficients:
         raise NumericalError(
-            f"a body of {nodes} nodes cannot carry polynomials of degree {settings.degree}",
-            "make its spacing smaller or mls.degree lower",
+            f"a body of {nodes} nodes has too few of them for polynomials of degree {settings.degree}",
+            "use a smaller spacing or a lower mls.degree",
         )
     size, pending = settings.stencil_size, which
     while len(pending):
@@ -207,9 +207,9 @@ def sound_fits(
         if size == nodes or size >= LARGEST * settings.stencil_size:
             x, y = targets[pending[0]]
             raise NumericalError(
-                f"the nodes around ({x:.6g}, {y:.6g}) cannot carry polynomials of degree {settings.degree}, "
-                f"even {size} of them",
-                "make the spacing smaller there, or mls.degree lower",
+                f"the nodes around ({x:.6g}, {y:.6g}) do not determine polynomials of degree "
+                f"{settings.degree}, not even {size} of them",
+                "use a smaller spacing there, or a lower mls.degree",
             )
         size = int(np.ceil(GROWTH * size))
 

@@ -28,7 +28,7 @@ usual error had -0.003 to 0.14, good ones 0.15 to 1.6 but for six below the limi
 
 ALIKE = 1.5
 """Facing spacings whose ratio is below this are not what makes a contact unstable."""
-COARSER = "larger spacings where it touches, as bodies that bend easily do not bear fine ones"
+COARSER = "larger spacings along the contact, which flexible bodies need"
 """A fine surface resists short waves little, and what of them the cloud takes for bending grows past that."""
 
 
@@ -85,7 +85,7 @@ def _estimates(
     for name, value in estimates.items():
         if not value >= CONTACT_LIMIT:
             raise UnstableError(
-                f"contact {name} does not resist pressures that change from node to node "
+                f"contact {name} has almost no stiffness against pressures that alternate from node to node "
                 f"(stability {value:.2g}, below {CONTACT_LIMIT:g})",
                 _contact_hint(case, scene, condensed, name),
                 value,
@@ -132,7 +132,7 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
     if any(model.settings.degree != 2 for model in models.values()):
         return "use mls.degree = 2, or more even clouds (lower growth, or another seed)"
     if pairing.master is None:
-        return f"use another body.{pairing.slave_body}.seed, an even cloud (lower growth), or {COARSER}"
+        return f"use another body.{pairing.slave_body}.seed, a more even cloud (lower growth), or {COARSER}"
     unlike = spacing_ratio(pairing, {body: model.cloud for body, model in models.items()})
     if unlike < ALIKE:
         return f"use another body.{pairing.slave_body}.seed, or {COARSER}"
@@ -143,7 +143,7 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
 
 
 def _bulk_hint(case: Case, name: str) -> str:
-    another = f"another body.{name}.seed, or an even cloud (lower growth)"
+    another = f"another body.{name}.seed, or a more even cloud (lower growth)"
     return (
         f"use {another}"
         if case.mls.scheme == "least-squares"

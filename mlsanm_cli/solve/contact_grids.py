@@ -28,6 +28,7 @@ from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
 from mlsanm_cli.solve.grid_ranges import first_grid, passed_beyond, ranged
 from mlsanm_cli.solve.grid_refinement import refined, sampled
+from mlsanm_cli.solve.rolling import rolls_away
 
 WIDE = 0.05
 """Half the width of the patches that a search begins with, as a part of the range."""
@@ -92,9 +93,9 @@ def find_grids(
         if _same(wanted, grids):
             turned = None
             if every and turnings:
-                turned = _turned(scene, condensed, states, grids, common)
+                turned = _turned(scene, condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
-                between = () if looked else search(condensed, (), "between", ())
+                between = () if looked or _whole(grids, ranges) else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
                     return condensed, search(condensed, starts, "ends", states)
                 looked = True
@@ -126,15 +127,16 @@ def _turned(
     condensed: Condensed,
     states: Sequence[ExactState],
     grids: Mapping[str, ContactGrid],
+    held: Sequence[Mapping[str, FloatArray]],
     common: dict[str, float],
 ) -> dict[str, ContactGrid] | None:
     """The grids with directions as the bodies have turned in the last states where they touch, but for the
-    angles ``common`` that would push along motions that are held, which are brought up to date; None where
-    these are so already."""
+    angles ``common`` that would push along ``held`` motions, which are brought up to date; None where these
+    are so already."""
     now: dict[str, float] = {}
-    held = scene.held_motions
     for state in states:
-        now.update(turns(scene, condensed, state))
+        if not rolls_away(scene, condensed, state):
+            now.update(turns(scene, condensed, state))
     before = {name: grids[name].facing.turn for name in grids}
     after = {}
     for name, turn in before.items():
@@ -166,6 +168,13 @@ def _effort(contact: Contact, count: int) -> float:
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
+
+
+def _whole(grids: Mapping[str, ContactGrid], ranges: Mapping[str, ContactRange]) -> bool:
+    """Whether there is nothing beyond the grids."""
+    return all(
+        grids[name].first <= room.first and room.last <= grids[name].last for name, room in ranges.items()
+    )
 
 
 def _on_grids(

@@ -1,10 +1,11 @@
 """By how much bodies that move turn the directions in which contacts press, to first order.
 
 Directions vary along a contact as the normals of the flatter surface do, which the other one is pressed to.
-As bodies turn and move along each other the patch moves on the more curved one to where its normal has the
-direction of the pressures: so it is for all small rigid motions of both, if the normals are those drawn, and
-turn with their body. A straight side of a rigid obstacle has one normal, to which a body that rolls on it
-turns: nothing turns there.
+As bodies turn and move along each other the patch moves to where both normals are alike: its direction is the
+base's normal, as drawn, turned by as much as the base is there. Where a round base is free to roll, it is as
+drawn but for what bends it: the moment about its middle decides how far it rolls, and is right in a frame
+that rolls with it. A straight side of a rigid obstacle has one normal, to which a body turns that rolls on
+it: nothing turns there.
 
 A body that nothing resists in a direction, as a plate that may slide on two round posts, is held there. Where
 it bends, the posts press on it along normals that have turned, and at first order nothing but the hold could
@@ -22,6 +23,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
@@ -29,53 +32,79 @@ CARRIED = 1e-8
 """What holds carry of all that presses is no more than this part of it."""
 ASIDE = 0.01
 """Curvatures are looked at over this part of the range on both sides."""
-ALIKE = 1e-3
-"""Curvatures that differ by less than this part are alike: patches move on both surfaces."""
 STRAIGHT = 1e-6
 """Sides that bend by no more than this part of the other one are straight, but for round-off."""
+BESIDE = 1.0
+"""How a surface turns is seen from places so many widths of the patch beside its middle."""
 
 
 def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, float]:
     """Angles in radian, counter-clockwise, by which directions turn of contacts that touch in one patch."""
-    found, turned = {}, _rotations(scene, state)
-    for pairing in condensed.pairings:
-        span = condensed.spans[pairing.name]
-        closed = np.flatnonzero(state.active[span])
-        if pairing.grid is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
-            continue
-        share = pairing.grid.hats.weight * state.pressure[span]
-        if share.sum() > 0.0:
-            middle = float(share @ pairing.grid.hats.place / share.sum())
-            base = pairing.slave_body if pairing.grid.facing.slave_first else pairing.master_body
-            found[pairing.name] = _turn(pairing.grid, middle, turned.get(base or "", 0.0))
-    return found
-
-
-def _rotations(scene: Scene, state: ExactState) -> dict[str, float]:
-    """Angles by which bodies turn that nothing else holds against it."""
     found: dict[str, float] = {}
-    for number, (constraint, motion) in enumerate(scene.unknown_motions):
-        if motion.component == ROTATION and motion.alone and not isinstance(constraint, Obstacle):
-            found.update(dict.fromkeys(constraint.bodies, float(state.motion[number])))
+    solved: dict[str, FloatArray] = {}
+    unknowns = state.factors, state.motion, state.pressure, state.traction
+    for pairing in condensed.pairings:
+        span, grid = condensed.spans[pairing.name], pairing.grid
+        closed = np.flatnonzero(state.active[span])
+        if grid is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
+            continue
+        place, share = grid.hats.place, grid.hats.weight * state.pressure[span]
+        if not share.sum() > 0.0:
+            continue
+        middle = float(share @ place / share.sum())
+        drawn, bends = _seen(grid, middle)
+        straight = bends[1] <= STRAIGHT * bends[0]
+        if straight and (grid.facing.other is None or not bends[0]):
+            found[pairing.name] = 0.0
+            continue
+        base = grid.facing.slave_first
+        body = pairing.slave_body if base else pairing.master_body
+        if body is None:
+            found[pairing.name] = drawn  # obstacles do not turn
+            continue
+        if body not in solved:
+            rest = condensed.solution(scene, body, unknowns)[0][:, 0]
+            solved[body] = rest + scene.floating_patterns(body) @ state.motion
+        aside = BESIDE * float(place[closed[-1]] - place[closed[0]] + grid.hats.weight[closed].max())
+        ends = np.clip([middle - aside, middle + aside], grid.first, grid.last)
+        points = as_real(grid.facing.side(ends, base)[0])
+        moved = condensed.contact_fields(scene, body, unknowns, points)[0]
+        angle = _rotation(scene.bodies[body].model, points, solved[body], moved)
+        rolled = _rolled(scene, body, state.motion) if bends[0] > bends[1] else 0.0
+        found[pairing.name] = drawn + angle - rolled
     return found
 
 
-def _turn(grid: ContactGrid, middle: float, rotation: float) -> float:
-    """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved, whose
-    body has turned by its ``rotation``; zero on a straight side of an obstacle."""
+def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
+    """The angle by which a body that may turn, or its plate, does so in a state with the unknown motions
+    ``motion`` (k,)."""
+    return sum(
+        float(value)
+        for (constraint, one), value in zip(scene.unknown_motions, motion, strict=True)
+        if one.component == ROTATION and not isinstance(constraint, Obstacle) and body in constraint.bodies
+    )
+
+
+def _seen(grid: ContactGrid, middle: float) -> tuple[float, list[float]]:
+    """The angle at the ``middle`` of a patch from the other surface's normal to the base's, both as drawn,
+    and the curvatures of the base and of the other one."""
     offset = ASIDE * (grid.last - grid.first)
     base = grid.facing.slave_first
     s = np.array([middle, middle - offset, middle + offset])
     place, inward = grid.facing.side(s, base)
     there, outward = grid.facing.side(s, not base)
-    bends = [
-        abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
-    ]
-    if bends[0] <= (1.0 - ALIKE) * bends[1] or (
-        grid.facing.obstacle is not None and bends[1] <= STRAIGHT * bends[0]
-    ):
-        return 0.0
-    return float(np.angle(inward[0] / -outward[0])) + rotation
+    sides = (place, inward), (there, outward)
+    bends = [float(abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1])) for at, one in sides]
+    return float(np.angle(inward[0] / -outward[0])), bends
+
+
+def _rotation(model: BodyModel, points: FloatArray, rest: FloatArray, moved: FloatArray) -> float:
+    """The angle by which the chord between two ``points`` (2, 2) of a body turns, which have ``moved`` (2, 2)
+    beyond what its nodes' displacements ``rest`` (2N,) say: what presses in its middle does not turn it."""
+    chord = points[1] - points[0]
+    across = np.array([-chord[1], chord[0]])
+    along = model.values_along(points, np.tile(across, (2, 1))) @ rest + moved @ across
+    return float((along[1] - along[0]) / (chord @ chord))
 
 
 def unturned(

@@ -67,7 +67,7 @@ class _Rows:
         self._pending = event
         if event.jumped:
             self._jump = (
-                f"the contact jumps to another state before position {self._stage + event.fraction:.6g}: "
+                f"the contact snaps to another state before position {self._stage + event.fraction:.6g}: "
                 f"there is no continuous path"
             )
         if event.fraction in self._halts or event.fraction >= self._before + 1.0 / ROWS or event.jumped:

@@ -25,8 +25,8 @@ NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 @dataclass(frozen=True)
 class Fields:
     """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,),
-    strain (n, 3) as xx, yy, xy, heat included, and what its elastic system gives of the displacement,
-    ``rest`` (N, 2), ghosts last."""
+    strain (n, 3) as xx, yy, xy, heat included; what its elastic system gives of the displacement, ``rest``
+    (N, 2), ghosts last, and what contacts add in closed form to the stress, ``near`` (n, 3)."""
 
     displacement: FloatArray
     stress: FloatArray
@@ -34,6 +34,7 @@ class Fields:
     von_mises: FloatArray
     strain: FloatArray
     rest: FloatArray
+    near: FloatArray
 
 
 def fields_of(
@@ -63,16 +64,17 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
     """Fields of one body by the ``displacement`` (N, 2) of its elastic system, ghosts last."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
-    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    sigma, degrees, near = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
     if stress:
         degrees = built.scene.degrees(name, state.factors)
         # Ghosts move, but stresses are reported at the points of the cloud only.
-        sigma = model.stress(displacement) + stressed[: len(model.cloud.points)]
+        near = stressed[: len(model.cloud.points)]
+        sigma = model.stress(displacement) + near
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
     across = model.material.out_of_plane_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
     strain = model.material.strain(sigma, degrees)
-    return Fields(whole, sigma, across, von_mises(sigma, across), strain, displacement)
+    return Fields(whole, sigma, across, von_mises(sigma, across), strain, displacement, near)
 
 
 def _displacements(

@@ -41,7 +41,7 @@ def at_limit(
     text, hint = named
     if isinstance(error, SlidingError) and f" {SLIDES}" in text:
         return error
-    return NumericalError(f"{text} (the path came to {last:.6g}: {error.message})", hint)
+    return NumericalError(f"{text} (the path ended at {last:.6g}: {error.message})", hint)
 
 
 def beyond_limit(
@@ -78,16 +78,16 @@ def _limit(
         return None
     names, how = _mechanism(scene, condensed, limit)
     if limit.part <= NOTHING:
-        hint = f"hold {names} with a [[support]]"
+        hint = f"fix {names} with a [[support]]"
         if limit.rubbed > RUBBED:
             hint += ", or raise friction"
-        return f"{names} {how}: contacts carry no part of what stage {stage + 1} adds to the loads", hint
+        return f"{names} {how}: the contacts cannot carry any load added in stage {stage + 1}", hint
     moved = [name for name, a, b in zip(scene.loads, begin, end, strict=True) if a != b]
     return (
-        f"{names} {how} at position {stage + limit.part:.6g}: beyond it no pressures and tractions balance "
-        f"the loads",
-        f"apply {100.0 * limit.part:.3g} % of what stage {stage + 1} adds to {', '.join(moved)} at most, or "
-        f"hold {names} with a [[support]]",
+        f"{names} {how} at position {stage + limit.part:.6g}: beyond this limit load no pressures and "
+        f"tractions balance the loads",
+        f"apply at most {100.0 * limit.part:.3g} % of the change of {', '.join(moved)} in stage {stage + 1}, "
+        f"or fix {names} with a [[support]]",
     )
 
 

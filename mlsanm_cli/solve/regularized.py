@@ -69,7 +69,7 @@ LITTLE, SOME = 0.01, 0.3
 second if that does not take a half of it away."""
 FREE = 1e-3
 """Before the first load nodes stick whose tension is below this part of the law's."""
-APART = "before the first load friction does not hold what contacts alone hold: the surfaces are drawn apart"
+APART = "friction cannot hold a body held by contact only before the first load: the surfaces are drawn apart"
 APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
 
@@ -136,7 +136,9 @@ def _started(
         law = replace(coupling.law, delta=wider * coupling.law.delta)
         problem = problem_of(built, replace(coupling, law=law), 0)
         try:
-            found = correct(problem, start_point(built, problem) if x is None else x, 0.0, options)
+            found = correct(
+                problem, start_point(built, problem, afloat=True) if x is None else x, 0.0, options
+            )
         except NumericalError:
             raise failure from None
         x = found.x

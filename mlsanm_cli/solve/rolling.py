@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -64,6 +65,15 @@ class Turned:
     def error(self) -> RollingError | None:
         """None where something resists it."""
         return RollingError(self) if self.share >= ROLLS else None
+
+
+def rolls_away(scene: Scene, condensed: Condensed, state: ExactState) -> bool:
+    """Whether loads turn a body in a state that nothing holds: it is on no path."""
+    nodes = condensed.friction_nodes
+    stuck, closed = state.stuck[nodes], state.active[nodes]
+    sets = ContactStatus(state.active, stuck, np.where(closed & ~stuck, np.sign(state.traction), 0.0))
+    turned = turned_by_loads(scene, condensed, (state.motion, state.pressure, state.traction), sets)
+    return turned is not None and turned.error is not None
 
 
 def turned_by_loads(

@@ -138,10 +138,10 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
             turn = largest / sum(1.0 / one for one in curvature)
             if turn > ASTRAY:
                 raise UnbalancedError(
-                    f"contact {name}: friction does not hold the bodies where they are drawn: they slide by "
-                    f"{largest:.3g} before the loads are balanced, and normals turn by "
-                    f"{np.degrees(turn):.3g} degrees on that way",
-                    "raise friction, reduce the loads along the surfaces, or hold the bodies by supports",
+                    f"contact {name}: friction does not hold the bodies in their drawn position: they slide "
+                    f"by {largest:.3g} before the loads are balanced, and normals rotate by "
+                    f"{np.degrees(turn):.3g} degrees meanwhile",
+                    "raise friction, reduce tangential loads, or fix the bodies by supports",
                 )
 
 

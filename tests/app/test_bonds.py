@@ -143,6 +143,26 @@ def test_a_layer_of_the_same_material_is_not_seen(tmp_path: Path) -> None:
         np.testing.assert_array_equal(seen["gap"], 0.0)
 
 
+def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
+    # Uniform inside, see Eshelby 1957; Muskhelishvili, Some Basic Problems, section 59: p (k + 1) / 2 and
+    # s (k + 1) / k of the mean stress p and of half the difference s, with k = 3 - 4 nu of the matrix.
+    text = HEAD.format("strain") + material("glass", 3e4) + material("resin", 1.0)
+    text += '[[body]]\nname = "fibre"\nmaterial = "glass"\n'
+    text += '[body.shape]\nkind = "disk"\ncenter = [0.0, 0.0]\nradius = 1.0\n'
+    text += '[[body]]\nname = "matrix"\nmaterial = "resin"\n[body.shape]\nkind = "polygon"\n'
+    text += "points = [[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]]\n"
+    text += 'names = ["b", "r", "t", "l"]\nholes = [{ center = [0.0, 0.0], radius = 1.0, name = "hole" }]\n'
+    text += PINNED.format("matrix", -20.0, 0.0, "uy = 0.0") + PINNED.format("matrix", 20.0, 0.0, "uy = 0.0")
+    text += PINNED.format("matrix", 0.0, 20.0, "ux = 0.0") + bond("grip", "fibre.arc", "matrix.hole")
+    text += load("right", "matrix.r", "traction", "traction = [1.0, 0.0]")
+    text += load("left", "matrix.l", "traction", "traction = [-1.0, 0.0]")
+    text += '[[probe]]\nname = "middle"\nbody = "fibre"\npoint = [0.0, 0.0]\n'
+    across, along, _ = solve(text, tmp_path / "run")["probes"]["middle"]["stress"]
+    k = 3.0 - 4.0 * 0.3
+    assert across + along == pytest.approx(0.5 * (k + 1.0), rel=3e-3)
+    assert across - along == pytest.approx((k + 1.0) / k, rel=1e-2)
+
+
 def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
     # Two posts, one above the other, each held by nothing but its bond, pulled aside: a cantilever.
     def post(split: bool) -> str:

@@ -34,7 +34,7 @@ SCENES = {
         (INSIDE, FAST, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
     ),
     "newton": (hertz(), (INSIDE, NEWTON, FAST)),
-    "monolithic": (hertz(), (INSIDE, MONOLITHIC, *COARSE)),
+    "monolithic": (hertz(), (INSIDE, MONOLITHIC, FAST, *COARSE)),
     "polished": (hertz(), (INSIDE, FAST, "solver.polish=true")),
     "holonomic": (SHEARED, (HOLONOMIC, "stage=[{press=1.0, shear=1.0}]", "output.at=[0.7, 1.0]")),
     "friction": (SHEARED, (SMOOTH, *SHORT)),

@@ -276,7 +276,7 @@ def test_large_estimates_are_warned_of() -> None:
     texts = check_estimates(built, {"pin": 0.12, "bolt": 0.01}, 0.37)
     assert [text.partition(";")[0] for text in texts] == [
         "displacements are estimated to be off by 37 %",
-        "contact pin: its pressures are estimated to be off by 12 %",
+        "contact pin: pressures are estimated to be off by 12 %",
     ]
     assert all("body.arm.spacing" in text for text in texts)
 

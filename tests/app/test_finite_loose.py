@@ -46,11 +46,11 @@ def test_a_wheel_rolls_by_more_than_a_right_angle(tmp_path: Path) -> None:
     text = (
         head("strain", strain="finite")
         + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
-        + body("wheel", "rubber", 0.15, disk([0.0, 1.0], 1.0))
+        + body("wheel", "rubber", 0.2, disk([0.0, 1.0], 1.0))
         + pin("wheel", [0.0, 1.0], ux=0.0, uy=0.0)
         + contact("road", "wheel.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.6)
         + pushed("lift", "road", uy=0.1)
-        + pushed("drive", "road", ux=2.0)
+        + pushed("drive", "road", ux=1.7)
         + item("stage", lift=1.0)
         + item("stage", drive=1.0)
         + item("probe", name="rim", body="wheel", point=[0.0, 2.0])
@@ -58,7 +58,7 @@ def test_a_wheel_rolls_by_more_than_a_right_angle(tmp_path: Path) -> None:
     summary = solve(text, tmp_path / "run")
     x, y = summary["probes"]["rim"]["displacement"]
     angle = np.arctan2(-x, 1.0 + y) % (2.0 * np.pi)
-    np.testing.assert_allclose(angle, 2.0, rtol=0.04)
+    np.testing.assert_allclose(angle, 1.7, rtol=0.04)
     assert abs(summary["contacts"]["road"]["force"][0]) < 0.05 * summary["contacts"]["road"]["force"][1]
 
 

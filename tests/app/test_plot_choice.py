@@ -20,7 +20,7 @@ from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plots.overlay import Curve, plot_curves
+from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 from tests.app.test_paraview import CYLINDER
@@ -63,10 +63,10 @@ def test_kinds_contacts_and_files_are_chosen(punches_run: Path, tmp_path: Path) 
         (Choice(what=("line",)), "a line is missing"),
         (Choice(along="block.tp"), "no boundary"),
         (Choice(along="0,0:0"), "neither a boundary nor a line"),
-        (Choice(along="9,9:8,8"), "meets no body"),
+        (Choice(along="9,9:8,8"), "no body"),
         (Choice(what=("bodies",), at=(0.123,)), "saved at position"),
         (Choice(what=("force",), contact="under-left"), "not apply to force"),
-        (Choice(animate=True, what=("bodies",)), "does not move"),
+        (Choice(animate=True, what=("bodies",)), "animation"),
     ],
 )
 def test_choices_of_what_there_is_not_are_told(punches_run: Path, choice: Choice, message: str) -> None:
@@ -250,7 +250,7 @@ def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest
 
 
 def test_curves_of_other_lengths_are_refused(tmp_path: Path) -> None:
-    bad = Curve(np.zeros(2), np.zeros(3), "bad")
+    bad = PlotCurve(np.zeros(2), np.zeros(3), "bad")
     with pytest.raises(ValueError, match="bad: x has shape"):
         plot_curves(tmp_path / "a.png", [bad], "x", "y", "title")
     with pytest.raises(ValueError, match="no curve"):

@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray
-from mlsanm_cli.solve.direction_updates import _turn
+from mlsanm_cli.solve.direction_updates import STRAIGHT, _seen
 from tests.app.scenes import solve
 from tests.case_text import body, contact, disk, half_disk, head, item, material, plane
 
@@ -50,30 +50,19 @@ def test_how_far_a_rocker_turns_is_told(tmp_path: Path) -> None:
     assert float(told[1]) == pytest.approx(3.0 * np.pi / 4.0, rel=0.05)
 
 
-def straight_below_round(noise: float, obstacle: object | None) -> Any:
-    """A round slave on a straight master whose normals have some noise."""
-
-    def side(s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
-        if slave:
-            outward: ComplexArray = np.exp(1j * (s / 4.0 - 0.3))
-            return np.asarray(4.0 * outward), np.asarray(-outward)
-        there: ComplexArray = np.array([1.0, 1.0 - 1j * noise, 1.0 + 1j * noise])
-        place: ComplexArray = np.asarray(s, dtype=np.complex128)
-        return place, there
-
-    facing = SimpleNamespace(slave_first=True, obstacle=obstacle, side=side)
-    return SimpleNamespace(first=-0.5, last=0.5, facing=facing)
-
-
 @pytest.mark.parametrize("noise", [0.0, 1e-16])
 def test_a_straight_side_has_one_normal_in_any_frame(noise: float) -> None:
     """Turned by some angle its computed normals differ by round-off: that counted as a curve."""
-    assert _turn(straight_below_round(noise, object()), 0.2, 0.3) == 0.0
 
+    def side(s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
+        if slave:
+            inward: ComplexArray = np.exp(1j * (s / 4.0 - 0.3))
+            return np.asarray(-4.0 * inward), inward
+        outward: ComplexArray = np.array([1.0, 1.0 - 1j * noise, 1.0 + 1j * noise])
+        place: ComplexArray = np.asarray(s, dtype=np.complex128)
+        return place, outward
 
-def test_normals_turn_with_their_body() -> None:
-    """A drum that turned between two blocks was pressed along the normals as drawn of where they touched it:
-    its friction seemed to be exhausted at once."""
-    drum = straight_below_round(0.0, None)
-    assert _turn(drum, 0.2, 0.0) == pytest.approx(-0.25)
-    assert _turn(drum, 0.2, 0.25) == pytest.approx(0.0)
+    facing: Any = SimpleNamespace(slave_first=True, obstacle=object(), side=side)
+    grid: Any = SimpleNamespace(first=-0.5, last=0.5, facing=facing)
+    _, (round_, flat) = _seen(grid, 0.2)
+    assert flat <= STRAIGHT * round_

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mlsanm_cli.app.signals import Stopper
-from mlsanm_cli.app.sweep.point import Point, solve_point
+from mlsanm_cli.app.sweep.point import SweepPoint, solve_point
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.system import STOPPING
 from tests.app.scenes import hertz
@@ -82,7 +82,7 @@ def test_a_process_of_a_pool_ends_at_once(tmp_path: Path) -> None:
         hertz().replace("accuracy = 0.01", "accuracy = 0.1")
         + f"\n[output]\nvtu = false\nat = [{positions}]\n"
     )
-    point = Point(case, (), run, "run", threads=1, memory=1, argv=(), done=False)
+    point = SweepPoint(case, (), run, "run", threads=1, memory=1, argv=(), done=False)
     process = multiprocessing.get_context("spawn").Process(target=solve_point, args=(point,))
     process.start()
     deadline = time.monotonic() + PATIENCE

@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.case import parse_case
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import NODAL, solve
 from tests.app.test_loose import DISK, SMOOTH
@@ -92,19 +92,19 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
         (),
     ),
 }
-LINES = {"level": Line(1, -0.5)}
+LINES = {"level": SymmetryLine(1, -0.5)}
 CLOSE = 1e-3
 """Triangles, and faces of cells with them, may differ on the two sides of coarse clouds."""
 
 
-def line_found(text: str, overrides: tuple[str, ...]) -> Line | None:
+def line_found(text: str, overrides: tuple[str, ...]) -> SymmetryLine | None:
     return line_of(parse_case(text, Path("case.toml"), overrides).case)
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_results_of_symmetric_scenes_are_symmetric(name: str, tmp_path: Path) -> None:
     text, overrides = SCENES[name]
-    line = LINES.get(name, Line(0, 0.0))
+    line = LINES.get(name, SymmetryLine(0, 0.0))
     summary = solve(text, tmp_path, *overrides)
     assert (summary["status"], summary["symmetry"]) == ("done", str(line)), summary
     data = read_run(tmp_path)

@@ -81,6 +81,7 @@ def test_tables_list_their_keys() -> None:
         ("xyzzy", "lists the tables"),
         ("solver.fast.order", "solver.order"),
         ("contact.one.two.friction", "contact.friction"),
+        ("contact.frictoin", "contact.friction"),
     ],
 )
 def test_unknown_keys_get_the_nearest(key: str, words: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.cloud.cover import LIMIT, TOLERANCE, cover
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 X = np.linspace(-1.0, 1.0, 41)
@@ -48,7 +48,7 @@ def test_what_is_wanted_symmetrically_is_given_symmetrically() -> None:
     adjacent, upon = np.hypot(x - 0.5, y - 0.1) < 0.25, np.hypot(x - 0.01, y + 0.6) < 0.2
     wanted = np.where(adjacent, 0.02, np.where(upon, 0.025, np.inf))
     spacing = Spacing(0.05)
-    for line in (Line(0, 0.0), Line(1, 0.3)):
+    for line in (SymmetryLine(0, 0.0), SymmetryLine(1, 0.3)):
         points = POINTS if line.axis == 0 else POINTS[:, ::-1] + [0.0, 0.3]
         assert not spacing.with_zones(cover(points, HAS, wanted, spacing, 0.2)).symmetric(line)
         zones = cover(points, HAS, wanted, spacing, 0.2, line)

@@ -13,11 +13,11 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import Memo
 
-UPRIGHT, LEVEL = Line(0, 0.3), Line(1, -0.2)
+UPRIGHT, LEVEL = SymmetryLine(0, 0.3), SymmetryLine(1, -0.2)
 
 
 def polygon(*corners: tuple[float, float]) -> Outline:
@@ -28,7 +28,7 @@ def polygon(*corners: tuple[float, float]) -> Outline:
 BLOCK = rectangle((-0.7, 1.3), (-0.7, 0.3))
 FINE = Spacing(0.1, (Zone.around((0.3, 0.3), 0.01, 0.05, 0.12),))
 BESIDE = Spacing(0.1, tuple(Zone.around((0.3 + x, 0.3), 0.01, 0.05, 0.2) for x in (-0.4, 0.4)))
-SCENES: dict[str, tuple[Outline, Spacing, Line]] = {
+SCENES: dict[str, tuple[Outline, Spacing, SymmetryLine]] = {
     "block": (BLOCK, Spacing(0.07), UPRIGHT),
     "level": (BLOCK, Spacing(0.07), LEVEL),
     "zone": (BLOCK, FINE, UPRIGHT),
@@ -133,14 +133,14 @@ def test_nodes_along_the_line_are_as_even_as_elsewhere(name: str, seed: int) -> 
 @pytest.mark.parametrize(
     ("outline", "spacing", "line"),
     [
-        (BLOCK, Spacing(0.07), Line(0, 0.31)),
-        (BLOCK, Spacing(0.07), Line(0, 0.3 + 1e-6)),
+        (BLOCK, Spacing(0.07), SymmetryLine(0, 0.31)),
+        (BLOCK, Spacing(0.07), SymmetryLine(0, 0.3 + 1e-6)),
         (polygon((-0.7, 0.0), (1.3, 0.0), (1.3, 0.5), (-0.7, 0.6)), Spacing(0.07), UPRIGHT),
         (BLOCK, Spacing(0.1, (Zone.around((0.31, 0.3), 0.01, 0.05, 0.12),)), UPRIGHT),
         # Too far from the boundary to show there.
         (BLOCK, Spacing(0.1, (Zone.around((0.5, -0.2), 0.03, 0.1, 1.0),)), UPRIGHT),
         (BLOCK, Spacing(0.1, (Zone(BLOCK.curves[1], 0.03, 0.05, 0.2),)), UPRIGHT),
-        (half_disk((0.3, 0.5), 0.5, "lower"), Spacing(0.06), Line(1, 0.5)),
+        (half_disk((0.3, 0.5), 0.5, "lower"), Spacing(0.06), SymmetryLine(1, 0.5)),
         (rectangle((-0.7, 1.3), (-0.2, 0.3)), Spacing(0.06), LEVEL),
     ],
     ids=[
@@ -154,7 +154,7 @@ def test_nodes_along_the_line_are_as_even_as_elsewhere(name: str, seed: int) -> 
         "along a side",
     ],
 )
-def test_others_are_as_without_a_line(outline: Outline, spacing: Spacing, line: Line) -> None:
+def test_others_are_as_without_a_line(outline: Outline, spacing: Spacing, line: SymmetryLine) -> None:
     ordinary, asked = build_cloud(outline, spacing, 3), build_cloud(outline, spacing, 3, line=line)
     assert asked.mirror is None
     assert np.array_equal(asked.points, ordinary.points)
@@ -164,7 +164,7 @@ def test_others_are_as_without_a_line(outline: Outline, spacing: Spacing, line: 
 def test_a_line_along_an_inner_edge_gives_an_ordinary_cloud() -> None:
     # Two squares joined at a side that has a slit: its faces are on the line, and images of each other.
     slit = polygon((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.0, 1.0), (-1.0, 1.0))
-    assert build_cloud(slit, Spacing(0.2), 0, line=Line(0, 0.0)).mirror is None
+    assert build_cloud(slit, Spacing(0.2), 0, line=SymmetryLine(0, 0.0)).mirror is None
 
 
 def test_clouds_of_a_memo_are_told_apart() -> None:
@@ -186,7 +186,7 @@ def test_seeds_and_units() -> None:
     assert one.points.shape != other.points.shape or not np.array_equal(one.points, other.points)
     assert np.array_equal(mirrored("zone", 1)[0].points, other.points)
     outline, spacing = rectangle((-0.7e3, 1.3e3), (-0.7e3, 0.3e3)), Spacing(70.0)
-    large = build_cloud(outline, spacing, 0, line=Line(0, 300.0))
+    large = build_cloud(outline, spacing, 0, line=SymmetryLine(0, 300.0))
     small = mirrored("block")[0]
     assert large.mirror is not None
     assert large.points / 1e3 == pytest.approx(small.points, abs=1e-12)
@@ -194,7 +194,7 @@ def test_seeds_and_units() -> None:
 
 @given(at=st.floats(-2.0, 2.0), axis=st.sampled_from([0, 1]), x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0))
 def test_reflections(at: float, axis: int, x: float, y: float) -> None:
-    line, points = Line(axis, at), np.array([[x, y], [y, x]])
+    line, points = SymmetryLine(axis, at), np.array([[x, y], [y, x]])
     image = line.reflect(points)
     assert line.reflect(image) == pytest.approx(points, abs=1e-14)
     assert 0.5 * (image + points)[:, axis] == pytest.approx(np.full(2, at), abs=1e-14)
@@ -203,7 +203,7 @@ def test_reflections(at: float, axis: int, x: float, y: float) -> None:
 
 
 @pytest.mark.parametrize("line", [UPRIGHT, LEVEL])
-def test_signs_of_derivatives(line: Line) -> None:
+def test_signs_of_derivatives(line: SymmetryLine) -> None:
     # A polynomial's image, and what the mirror makes of its derivatives.
     rng = np.random.default_rng(0)
     at, c = rng.uniform(-1.0, 1.0, 2), rng.normal(size=6)

@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, annulus, disk, rectangle, sector
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.pieces import APART, FEW, MOST, _bisected, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
@@ -75,14 +75,14 @@ def test_pieces_beside_small_holes_are_small() -> None:
     assert np.median(np.bincount(labels)[labels]) >= 8
 
 
-UPRIGHT, LEVEL = Line(0, 0.0), Line(1, 0.0)
+UPRIGHT, LEVEL = SymmetryLine(0, 0.0), SymmetryLine(1, 0.0)
 
 
 @pytest.mark.parametrize(
     ("name", "line"),
     [("block", UPRIGHT), ("block", LEVEL), ("disk", UPRIGHT), ("disk", LEVEL), ("ring", UPRIGHT)],
 )
-def test_pieces_of_mirrored_clouds_are_their_own_images_or_each_others(name: str, line: Line) -> None:
+def test_pieces_of_mirrored_clouds_are_their_own_images_or_each_others(name: str, line: SymmetryLine) -> None:
     outline, spacing = BODIES[name]
     if name == "block":
         outline = rectangle((-1.0, 1.0), (-1.0, 1.0))
@@ -103,8 +103,8 @@ def test_pieces_of_mirrored_clouds_are_their_own_images_or_each_others(name: str
     assert parts_of(cloud, labels) == count
 
 
-@pytest.mark.parametrize("line", [None, Line(0, 0.0)], ids=["plain", "mirrored"])
-def test_pairs_are_neighbours_along_surfaces_away_from_corners(line: Line | None) -> None:
+@pytest.mark.parametrize("line", [None, SymmetryLine(0, 0.0)], ids=["plain", "mirrored"])
+def test_pairs_are_neighbours_along_surfaces_away_from_corners(line: SymmetryLine | None) -> None:
     cloud = build_cloud(BLOCK, Spacing(0.05), 0, line=line)
     labels = pair_up(cloud, ["top"], ["bottom"])
     paired = np.flatnonzero(labels >= 0)

@@ -9,7 +9,7 @@ import pytest
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import disk, rectangle
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing
 
 H = 0.1
@@ -19,11 +19,11 @@ def away(cloud: Cloud, point: tuple[float, float]) -> float:
     return float(np.hypot(*(cloud.points - np.array(point)).T).min())
 
 
-@pytest.mark.parametrize("line", [None, Line(0, 0.0)])
+@pytest.mark.parametrize("line", [None, SymmetryLine(0, 0.0)])
 @pytest.mark.parametrize(
     "point", [(0.0, 0.0), (0.0, 0.13), (0.37, 0.21), (math.cos(0.4), math.sin(0.4)), (0.0, -1.0)]
 )
-def test_a_node_lies_where_it_is_wanted(line: Line | None, point: tuple[float, float]) -> None:
+def test_a_node_lies_where_it_is_wanted(line: SymmetryLine | None, point: tuple[float, float]) -> None:
     plain = build_cloud(disk((0.0, 0.0), 1.0), Spacing(H), 0, line=line)
     cloud = build_cloud(disk((0.0, 0.0), 1.0), Spacing(H), 0, line=line, wanted=[point])
     assert away(cloud, point) <= 1e-12

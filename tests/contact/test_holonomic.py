@@ -12,12 +12,12 @@ from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
 from tests.contact.derivatives import highest_terms, tangent_times
 from tests.contact.friction import in_units
-from tests.contact.test_rubbing import random_problem as random_rubbing
+from tests.contact.test_regularized_friction import random_problem as random_friction
 
 
 def random_problem(m: int, k: int, seed: int) -> HolonomicContact:
     """A made-up problem whose first node has no friction."""
-    one = random_rubbing(m, k, seed)
+    one = random_friction(m, k, seed)
     return HolonomicContact(DenseCoupling.of(one.condensed, one.law), one.start, one.start + one.change)
 
 

@@ -12,7 +12,7 @@ from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import WIDEST, regularize
 from mlsanm_cli.errors import NumericalError
 from tests.contact.scenes import Small, cylinder, synthetic
-from tests.contact.test_rubbing import random_problem, state
+from tests.contact.test_regularized_friction import random_problem, state
 
 
 def test_only_open_gaps_are_admissible() -> None:

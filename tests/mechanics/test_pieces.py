@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, rectangle, sector
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.assembly import assemble
@@ -208,7 +208,7 @@ def shear(name: str, points: FloatArray, _: FloatArray) -> FloatArray:
     return np.tile([0.0, 1.0 if name == "right" else 0.0], (len(points), 1))
 
 
-def beam(seed: int = 0, line: Line | None = None, across: int = 5) -> Cloud:
+def beam(seed: int = 0, line: SymmetryLine | None = None, across: int = 5) -> Cloud:
     return build_cloud(rectangle((0.0, 20.0), (-0.5, 0.5)), Spacing(1.0 / (across - 1)), seed, line=line)
 
 
@@ -218,8 +218,8 @@ def test_a_slender_clamped_beam_bends_as_it_should(degree: int, seed: int) -> No
     assert compliance(beam(seed), shear, CLAMPED, degree) == pytest.approx(BEAM, rel=0.01)
 
 
-@pytest.mark.parametrize("line", [Line(0, 10.0), Line(1, 0.0)], ids=["upright", "level"])
-def test_so_it_does_on_a_cloud_that_is_its_own_mirror_image(line: Line) -> None:
+@pytest.mark.parametrize("line", [SymmetryLine(0, 10.0), SymmetryLine(1, 0.0)], ids=["upright", "level"])
+def test_so_it_does_on_a_cloud_that_is_its_own_mirror_image(line: SymmetryLine) -> None:
     cloud = beam(line=line)
     assert cloud.mirror is not None
     assert compliance(cloud, shear, CLAMPED) == pytest.approx(BEAM, rel=0.01)

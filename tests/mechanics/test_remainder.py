@@ -136,3 +136,29 @@ def test_answers_are_reciprocal(degree: int) -> None:
     coarse, fine = lopsided(0.4), lopsided(0.2)
     assert coarse <= 0.05
     assert fine <= 0.5 * coarse
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_a_loose_body_has_no_mean_motion(material: PlaneMaterial) -> None:
+    # A force at a node, one between two nodes, on a body that slides along its bottom or is not held at all.
+    for held, components in (({"bottom": (False, True)}, (0,)), ({}, (0, 1, 2))):
+        body = body_of(rectangle((-2.0, 2.0), (-2.0, 0.0)), 0.4, 4, material, held)
+        assert body.free.components == components
+        forces = SurfaceForces(kernel_of(material), np.array([0.0 + 0j, 1.1 + 0j]), np.full(2, -1j))
+        source = remainder_sources(body, forces)
+        cells = (np.arange(80) + 0.5) / 20.0 - 2.0
+        points = np.stack(np.meshgrid(cells, 0.5 * cells - 1.0), axis=2).reshape(-1, 2)
+        rest = solved(body, source)
+        found = [body.model.values_along(points, np.tile(one, (len(points), 1))) @ rest for one in np.eye(2)]
+        field = forces.displacement(near_field.as_complex(points))
+        whole = np.stack(found, axis=1) + np.moveaxis(field, 1, 3).reshape(len(points), 2, 4)
+        patterns = body.free.patterns(points).reshape(len(points), 2, -1)
+        mean = (
+            np.einsum("ecd,eck->dk", patterns, whole) / np.einsum("ecd,ecd->d", patterns, patterns)[:, None]
+        )
+        assert np.abs(mean).max() <= 5e-3 * np.abs(whole).max()
+        # Functionals, which are found without the solutions, have it too.
+        rows = body.model.values_along(points[:3], np.tile([1.0, 0.0], (3, 1)))
+        assert body.system.functionals(rows, sparse.csc_array(source)) == pytest.approx(
+            rows @ rest, abs=1e-9 * np.abs(rest).max()
+        )

@@ -7,7 +7,7 @@ import pytest
 
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.operators.settings import MlsSettings
@@ -15,8 +15,8 @@ from tests.mechanics.bodies import STEEL
 
 
 @pytest.mark.parametrize("degree", [1, 2, 4])
-@pytest.mark.parametrize("line", [Line(0, 0.0), Line(1, 0.0)])
-def test_stencils_are_their_own_images_and_reproduce_polynomials(line: Line, degree: int) -> None:
+@pytest.mark.parametrize("line", [SymmetryLine(0, 0.0), SymmetryLine(1, 0.0)])
+def test_stencils_are_their_own_images_and_reproduce_polynomials(line: SymmetryLine, degree: int) -> None:
     cloud = build_cloud(rectangle((-1.0, 1.0), (-0.5, 0.5)), Spacing(0.12), 0, line=line)
     model, mirror = BodyModel.build("body", cloud, STEEL, MlsSettings(degree)), cloud.mirror
     assert mirror is not None

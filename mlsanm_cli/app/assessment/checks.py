@@ -208,8 +208,8 @@ def check_points(verdict: EnergyVerdict) -> Iterator[str]:
             where = f"body.{name}.spacing"
             yield (
                 f"body {name} is held at single nodes: displacements next to a point force are unbounded, "
-                f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary, "
-                f"with from and to, or measure displacements relative to another point than the held one"
+                f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary "
+                f"(from, to), or measure displacements relative to another point than the fixed one"
             )
 
 
@@ -249,8 +249,8 @@ def check_estimates(
     texts = []
     if displacement is not None and from_law > LAW_WARNING:
         texts.append(
-            f"the smooth contact law moves bodies by {100 * from_law:.2g} % of their displacements, as they "
-            f'float where little presses them: use contact.regularization.law = "exact", or a lower '
+            f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
+            f'lightly loaded bodies float on it: use contact.regularization.law = "exact", or a lower '
             f"contact.regularization.eta"
         )
     elif displacement is not None and displacement > LARGE_ERROR:
@@ -267,7 +267,7 @@ def check_estimates(
             if pairing.grid is not None and pairing.friction:
                 keys.append(f"contact.{pairing.name}.accuracy")
             texts.append(
-                f"contact {pairing.name}: its pressures are estimated to be off by {100 * error:.2g} %; "
+                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; "
                 f"make {', '.join(keys)} smaller"
             )
     return texts

@@ -24,7 +24,7 @@ TOGETHER = 2**18
 
 
 @dataclass(frozen=True)
-class Outline:
+class DeformedOutline:
     """The deformed outline of a body: ``points`` (n, 2) with the displacements ``moved`` (n, 2), those before
     ``drawn`` (n, 2), outward normals (n, 2), the numbers ``surface`` (n,) of their surfaces, and how well
     places between the nodes are known, ``slack`` (n,). ``chords`` (c, 2) are the numbers of neighbours.
@@ -57,7 +57,7 @@ class Outline:
         return SECOND_ORDER * apart**2 / self.size + ERROR * apart + ROUND_OFF * self.size
 
 
-def outline_of(cloud: Cloud, displacement: FloatArray) -> Outline:
+def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
     """The deformed outline of a body whose nodes have a ``displacement`` (n, 2)."""
     drawn, moved, normal, surface, slack, chords, ends = ([] for _ in range(7))
     count = 0
@@ -82,7 +82,7 @@ def outline_of(cloud: Cloud, displacement: FloatArray) -> Outline:
         ends.append(own[[0, -1]])
         count += len(fine)
     places, shifts = np.concatenate(drawn), np.concatenate(moved)
-    return Outline(
+    return DeformedOutline(
         places + shifts,
         shifts,
         places,

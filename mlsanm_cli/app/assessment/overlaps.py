@@ -14,7 +14,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.deformed import ROUND_OFF, Outline, distances, outline_of
+from mlsanm_cli.app.assessment.deformed import ROUND_OFF, DeformedOutline, distances, outline_of
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -68,7 +68,7 @@ def check_overlaps(
     x, y = worst.place
     raise NumericalError(
         f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
-        f"position {state.position:.6g}, and no contact keeps it out",
+        f"position {state.position:.6g}, and no contact is defined there",
         _hint(built, worst, found),
     )
 
@@ -114,7 +114,7 @@ def within_themselves(
     return found
 
 
-def _is_convex(outline: Outline) -> bool:
+def _is_convex(outline: DeformedOutline) -> bool:
     """Whether no boundary of a body can come to lie inside it."""
     way = np.diff(outline.points[outline.chords], axis=1)[:, 0]
     corner = np.roll(way, -1, axis=0)
@@ -124,7 +124,7 @@ def _is_convex(outline: Outline) -> bool:
 
 
 def _of_bodies(
-    one: str, other: str, outlines: Mapping[str, Outline], pairings: Sequence[Pairing], given: float
+    one: str, other: str, outlines: Mapping[str, DeformedOutline], pairings: Sequence[Pairing], given: float
 ) -> Iterator[Overlap]:
     """Where boundaries of ``one`` body lie inside the ``other`` outside their contacts, by more than a
     ``given`` gap."""
@@ -157,7 +157,7 @@ def _of_bodies(
 
 
 def _with_obstacles(
-    built: CondensedScene, state: State, outlines: Mapping[str, Outline], given: Mapping[str, float]
+    built: CondensedScene, state: State, outlines: Mapping[str, DeformedOutline], given: Mapping[str, float]
 ) -> Iterator[Overlap]:
     """Where boundaries lie inside the rigid obstacles of contacts, by more than the gaps ``given``.
 
@@ -199,7 +199,7 @@ def _other_contacts(
     pairings: Mapping[str, Pairing],
     contact: str,
     body: str,
-    own: Outline,
+    own: DeformedOutline,
     partner: FloatArray,
     depth: FloatArray,
     shifts: Mapping[str, FloatArray],
@@ -236,7 +236,7 @@ def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArra
     return shifts
 
 
-def _members(pairing: Pairing, body: str, outline: Outline) -> BoolArray:
+def _members(pairing: Pairing, body: str, outline: DeformedOutline) -> BoolArray:
     """Which surfaces (s,) of one of its bodies a contact has."""
     surfaces = [pairing.slave] if body == pairing.slave_body else []
     if body == pairing.master_body and pairing.master is not None:
@@ -245,7 +245,9 @@ def _members(pairing: Pairing, body: str, outline: Outline) -> BoolArray:
     return np.array([name in names for name in outline.names])
 
 
-def _at_corners(points: FloatArray, along: FloatArray, outline: Outline, chosen: BoolArray) -> BoolArray:
+def _at_corners(
+    points: FloatArray, along: FloatArray, outline: DeformedOutline, chosen: BoolArray
+) -> BoolArray:
     """Which ``points`` (e, 2) are as near to corners at the ends of the ``chosen`` surfaces (s,) of a body as
     bodies move ``along`` (e,) each other there."""
     found = np.zeros(len(points), dtype=bool)
@@ -264,7 +266,7 @@ def _at_corners(points: FloatArray, along: FloatArray, outline: Outline, chosen:
 
 
 def _deepest(
-    own: Outline, at: IntArray, depth: FloatArray, body: str, others: Sequence[str]
+    own: DeformedOutline, at: IntArray, depth: FloatArray, body: str, others: Sequence[str]
 ) -> Iterator[Overlap]:
     """The deepest of the points with the numbers ``at`` (e,), of each pair of boundaries."""
     boundaries = [f"{body}.{_label(own.names[number])}" for number in own.surface[at]]

@@ -155,7 +155,7 @@ def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool) -> Iterator[s
         message = f"two nodes are only {cloud.closest:.2g} of the local spacing apart"
         found.append((message, f"lower {grade}, or try another body.{name}.seed"))
     if cloud.hole > HOLE:
-        message = f"a hole among the nodes has a radius of {cloud.hole:.3g} spacings"
+        message = f"the largest gap between nodes has a radius of {cloud.hole:.3g} spacings"
         found.append((message, f"lower {grade}, or make body.{name}.spacing smaller"))
     if cloud.growth > (GROWTH_BROUGHT if brought else GROWTH) * (1.0 + ROUND_OFF):
         message = f"the spacing grows by {cloud.growth:.3g} per unit length"
@@ -186,7 +186,7 @@ def case_warnings(case: Case) -> Iterator[str]:
         if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
             yield (
                 f"contact {contact.name}: the holonomic friction law has no memory, but load "
-                f'{turning[0]} turns back; use friction_law = "memory"'
+                f'{turning[0]} reverses; use friction_law = "memory"'
             )
 
 

@@ -140,16 +140,14 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
         if accuracy.bulk_leads:
             more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
-            context.console.note(
-                f"refinement ends before pass {number}: the clouds are fine enough everywhere"
-            )
+            context.console.note(f"refinement stops before pass {number}: all clouds are fine enough")
             break
         wanted = (*zones, *bulk, *more)
         try:
             refined = place(case, context, wanted, prepared)
             built, accuracy = _solved(case, refined, context, built.scene)
         except NumericalError as error:
-            failed = f"pass {number} of [adapt] failed, the clouds before it are taken: {error.message}"
+            failed = f"pass {number} of [adapt] failed, continuing with the previous clouds: {error.message}"
             break
         prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))

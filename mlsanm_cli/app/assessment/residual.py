@@ -17,7 +17,7 @@ import numpy as np
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cover import cover
-from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.patches import Patch
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
@@ -74,7 +74,7 @@ def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
     return result
 
 
-def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArray, Line | None]:
+def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArray, SymmetryLine | None]:
     """The same (n,) with equal values at nodes that are each other's images, and the line of symmetry; as it
     is, and no line, where these differ by more than round-off and the discretisation make them."""
     if mirror is None:

@@ -31,7 +31,7 @@ equations, but renew them at different places; what that changes is part of the 
 
 
 @dataclass(frozen=True)
-class Followed:
+class MethodPath:
     """What one method did: its steps, states by level, CPU seconds, and why it failed if it did."""
 
     method: str
@@ -100,18 +100,18 @@ def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
     """Raise RunError for methods that finite strain does not have, and where there is but one."""
     if contact:
         raise RunError(
-            "contact, or several bodies, at finite strain has one method only: there is nothing to compare"
+            "finite strain with contact or several bodies has a single method: there is nothing to compare"
         )
     for name in methods:
         if name != "newton":
-            raise RunError(f"--{name}: finite strain knows power series and Newton's method only", "--newton")
+            raise RunError(f"--{name}: finite strain has power series and Newton's method only", "--newton")
     if analytic:
         raise RunError("--analytic: there is no closed formula for finite strain", "--newton")
     if not methods:
         raise RunError("nothing to compare ANM with", "add --newton")
 
 
-def _followed(scene: FiniteScene, method: str, repeat: int) -> Followed:
+def _followed(scene: FiniteScene, method: str, repeat: int) -> MethodPath:
     """The path by one method; the median time counts."""
     changes = {"method": method}
     solver = scene.case.solver.model_copy(update=changes)
@@ -126,10 +126,10 @@ def _followed(scene: FiniteScene, method: str, repeat: int) -> Followed:
         except NumericalError as error:
             failure = error
         times.append(time.process_time() - begun)
-    return Followed(method, tuple(steps), statistics.median(times), failure)
+    return MethodPath(method, tuple(steps), statistics.median(times), failure)
 
 
-def _figures(row: Followed, rows: list[Followed], limit: float, clock: Clock) -> dict[str, Any]:
+def _figures(row: MethodPath, rows: list[MethodPath], limit: float, clock: Clock) -> dict[str, Any]:
     """One method as in comparison.json."""
     found: dict[str, Any] = {
         "method": row.method,

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.finite.overlaps import check_overlaps
-from mlsanm_cli.app.finite.path import RENEW, FiniteMark, FiniteState, FiniteStep, most_stretched
-from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.path import FiniteMark, FiniteState, FiniteStep, far_from, most_stretched
+from mlsanm_cli.app.finite.scene import TOUCHING, FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
@@ -72,7 +72,7 @@ def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
             state = path.state(reached, path.now)
-            check_deformation(scene, reached, path.now.displacement)
+            check_deformation(scene, reached, state.factors, state.displacement)
             check_overlaps(scene, reached, state.whole, state.shown(scene))
             _resist(reached, path.now.stability)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
@@ -84,9 +84,9 @@ def _resist(position: float, stability: float) -> None:
     """Raise UnstableError where pressures could change from node to node at will."""
     if not stability >= CONTACT_LIMIT:
         raise UnstableError(
-            f"the contact does not resist pressures that change from node to node at position {position:.6g} "
-            f"(stability {stability:.2g}, below {CONTACT_LIMIT:g})",
-            "give the softer body's side, or the one with wider spacings, as the slave; or use an even cloud "
+            f"the contact has almost no stiffness against pressures that alternate from node to node at "
+            f"position {position:.6g} (stability {stability:.2g}, below {CONTACT_LIMIT:g})",
+            "choose the softer body, or the one with larger spacings, as the slave; or use a more even cloud "
             "(lower growth)",
             stability,
         )
@@ -270,17 +270,20 @@ class _Path:
         where, first = f"the path stopped at position {position:.6g}", 0
         for contact in self._scene.contacts:
             slave = contact.slave
-            gripped = slave.held & self.now.sets.closed[first : first + slave.count]
+            here = slice(first, first + slave.count)
+            # A held node that touches is pressed next.
+            touching = self.now.gap[here] <= TOUCHING * slave.weight
+            gripped = slave.held & (touching | self.now.sets.closed[here])
             first += slave.count
             if gripped.any() and not any(axis is not None for axis in slave.mirrors):
                 x, y = slave.places[int(np.argmax(gripped))]
                 raise NumericalError(
-                    f"{where}: in contact {contact.name} the held node of {slave.body} at ({x:.6g}, {y:.6g}) "
-                    "is pressed, and cannot give way",
-                    "let the contact end before the support, or move the obstacle less far",
+                    f"{where}: in contact {contact.name} the node of {slave.body} at ({x:.6g}, {y:.6g}) is "
+                    "fixed by a support and pressed at the same time",
+                    "end the contact surface before the support, or move the obstacle less far",
                 )
         raise NumericalError(
-            f"{where}: no increment of contact settles",
+            f"{where}: the contact iterations of an increment do not converge",
             "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
         )
 
@@ -291,7 +294,7 @@ class _Path:
         for name, own in self._scene.parts(state.displacement).items():
             body, station = self._scene.bodies[name], self._projectors[name].station
             angle = body.turn(own) - body.turn(station)
-            if most_stretched(body, own, station) > RENEW:
+            if far_from(body, own, station):
                 station = own
             elif abs(np.exp(1j * angle) - 1.0) > TURNED:
                 upright = name in self._scene.upright

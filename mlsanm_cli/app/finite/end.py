@@ -35,13 +35,13 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
             turned = np.abs(np.diff(side.outward[max(near - 1, 0) : near + 2], axis=0)).max(initial=0.0)
             if gap[near] < turned * spacing / 8.0:
                 yield (
-                    f"contact {contact.name}: no node of {name} touches, but between its nodes, "
-                    f"{spacing:.3g} apart, it may: give {name} finer nodes there"
+                    f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
+                    f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
         elif closed.sum() < FEWEST:
             yield (
-                f"contact {contact.name}: only {closed.sum()} of the nodes of {name} touch, {spacing:.3g} "
-                f"apart: pressures depend on that; give {name} finer nodes there"
+                f"contact {contact.name}: too few nodes of {name} in contact for accurate pressures "
+                f"({closed.sum()}, {spacing:.3g} apart): use finer nodes there"
             )
         elif isinstance(contact, BodyContact) and closed.sum() < SHARP:
             yield from _ends(contact, closed, pressed.place[here])
@@ -61,8 +61,8 @@ def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterato
             one, other = (side.members[0][0].partition("/")[0] for side in (slave, master))
             yield (
                 f"contact {contact.name}: the end of {master.body}.{other} at ({x:.6g}, {y:.6g}) presses "
-                f"between nodes of {slave.body}.{one}, {slave.weight[free[0]]:.3g} apart: where is known to "
-                f"half of that; give {slave.body}.{one} finer nodes there"
+                f"between nodes of {slave.body}.{one}, {slave.weight[free[0]]:.3g} apart: the place of its "
+                f"force is uncertain by half of that; use finer nodes there"
             )
 
 
@@ -85,7 +85,6 @@ def held_at_points(scene: FiniteScene, state: FiniteState) -> Iterator[str]:
         if part > ENERGY_WARNING:
             yield (
                 f"body {name} is held at single nodes: displacements next to a point force are unbounded, "
-                f"and grow by up to {100 * part:.2g} % of how far it is bent when body.{name}.spacing is "
-                f"halved; "
-                "support a part of a boundary, with from and to, or a small hole"
+                f"and grow by up to {100 * part:.2g} % of the deformation when body.{name}.spacing is "
+                "halved; support a part of a boundary (from, to), or a small hole"
             )

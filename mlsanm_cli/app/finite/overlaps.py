@@ -8,7 +8,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.deformed import Outline, distances, outline_of
+from mlsanm_cli.app.assessment.deformed import DeformedOutline, distances, outline_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -28,7 +28,7 @@ class _Body:
     name: str
     cloud: Cloud
     places: FloatArray
-    outline: Outline
+    outline: DeformedOutline
 
 
 def check_overlaps(
@@ -44,16 +44,16 @@ def check_overlaps(
         place = _crossing(body.outline)
         if place is not None:
             raise NumericalError(
-                f"body {body.name} meets itself near ({place[0]:.6g}, {place[1]:.6g}) at position "
-                f"{position:.6g}: contact of a body with itself is not supported",
-                "smaller loads; or draw it as two bodies",
+                f"body {body.name} touches itself near ({place[0]:.6g}, {place[1]:.6g}) at position "
+                f"{position:.6g}: self-contact is not supported",
+                "use smaller loads, or model it as two bodies",
             )
     found = [*_between_bodies(bodies), *_obstacles(scene, bodies, factors)]
     if found:
         depth, (x, y), one, other = max(found)
         raise NumericalError(
             f"{one} lies inside {other} by {depth:.3g} near ({x:.6g}, {y:.6g}) at position {position:.6g}",
-            "give these a [[contact]] of their own, or use finer nodes there",
+            "add a [[contact]] between them, or use finer nodes there",
         )
 
 
@@ -102,7 +102,7 @@ def _named(body: _Body, surface: str) -> str:
     return f"{body.name}.{surface.partition('/')[0]}"
 
 
-def _crossing(outline: Outline) -> tuple[float, float] | None:
+def _crossing(outline: DeformedOutline) -> tuple[float, float] | None:
     """Where two chords of an outline cross that do not follow each other."""
     start, way = outline.edges[:, :2], outline.edges[:, 2:] - outline.edges[:, :2]
     low, high = np.minimum(start, start + way), np.maximum(start, start + way)

@@ -12,20 +12,26 @@ from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
-from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, follow
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
-from mlsanm_cli.solve.load_factors import factors_at
 
 RENEW = 1.25
 """The equations are renewed behind a step at whose end some node is stretched by more than this, or by less
-than 1 over it, against the state that they are of. Rotations do not count. Block of 289 nodes, 40 % down
+than 1 over it, against the state that they are of. Block of 289 nodes, 40 % down
 between platens that stick: with those of the reference all along 24 steps, at degree 4 onto another branch;
 renewed, two steps, whether from 1.15 or 1.5."""
+TURNED = 1.2
+"""Or has turned by more than this angle: J_0^T W^2 J(u) loses its sign with rotations beyond a right angle. A
+column that buckled until its end had turned by 100 degrees met limit points that there are not, and went back
+to negative loads."""
 MENDS = 25
 """Updates with the new equations' own factor that take a state to them; each leaves about a fifth."""
 UNLIMITED = 1_000_000
+PARTS = 8
+"""Parts of a step of power series over which work is added up: by its ends alone it was 0.7 % off where a
+column with two spacings across, bent beyond a right angle, was 9 % too stiff."""
 SAMPLES = 65
 """Places of a step at which the slope of the load factor is looked at, to find where it turns."""
 
@@ -75,7 +81,7 @@ class Turn:
 @dataclass(frozen=True)
 class FiniteStep:
     """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
-    one), what it cost, limit points in it.
+    one), what it cost, limit points in it, and states on the ``way`` of a power series.
 
     ``renewed`` means that the equations were renewed at its end; ``mark`` is what the path continues from.
     """
@@ -90,6 +96,7 @@ class FiniteStep:
     turns: tuple[Turn, ...] = ()
     renewed: bool = False
     mark: FiniteMark | None = None
+    way: tuple[FiniteState, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,8 +139,7 @@ def finite_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[
         start = FiniteMark(first, x, stages[0], 0.0, levels=np.array(wanted))
         yield FiniteStep(first, (first,) if 0.0 in wanted else (), mark=start)
     elif mark.direction.size:
-        projector = scene.projector(scene.alone[0], mark.station, mark.acting)
-        x, problem = mark.state.displacement, replace(problem, projector=projector)
+        x, problem = mark.state.displacement, _taken_up(scene, problem, mark)
     steps, begun = 0, mark.stage if mark is not None else 0
     for stage in range(begun, len(stages) - 1):
         problem = replace(problem, start=stages[stage], end=stages[stage + 1])
@@ -166,6 +172,18 @@ def _first_problem(scene: FiniteScene) -> FiniteProblem:
     return replace(problem, length=min(largest, size) if largest else size)
 
 
+def _taken_up(scene: FiniteScene, problem: FiniteProblem, mark: FiniteMark) -> FiniteProblem:
+    """The equations of a ``mark``: those that its state solves."""
+    start = replace(problem, start=mark.state.factors)
+    for keeps in (False, True):
+        projector = scene.projector(scene.alone[0], mark.station, mark.acting, keeps)
+        problem = replace(start, projector=projector)
+        left = np.abs(problem.residual(mark.state.displacement, 0.0)).max()
+        if left <= scene.case.solver.tolerance:
+            break
+    return problem
+
+
 class _Stage:
     """The way through one stage."""
 
@@ -176,6 +194,7 @@ class _Stage:
         self._lam = 0.0
         self._station, self._acting = problem.projector.station, problem.start
         self._previous: Branch | None = None
+        self._spent = 0
 
     def take_up(self, mark: FiniteMark) -> None:
         """Go on behind a ``mark``."""
@@ -200,12 +219,11 @@ class _Stage:
             moved = 0
             for step in follower.steps():
                 moved += 1
-                check_deformation(self._scene, self._stage + step.lam, step.x)
+                self._check(step)
                 finished = self._finished(step)
                 self.x, self._lam, self._previous = step.x, step.lam, step.branch
                 body = self.problem.body
-                stretched = step.lam != 1.0 and most_stretched(body, step.x, self._station) > RENEW
-                if stretched:
+                if step.lam != 1.0 and far_from(body, step.x, self._station):
                     follower.stop()
                     finished = replace(finished, renewed=True, factorizations=finished.factorizations + 1)
                 yield replace(finished, mark=self._mark(finished, step))
@@ -214,9 +232,14 @@ class _Stage:
                 return
             if outcome.reason.value != "stopped by caller":
                 if (fresh and not moved) or np.array_equal(self._station, self.x):
-                    raise path_failure(self._scene, self._stage + self._lam, self.x, outcome)
+                    where = (self._stage + self._lam, self.problem.factors(self._lam))
+                    raise path_failure(self._scene, *where, self.x, outcome)
                 fresh = True
             self._renew()
+
+    def _check(self, step: Step) -> None:
+        position = self._stage + step.lam
+        check_deformation(self._scene, position, self.problem.factors(step.lam), step.x)
 
     def _mark(self, finished: FiniteStep, step: Step) -> FiniteMark:
         branch, levels = step.branch, np.array(self._levels)
@@ -225,15 +248,28 @@ class _Stage:
         return FiniteMark(finished.state, self._station, self._acting, branch.length, *place)
 
     def _renew(self) -> None:
-        """Take the equations of the present state, and the state to them."""
+        """Take the equations of the present state, and the state to them. Next to crushed corners that way
+        may lead nowhere: then they keep what their rows are left with, and the state solves them as it is."""
         factors = self.problem.factors(self._lam)
         self._station, self._acting = self.x, factors
         name = self._scene.alone[0]
-        problem = replace(self.problem, projector=self._scene.projector(name, self.x, factors))
+        for keeps in (False, True):
+            projector = self._scene.projector(name, self.x, factors, keeps)
+            problem = replace(self.problem, projector=projector)
+            try:
+                self.problem, self.x = problem, self._solving(problem)
+                return
+            except NumericalError:
+                if keeps:
+                    raise
+
+    def _solving(self, problem: FiniteProblem) -> FloatArray:
+        """The state next to the present one that solves the equations of a ``problem``; NumericalError where
+        none is found."""
         x, rest = self.x, problem.residual(self.x, self._lam)
-        goal = 0.01 * self._scene.case.solver.tolerance
+        options = _options(self._scene)
         for _ in range(MENDS):
-            if np.abs(rest).max() <= goal:
+            if np.abs(rest).max() <= options.goal:
                 break
             better = x - problem.length * rest
             left = problem.residual(better, self._lam)
@@ -241,7 +277,9 @@ class _Stage:
             if not np.abs(left).max() < np.abs(rest).max():
                 break
             x, rest = better, left
-        self.problem, self.x = problem, x
+        found = correct(problem, x, self._lam, options)
+        self._spent += found.factorizations
+        return found.x
 
     def _finished(self, step: Step) -> FiniteStep:
         state = self._state(step.lam, step.x, step.residual)
@@ -259,20 +297,16 @@ class _Stage:
         self._levels = left
         passed = tuple(one for _, one in sorted(saved, key=lambda pair: pair[0]))
         turns = _turns(step.branch, self._stage) if step.order else ()
-        return FiniteStep(
-            state,
-            passed,
-            step.arc_length,
-            step.order,
-            step.iterations,
-            step.factorizations,
-            step.solves,
-            turns,
-        )
+        spent, self._spent = step.factorizations + self._spent, 0
+        counts = (step.order, step.iterations, spent, step.solves)
+        parts = np.arange(1.0, PARTS) / PARTS * step.branch.length if step.order else ()
+        points = (step.branch.evaluate(part) for part in parts)
+        way = tuple(self._state(lam, x, 0.0) for x, lam in points)
+        return FiniteStep(state, passed, step.arc_length, *counts, turns, way=way)
 
     def _state(self, lam: float, x: FloatArray, residual: float) -> FiniteState:
         position = self._stage + lam
-        return FiniteState(position, factors_at(self._scene.stages, position), x, residual)
+        return FiniteState(position, self.problem.factors(lam), x, residual)
 
 
 def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
@@ -296,6 +330,19 @@ def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
             low, high = (middle, high) if here * slope[k] > 0.0 else (low, middle)
         found.append(Turn(stage + branch.load_factor(0.5 * (low + high)), bool(slope[k] > 0.0)))
     return tuple(found)
+
+
+def far_from(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> bool:
+    """Whether a body of a ``displacement`` (2N,) is so far from the ``station`` (2N,) of its equations that
+    these are renewed: stretched, or turned, somewhere."""
+    if most_stretched(body, displacement, station) > RENEW:
+        return True
+    angles = []
+    for one in (displacement, station):
+        xx, xy, yx, yy = body.gradient(one)
+        angles.append(np.arctan2(yx - xy, 2.0 + xx + yy))
+    turned = np.abs(np.exp(1j * angles[0]) - np.exp(1j * angles[1])).max()
+    return bool(turned > 2.0 * np.sin(0.5 * TURNED))
 
 
 def most_stretched(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -177,8 +178,9 @@ class FiniteRecorder(RunWriter):
         found = EnergyError.of(scene, step.state)
         self.unaccounted = max(self.unaccounted, found.total)
         if before is not None:
-            for name, one in missing_works(scene, before, step.state).items():
-                self.missing[name] = self.missing.get(name, 0.0) + one
+            for ends in pairwise((before, *step.way, step.state)):
+                for name, one in missing_works(scene, *ends).items():
+                    self.missing[name] = self.missing.get(name, 0.0) + one
         self.energy = max(self.energy, found.energy)
         self.balance = forces.rest / max(self.largest, tiny) if self.largest else 0.0
 

@@ -63,8 +63,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
     try:
         mark = recorder.start(scene)
         context.stop_gently()
-        several = bool(scene.contacts or scene.free) or len(scene.bodies) > 1
-        steps = contact_path(scene, mark) if several else finite_path(scene, mark)
+        steps = contact_path(scene, mark) if scene.in_increments else finite_path(scene, mark)
         while True:
             context.check_stop()
             with context.phase("continuation"):

@@ -73,6 +73,16 @@ class FiniteScene:
         return sum(one.count for one in self.loose) + len(self.driven) + plates
 
     @property
+    def in_increments(self) -> bool:
+        """Whether several bodies, contacts or unknown motions are followed by increments."""
+        return bool(self.contacts or self.free) or len(self.bodies) > 1
+
+    @property
+    def by_series(self) -> bool:
+        """Whether the path is followed by power series."""
+        return not self.in_increments and self.case.solver.method != "newton"
+
+    @property
     def alone(self) -> tuple[str, FiniteBody]:
         """The only body, and its name."""
         ((name, body),) = self.bodies.items()
@@ -143,15 +153,17 @@ class FiniteScene:
                 found.setdefault(side.body, []).append(side)
         return found
 
-    def projector(self, name: str, displacement: FloatArray, factors: FloatArray) -> Projector:
-        """A body's equations by the rows of a state of it, its pins turned as it is there. Those of bodies
-        that friction holds up to corners keep what their rows are left with there, so that no new equations
-        move them."""
+    def projector(
+        self, name: str, displacement: FloatArray, factors: FloatArray, keeps: bool = False
+    ) -> Projector:
+        """A body's equations by the rows of a state of it, its pins turned as it is there. If they are told
+        so, and always for bodies that friction holds up to corners, they keep what their rows are left with
+        there, so that no new equations move the body."""
         body = self.bodies[name]
         if body.pins:
             body = replace(body, angle=body.turn(displacement))
         args = (body, self.weights[name], displacement, factors, self.solver)
-        return Projector.at(*args, keeps=name in self.upright)
+        return Projector.at(*args, keeps=keeps or name in self.upright)
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:

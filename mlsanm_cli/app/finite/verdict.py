@@ -9,29 +9,32 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.law import determinant
-from mlsanm_cli.solve.load_factors import factors_at
 
 FEW_WAVES = 0.1
 """Below this part of the shear modulus the acoustic tensor is so soft that a run warns."""
-_LAWS = 'law = "neo-hookean" bears any compression; or smaller loads'
+_LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
 
 
-def check_deformation(scene: FiniteScene, position: float, displacement: FloatArray) -> None:
+def check_deformation(
+    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray
+) -> None:
     """Raise NumericalError, with body and node, where det F <= 0 or the law has lost ellipticity in a state
-    of the ``displacement`` (2N,) of all bodies."""
+    of load ``factors`` (L,) and the ``displacement`` (2N,) of all bodies."""
     for name, own in scene.parts(displacement).items():
-        _check_body(scene, name, position, own)
+        _check_body(scene, name, position, factors, own)
 
 
-def _check_body(scene: FiniteScene, name: str, position: float, displacement: FloatArray) -> None:
-    body, factors = scene.bodies[name], factors_at(scene.stages, position)
+def _check_body(
+    scene: FiniteScene, name: str, position: float, factors: FloatArray, displacement: FloatArray
+) -> None:
+    body = scene.bodies[name]
     gradient = body.gradient(displacement)
     volume = 1.0 + determinant(gradient)
     node = int(np.argmin(volume))
     if not volume[node] > 0.0:
         raise NumericalError(
-            f"{_place(scene, name, node)} is turned inside out at position {position:.6g}: "
-            f"det F = {volume[node]:.3g}",
+            f"{_place(scene, name, node)}: the deformation is not invertible at position {position:.6g} "
+            f"(det F = {volume[node]:.3g})",
             "use smaller loads, or finer nodes there",
         )
     waves = body.ellipticity(displacement, factors)
@@ -45,20 +48,20 @@ def _check_body(scene: FiniteScene, name: str, position: float, displacement: Fl
 
 
 def path_failure(
-    scene: FiniteScene, position: float, displacement: FloatArray, outcome: Outcome
+    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, outcome: Outcome
 ) -> NumericalError:
     """What to say of a path of one body that broke off behind its last state."""
     name, body = scene.alone
     gradient = body.gradient(displacement)
     volume = 1.0 + determinant(gradient)
-    waves = body.ellipticity(displacement, factors_at(scene.stages, position))
+    waves = body.ellipticity(displacement, factors)
     node, soft = int(np.argmin(volume)), int(np.argmin(waves))
     where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
     if waves[soft] < FEW_WAVES:
         place = _place(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)
-    least = f"the least det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
+    least = f"the smallest det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
     return NumericalError(f"{where}; {least}", "use smaller loads, finer nodes, or raise solver.tolerance")
 
 

@@ -230,11 +230,11 @@ class Recorder(RunWriter):
                 self._reported.append(message)
                 self.warn(message)
         for name, (x, y) in within_themselves(clouds, moved).items():
-            text = f"body {name} lies inside itself"
+            text = f"body {name} overlaps itself"
             if not any(one.startswith(text) for one in self._reported):
                 message = (
-                    f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: contact of a "
-                    f"body with itself is not supported, and results beyond that are invalid"
+                    f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact "
+                    f"is not supported, and results beyond that position are invalid"
                 )
                 self._reported.append(message)
                 self.warn(message)

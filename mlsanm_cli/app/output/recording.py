@@ -189,7 +189,8 @@ def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stre
         sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
     across = material.out_of_plane_stress(sigma, degrees)
     strain = material.strain(sigma, degrees)
-    return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain, fields.rest)
+    shown = seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain
+    return Fields(*shown, fields.rest, stressed)
 
 
 def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, Value]:

@@ -54,9 +54,9 @@ def large_slides(
             yield (
                 pairing.name,
                 f"the surfaces of contact {pairing.name} slide along each other by {slid:.3g} at position "
-                f"{state.position:.6g}, and its width is {width:.3g}: at small strain contact pairs and "
-                f'normals are those of the undeformed bodies; set model.strain = "finite" (material law '
-                f'"saint-venant-kirchhoff" is the same elasticity)',
+                f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain both are "
+                f"pressed where they met as drawn, which on one of them is off by as much; set model.strain "
+                f'= "finite" (material law "saint-venant-kirchhoff" extends the same elasticity)',
             )
 
 

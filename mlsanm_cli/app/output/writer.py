@@ -14,9 +14,10 @@ from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import RunFile, Value
-from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic, write_toml
+from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
 from mlsanm_cli.io.vtu import StateWriter
 
 
@@ -51,12 +52,12 @@ class RunWriter(Closing):
         self._clock, self._console, self._memo = context.clock, context.console, context.memo
         file = directory / run_dir.RUN_FILE
         with context.phase("output"):
-            resolved = resolved_mapping(loaded.case)
+            resolved = toml_text(resolved_mapping(loaded.case))
             self._file = (
                 RunFile.create(file, attributes) if rows is None else RunFile.reopen(file, attributes)
             )
             try:
-                self._file.confirm({"case/raw": loaded.raw, "case/resolved": toml_text(resolved)})
+                self._file.confirm({"case/raw": loaded.raw, "case/resolved": resolved})
                 self._file.save()
                 self._events = EventLog(directory / run_dir.EVENTS_FILE, rows)
                 if rows is None:
@@ -64,7 +65,7 @@ class RunWriter(Closing):
                     self._events.write("start", **start, threads=attributes.get("threads", 1))
                 else:
                     self._events.write("resume", steps=max(rows - 1, 0))
-                write_toml(directory / run_dir.RESOLVED_FILE, resolved)
+                write_text(directory / run_dir.RESOLVED_FILE, resolved)
             except BaseException:
                 self._file.close()
                 raise

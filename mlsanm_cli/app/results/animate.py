@@ -39,7 +39,7 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
     # Without series a position between stored states is not known.
     places = even if run.path.order.any() else np.unique(stored)
     if len(places) < FEWEST:
-        raise RunError("the run has one state only", "there is nothing that moves")
+        raise RunError("the run has one state only", "an animation needs at least two")
     levels = [float(place) for place in places]
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
     order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
@@ -59,8 +59,8 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
 def _bodies(run: RunData, case: Case, choice: Choice) -> Path:
     if len(run.states) < FEWEST:
         raise RunError(
-            "fields are saved at one position only, which does not move",
-            "name several in output.at and run again",
+            "fields are saved at one position only, and an animation needs at least two",
+            "list several positions in output.at and run again",
         )
     shown = [shown_bodies(run, case, state, choice.field) for state in run.states]
     states, label = [bodies for bodies, _ in shown], shown[0][1]

@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Place
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plots.overlay import Curve, plot_curves
+from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import ContactData, RunData
 
 POINTS, FEWEST = 301, 2
@@ -43,7 +43,9 @@ def draw_together(path: Path, runs: Sequence[RunData], cases: Sequence[Case], ch
         for curve in _of_run(run, name, kind, choice)
     ]
     if not curves:
-        raise RunError(f"the runs have nothing for {kind}", "kinds of contacts need contacts, loops friction")
+        raise RunError(
+            f"the runs have no data for {kind}", "pressures and peaks need a contact, loops need friction"
+        )
     position = "position on the load path (stages)"
     words = {
         "pressure": (
@@ -73,7 +75,7 @@ def draw_line(path: Path, runs: Sequence[RunData], cases: Sequence[Case], choice
             words = [name] if len(runs) > 1 else []
             words += [f"position {position:.4g}"] if len(choice.at) > 1 or len(runs) == 1 else []
             for where, x, y in _along(run, case, choice.along, field, position):
-                curves.append(Curve(x, y, ", ".join([*words, where] if where else words)))
+                curves.append(PlotCurve(x, y, ", ".join([*words, where] if where else words)))
     units = cases[0].units
     along = "distance along the line" if ":" in choice.along else "arc length"
     plot_curves(
@@ -90,7 +92,7 @@ def slips(contact: ContactData) -> FloatArray:
     return np.asarray(contact.slip @ contact.weight / contact.weight.sum(), dtype=np.float64)
 
 
-def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curve]:
+def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[PlotCurve]:
     joined = bool(run.path.order.any())
     for contact_name, contact in run.contacts.items():
         if choice.contact not in (None, contact_name):
@@ -101,15 +103,15 @@ def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curv
                 legend = f"{label}, position {level:.4g}" if choice.at else label
                 pressure = pressures_at(run, level)[contact_name]
                 order, arc = along_surface(contact, pressure)
-                yield Curve(arc, pressure[order], legend)
+                yield PlotCurve(arc, pressure[order], legend)
         elif kind == "force":
             force = np.hypot(*pressing_force(run, contact_name).T)
-            yield Curve(np.asarray(run.path.position), force, label, joined)
+            yield PlotCurve(np.asarray(run.path.position), force, label, joined)
         elif kind == "peak":
             peak = contact.pressure.max(axis=1, initial=0.0)
-            yield Curve(np.asarray(run.path.position), peak, label, joined)
+            yield PlotCurve(np.asarray(run.path.position), peak, label, joined)
         elif not np.isnan(contact.slip).any():
-            yield Curve(slips(contact), tangential_force(run, contact_name), label)
+            yield PlotCurve(slips(contact), tangential_force(run, contact_name), label)
 
 
 def _along(
@@ -139,7 +141,7 @@ def _along(
         values[inside] = _column(seen, field)
         found.append((name, share * float(np.hypot(*(last - first))), values))
     if not found:
-        raise RunError(f"the line {along} meets no body", "give places as they are before loading")
+        raise RunError(f"the line {along} crosses no body", "give coordinates of the undeformed bodies")
     return [("" if len(found) == 1 else name, x, y) for name, x, y in found]
 
 

@@ -81,7 +81,7 @@ def level_at(run: RunData, position: float) -> Level:
     if finite:
         raise RunError(
             f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
-            "and finite strain is not linear there",
+            "and results at finite strain are not interpolated",
             f"run again with {position:g} in output.at",
         )
     share = float((position - rows[row - 1]) / (rows[row] - rows[row - 1]))
@@ -100,8 +100,9 @@ def level_at(run: RunData, position: float) -> Level:
         return Level(position, LINEAR, row, share, factors, nothing, nothing, nothing, nothing)
     raise RunError(
         f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
-        f"and contact is not linear there",
-        f"run again with {position:g} in output.at; series (law hyperbolic, method anm) know all of the path",
+        f"and results of contact are not interpolated",
+        f"run again with {position:g} in output.at, or with power series (law hyperbolic, method anm), which "
+        f"give results everywhere",
     )
 
 

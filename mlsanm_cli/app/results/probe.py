@@ -35,7 +35,7 @@ FIELDS: Mapping[str, tuple[str, ...]] = {
     "stress": ("xx", "yy", "xy"),
     "von_mises": ("von_mises",),
 }
-ContactState = dict[str, Any]
+Row = dict[str, Any]
 
 
 def contents(rundir: Path) -> Mapping[str, Any]:
@@ -54,7 +54,7 @@ def contents(rundir: Path) -> Mapping[str, Any]:
 
 def probe_contact(
     rundir: Path | RunData, at: Sequence[float], name: str, quantities: Sequence[str] = ()
-) -> list[ContactState]:
+) -> list[Row]:
     """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them by default."""
     run, case = _read(rundir)
     _known(name, run.contacts, "contact")
@@ -72,9 +72,7 @@ def probe_contact(
     ]
 
 
-def probe_force(
-    rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False
-) -> list[ContactState]:
+def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False) -> list[Row]:
     """Force (x, y) that a load or support exerts on its body, or a contact on its slave.
 
     With ``contact`` the name is a contact's, whatever else bears it.
@@ -99,7 +97,7 @@ def probe_force(
 
 def probe_named(
     rundir: Path | RunData, at: Sequence[float], name: str, field: str | None = None
-) -> list[ContactState]:
+) -> list[Row]:
     """What a ``[[probe]]`` of the case has seen."""
     run, case = _read(rundir)
     _known(name, run.probes, "[[probe]]")
@@ -126,7 +124,7 @@ def probe_point(
     body: str,
     point: tuple[float, float],
     field: str | None = None,
-) -> list[ContactState]:
+) -> list[Row]:
     """Displacement and stress of a body at any point, where the fields of the level are saved.
 
     Values and derivatives of the local polynomials of the run's degree, fitted to the nodes' displacements.
@@ -208,7 +206,7 @@ def _known(name: str, names: Any, what: str) -> None:
         raise RunError(f'the run has no {what} "{name}"', there)
 
 
-def _position(level: Level) -> ContactState:
+def _position(level: Level) -> Row:
     return {"position": level.position, "how": level.how}
 
 
@@ -280,7 +278,8 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
     inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
     if not inside.all():
         x, y = points[~inside][0]
-        raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
+        message = f'({x:g}, {y:g}) lies outside body "{body}"'
+        raise RunError(message, "give coordinates of the undeformed body")
     material = _material(case, body)
     settings = mls_settings(case)
     if data.degree is not None:
@@ -313,14 +312,14 @@ def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: Floa
 
 def _fields(
     case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray, field: str | None
-) -> ContactState:
+) -> Row:
     """Columns of a displacement and stress (5,) at a ``point`` (1, 2); of one field, or of all."""
     stress = seen[None, 2:]
     across = _material(case, body).out_of_plane_stress(stress, _degrees(case, body, level, point))
     return _columns(np.concatenate([seen, von_mises(stress, across)]), field)
 
 
-def _columns(values: FloatArray, field: str | None) -> ContactState:
+def _columns(values: FloatArray, field: str | None) -> Row:
     """Displacement, stress and von Mises stress (6,) by name; of one field, or of all."""
     columns = [name for names in FIELDS.values() for name in names]
     wanted = FIELDS[field] if field else columns

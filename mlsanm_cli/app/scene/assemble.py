@@ -1,4 +1,4 @@
-"""From a validated case and its clouds to the mechanical scene: pairs, held components, movers, systems."""
+"""From a validated case and its clouds to the mechanical scene: pairs, supports, rigid motions, systems."""
 
 from __future__ import annotations
 
@@ -158,8 +158,11 @@ def prepare(
     # At finite strain pressures live at the nodes.
     grids = grids and case.model.strain == "small"
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
-    # Of higher degrees nodal contacts are less stable, but where sides answer in closed form, too.
-    unsure = [one for one in pairings if one.name not in ranges] if case.model.strain == "small" else []
+    # Of higher degrees nodal contacts are less stable, but where sides answer in closed form, too. Bonds have
+    # tractions longer than their nodes are apart: at degree 2 the stress in a fibre was 1.9 % off.
+    unsure = [
+        one for one in pairings if not (one.bonded or one.name in ranges or case.model.strain != "small")
+    ]
     nodal = {name for pairing in unsure for name in pairing.bodies}
     models |= {body.name: modelled(body, low=True) for body in case.body if body.name in nodal}
     try:
@@ -327,7 +330,8 @@ def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
         if not clouds[probe.body].holds(point)[0]:
             x, y = probe.point
             message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
-            problems.append(CaseProblem(f"probe.{probe.name}.point", message, hint="as it is before loading"))
+            hint = "give coordinates of the undeformed body"
+            problems.append(CaseProblem(f"probe.{probe.name}.point", message, hint=hint))
         probes.append(Probe(probe.name, probe.body, point))
     if problems:
         raise CaseError(tuple(problems))

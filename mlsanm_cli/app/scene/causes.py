@@ -27,7 +27,7 @@ MOST = 0.99
 def no_opposite_surface_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
     """Why no node of a contact's slave may face its partner."""
     if isinstance(contact.obstacle, PolylineObstacle):
-        return "the obstacle lies on the left of the direction of its points: reverse their order"
+        return "the obstacle lies to the left of its line, seen in the order of its points: reverse the order"
     if contact.obstacle is not None:
         return "bodies must lie on the side of the obstacle to which its normal points, or outside its circle"
     places, directions = [], []
@@ -36,7 +36,7 @@ def no_opposite_surface_hint(case: Case, contact: Contact, clouds: Mapping[str, 
         places.append(clouds[side.body].points[surface.index])
         directions.append(surface.normal.mean(axis=0))
     distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
-    facing = [f"{side} looks {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
+    facing = [f"{side} faces {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
     return (
         f"{' and '.join(facing)}, {distance:.3g} apart at least: contact surfaces must face each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
@@ -107,7 +107,7 @@ def strain_warnings(case: Case, strains: Mapping[str, float]) -> Iterator[str]:
     for body, strain in strains.items():
         if strain > STRAIN:
             yield (
-                f"body {body} is strained or rotated by {100.0 * strain:.3g} % of its size, and the model is "
-                f"linear, good for a few percent; check the units of material.{materials[body]} against "
-                "those of the loads"
+                f"body {body} is strained or rotated by {100.0 * strain:.3g} %, but the linear model is "
+                f"valid for a few percent only; check the units of material.{materials[body]} against those "
+                "of the loads"
             )

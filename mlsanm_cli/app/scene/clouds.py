@@ -29,7 +29,7 @@ from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
 from mlsanm_cli.case.model.files import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
 
@@ -110,7 +110,7 @@ def _finer(case: Case, body: Body) -> float:
     return math.sqrt(materials(case)[body.material].stretch)
 
 
-def _brought(case: Case, body: Body, cloud: Cloud, line: Line | None) -> Cloud:
+def _brought(case: Case, body: Body, cloud: Cloud, line: SymmetryLine | None) -> Cloud:
     """The cloud whose nodes came with the body, its own mirror image if a ``line`` is given and it is one."""
     cloud = with_cuts(case, body, cloud)
     if line is None:
@@ -121,7 +121,7 @@ def _brought(case: Case, body: Body, cloud: Cloud, line: Line | None) -> Cloud:
 
 
 def clouds(
-    case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: Line | None = None
+    case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: SymmetryLine | None = None
 ) -> dict[str, Cloud]:
     """Node clouds of all bodies, refined in ``zones`` beyond what the case says, and about a ``line`` their
     own mirror images where outline and spacing are."""

@@ -127,7 +127,7 @@ def _bonded(pairing: Pairing) -> Pairing:
     nearest = int(np.argmin(drawn))
     x, y = pairing.partner[nearest]
     message = f"bonded surfaces are drawn {drawn[nearest]:g} apart at least, near ({x:g}, {y:g})"
-    hint = "draw them in one place"
+    hint = "draw them so that they coincide"
     raise CaseError((CaseProblem(f"contact.{pairing.name}.friction", message, hint=hint),))
 
 
@@ -141,11 +141,11 @@ def _fitted(pairing: Pairing, interference: float) -> Pairing:
     slack = TOUCHING * float(pairing.spacing[deepest])
     x, y = pairing.partner[deepest]
     if gap > slack:
-        message = f"the surfaces of a fit are drawn apart, by {gap:g} at least, near ({x:g}, {y:g})"
-        hint = "draw them touching, or overlapping by the interference"
+        message = f"the surfaces of a press fit are drawn {gap:g} apart at least, near ({x:g}, {y:g})"
+        hint = "draw them touching, or overlapping by at most the interference"
     elif gap < -interference - slack:
         message = f"the surfaces overlap by {-gap:g} near ({x:g}, {y:g}), more than the interference"
-        hint = "the interference is the overlap where it is deepest, drawn or not"
+        hint = "the interference is the largest overlap, including any that is drawn"
     else:
         return replace(pairing, gap=pairing.gap - gap, interference=interference, closed_by=gap)
     raise CaseError((CaseProblem(f"contact.{pairing.name}.interference", message, hint=hint),))

@@ -172,20 +172,23 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
     """The surfaces of a contact; the more curved one is the base, so that the flatter one gives the direction
     of pressures."""
     contact = next(one for one in case.contact if one.name == pairing.name)
-    slave, master = pairing.slave, pairing.master
+    slave, profile = pairing.slave, profile_of(contact)
+    obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
+    master = obstacle.curve if obstacle else pairing.surface_of(False).curve
     if master is None:
-        assert contact.obstacle is not None
-        return Facing(slave.curve, None, shape_of(contact.obstacle), profile=profile_of(contact))
+        return Facing(slave.curve, None, obstacle, profile=profile)
     touching = pairing.gap <= pairing.gap.min() + TOUCHING * float(np.ptp(pairing.points, axis=0).max())
     own = _curved(slave.curve, pairing.points, touching)
-    opposite = _curved(master.curve, pairing.partner, touching)
-    slave_first = pairing.names[0] < pairing.names[1]
+    opposite = _curved(master, pairing.partner, touching)
+    slave_first = obstacle is not None or pairing.names[0] < pairing.names[1]
     for one, other in zip(own, opposite, strict=True):
         if abs(one - other) > ALIKE * max(one, other):
             slave_first = one > other
             break
-    curves = (slave.curve, master.curve) if slave_first else (master.curve, slave.curve)
-    return Facing(*curves, None, slave_first, profile=profile_of(contact))
+    if obstacle and slave_first:
+        return Facing(slave.curve, None, obstacle, profile=profile)
+    curves = (slave.curve, master) if slave_first else (master, slave.curve)
+    return Facing(*curves, obstacle, slave_first, profile=profile)
 
 
 def _curved(curve: Curve, points: FloatArray, touching: BoolArray) -> tuple[float, float]:

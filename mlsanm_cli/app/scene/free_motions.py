@@ -55,9 +55,9 @@ class WeakMotion:
 
 @dataclass(frozen=True)
 class Restrained:
-    """The movers, ``notes`` on what is held, and the motions held: of each the velocities (3,) of every body
-    in it, x, y and the rotation about the origin. ``loose`` are those of them in which nothing but loose
-    bodies moves, ``weak`` those that are hardly resisted."""
+    """The rigid constraints, ``notes`` on what is held, and the motions held: of each the velocities (3,) of
+    every body in it, x, y and the rotation about the origin. ``loose`` are those in which only loose bodies
+    move, ``weak`` those that are hardly resisted."""
 
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
@@ -74,7 +74,7 @@ def constrain_free_rigid_modes(
     loads: Acting,
     exact: Collection[str] = (),
 ) -> Restrained:
-    """The movers with motions that nothing resists prescribed at zero, and notes about them.
+    """The rigid constraints with motions that nothing resists prescribed at zero, and notes about them.
 
     The directions of the contacts named ``exact`` are those of their surfaces; others know theirs at nodes.
     Raises CaseError where a load drives such a motion.
@@ -169,8 +169,8 @@ def _driven(
         yield CaseProblem(
             f"load.{load}",
             f"nothing resists its force on {whom}, where loads add up to a {what} of {worst.sum():.4g}: "
-            f"no support holds it, and the contact's normals hardly tilt that way",
-            hint=f"hold it there with a [[support]]{_prescribe_hint(one)}",
+            f"no support acts there, and contact normals have almost no component in this direction",
+            hint=f"add a [[support]] there{_prescribe_hint(one)}",
         )
 
 
@@ -179,7 +179,7 @@ def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -
     if together:
         return (
             f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness): it moves together with "
-            f"{together}; the motion of one against the other stays free"
+            f"{together}; their relative motion stays free"
         )
     return f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness in this direction)"
 
@@ -192,8 +192,8 @@ def _weakly_resisted(
     body = one.constraint.body if isinstance(one.constraint, FloatingBody) else None
     return WeakMotion(
         f"{_owner(one)}: {_way(one)}{f', which moves {together} with it,' if together else ''} is hardly "
-        f"resisted, as it goes along the surfaces in contact: results depend on where exactly nodes are held "
-        f"and on the contact's width; hold it with a [[support]]{_prescribe_hint(one)}",
+        f"resisted, because it follows the surfaces in contact: results depend on the exact positions of "
+        f"supported nodes and on the contact width; fix it with a [[support]]{_prescribe_hint(one)}",
         None if body is None or driven else (body, one.motion.component),
         _of_bodies(unknown, direction),
     )

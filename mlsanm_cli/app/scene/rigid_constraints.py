@@ -125,12 +125,12 @@ def _loose(
         if not free.components:
             continue
         if case.solver.formulation == "monolithic":
-            message = f"body {body.name} is held by contact alone, which only the condensed formulation knows"
-            hint = 'use "condensed", or hold the body with a [[support]]'
+            message = f"body {body.name} is held by contact only, which needs the condensed formulation"
+            hint = 'use "condensed", or fix the body with a [[support]]'
             raise CaseError((CaseProblem("solver.formulation", message, hint=hint),))
         if case.mls.scheme != "least-squares":
-            message = f"body {body.name} is held by contact alone, which needs the scheme least-squares"
-            hint = 'use "least-squares", or hold the body with a [[support]]'
+            message = f"body {body.name} is held by contact only, which needs the scheme least-squares"
+            hint = 'use "least-squares", or fix the body with a [[support]]'
             raise CaseError((CaseProblem("mls.scheme", message, hint=hint),))
         still = np.zeros(len(case.moved))
         motions = tuple(mechanics.RigidMotion(component, None, still) for component in free.components)

@@ -10,12 +10,12 @@ from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.case.model.case import Body
-from mlsanm_cli.cloud.mirror import SAME, Line
+from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
 
 SAMPLES = 33
 
 
-def line_of(case: Case) -> Line | None:
+def line_of(case: Case) -> SymmetryLine | None:
     """The line about which nodes are placed symmetrically: the middle of all bodies, if all are their own
     mirror images about it.
 
@@ -31,14 +31,14 @@ def line_of(case: Case) -> Line | None:
     size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
-        line = Line(axis, float(middle[0, axis]))
+        line = SymmetryLine(axis, float(middle[0, axis]))
         same = np.abs(middle[:, axis] - line.at).max() <= SAME * size
         if same and all(_symmetric(case, body, line, float(size)) for body in case.body):
             return line
     return None
 
 
-def _symmetric(case: Case, body: Body, line: Line, size: float) -> bool:
+def _symmetric(case: Case, body: Body, line: SymmetryLine, size: float) -> bool:
     """Whether a body's spacing is its own mirror image, or the nodes are that came with it."""
     if not body.has_nodes:
         return spacing_of(case, body).symmetric(line)

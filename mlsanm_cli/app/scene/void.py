@@ -6,6 +6,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
 
 CLOSE = 0.1
@@ -31,6 +32,25 @@ def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list
         center = complex(place[middle] - size * inward[middle])
         if all_see(cloud, place, inward, center):
             return [center]
+    return _seen_around(cloud, place, inward, free, wide)
+
+
+def _seen_around(
+    cloud: Cloud, place: ComplexArray, inward: ComplexArray, free: FloatArray, wide: float
+) -> list[complex | None]:
+    """Of the centers outwards of any of the places the one that is farthest from the outline: the mouth of a
+    slot is seen from around its rounded edge and from its wall, what lies before their middle is not."""
+    size = np.minimum(0.5 * free, wide)[:, None] * HALVES
+    centers = (place[:, None] - size * inward[:, None]).ravel()
+    outline = np.concatenate(
+        [as_complex(one.curve.points(_looks(one.curve))) for one in cloud.surfaces.values()]
+    )
+    clear = np.array([np.abs(outline - center).min() for center in centers])
+    for number in np.argsort(-clear):
+        if clear[number] < CLOSE * wide:
+            break
+        if all_see(cloud, place, inward, complex(centers[number])):
+            return [complex(centers[number])]
     return []
 
 
@@ -49,7 +69,7 @@ def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:
     into view; not counting what is no farther than one of its chords."""
     starts, ways = [], []
     for surface in cloud.surfaces.values():
-        points = as_complex(surface.curve.points(np.linspace(0.0, surface.curve.length, CHORDS + 1)))
+        points = as_complex(surface.curve.points(_looks(surface.curve)))
         starts.append(points[:-1])
         ways.append(np.diff(points))
     start, way = np.concatenate(starts), np.concatenate(ways)
@@ -65,3 +85,8 @@ def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:
         & (distance > np.abs(way).max())
     )
     return np.asarray(np.where(hit, distance, np.inf).min(axis=1))
+
+
+def _looks(curve: Curve) -> FloatArray:
+    """Arc lengths (c + 1,) of the ends of a boundary's chords."""
+    return np.linspace(0.0, curve.length, CHORDS + 1)

@@ -14,7 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessP
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from mlsanm_cli.app.sweep.point import Point, outcome, solve_point
+from mlsanm_cli.app.sweep.point import SweepPoint, outcome, solve_point
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
 
@@ -28,7 +28,7 @@ class Engine(Closing, ABC):
     """Solves points; a context manager."""
 
     @abstractmethod
-    def submit(self, point: Point) -> None:
+    def submit(self, point: SweepPoint) -> None:
         """Have a point solved, in the order in which they come as far as possible."""
 
     @abstractmethod
@@ -45,9 +45,9 @@ class SerialEngine(Engine):
     """One point after the other in this process."""
 
     def __init__(self) -> None:
-        self._waiting: deque[Point] = deque()
+        self._waiting: deque[SweepPoint] = deque()
 
-    def submit(self, point: Point) -> None:
+    def submit(self, point: SweepPoint) -> None:
         """Put a point behind those of its geometry: what follows a first point comes before other firsts."""
         self._waiting.append(point)
 
@@ -72,10 +72,10 @@ class PoolEngine(Engine):
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self._pool: ProcessPoolExecutor | None = None
-        self._running: dict[Future[Row], Point] = {}
+        self._running: dict[Future[Row], SweepPoint] = {}
         self._attempts: dict[str, int] = {}
 
-    def submit(self, point: Point) -> None:
+    def submit(self, point: SweepPoint) -> None:
         """Hand a point to the pool."""
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
@@ -106,7 +106,7 @@ class PoolEngine(Engine):
                     yield future.result()
             yield from self._again(lost)
 
-    def _again(self, lost: list[Point]) -> Iterator[Row]:
+    def _again(self, lost: list[SweepPoint]) -> Iterator[Row]:
         """Repeat points lost with a process, on a new pool; rows of those given up."""
         for number, point in enumerate(lost):
             # Only those that had begun, the first of them, can be what killed it.
@@ -134,9 +134,9 @@ class DaskEngine(Engine):
     def __init__(self, client: Any, as_completed: Any) -> None:
         self._client = client
         self._completed = as_completed([])
-        self._points: dict[str, Point] = {}
+        self._points: dict[str, SweepPoint] = {}
 
-    def submit(self, point: Point) -> None:
+    def submit(self, point: SweepPoint) -> None:
         """Hand a point to the scheduler; earlier ones first."""
         future = self._client.submit(solve_point, point, pure=False, priority=-len(self._points))
         self._points[future.key] = point

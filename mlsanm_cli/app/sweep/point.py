@@ -18,7 +18,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Point:
+class SweepPoint:
     """A run still to be made: the case, its changes, where it goes, and how; ``memory`` is how many results
     its process keeps. ``done`` means that it need not be made."""
 
@@ -32,7 +32,7 @@ class Point:
     done: bool
 
 
-def solve_point(point: Point) -> Mapping[str, Any]:
+def solve_point(point: SweepPoint) -> Mapping[str, Any]:
     """Run one point; its name, status and stop reason, whatever happens to it."""
     with _ONE_AT_A_TIME:
         try:
@@ -55,7 +55,7 @@ def solve_point(point: Point) -> Mapping[str, Any]:
         return outcome(point, str(summary["status"]), str(summary["stop_reason"]), warnings)
 
 
-def outcome(point: Point, status: str, reason: str, warnings: int = 0) -> Mapping[str, Any]:
+def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> Mapping[str, Any]:
     """How a point ended, and how many warnings its summary has."""
     return {
         "name": point.name,

@@ -18,7 +18,7 @@ from mlsanm_cli.app.results.finished import finished, held_case
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.sweep.engines import Engine, dask_engine, local_engine
-from mlsanm_cli.app.sweep.point import Point
+from mlsanm_cli.app.sweep.point import SweepPoint
 from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
@@ -104,9 +104,9 @@ def _plan(
     overrides: tuple[str, ...],
     directory: Path,
     argv: tuple[str, ...],
-) -> list[list[Point]]:
+) -> list[list[SweepPoint]]:
     """All points, checked, in groups of one geometry each."""
-    found: list[tuple[str, Point]] = []
+    found: list[tuple[str, SweepPoint]] = []
     problems: dict[str, Any] = {}
     for values in points([parse_vary(text) for text in varied]):
         try:
@@ -119,7 +119,7 @@ def _plan(
         done = not options.force and finished(place, loaded.case_hash) is not None
         if not done and not options.force:
             _refuse_other(place, loaded.case_hash)
-        point = Point(
+        point = SweepPoint(
             case=case_path,
             overrides=(*overrides, *values),
             directory=place,
@@ -179,7 +179,7 @@ def geometry(case: Case) -> str:
     return digest(*(content.get(key) for key in ("model", "material", "body", "support", "mls")), contacts)
 
 
-def _results(engine: Engine, planned: Sequence[Sequence[Point]]) -> Iterator[Mapping[str, Any]]:
+def _results(engine: Engine, planned: Sequence[Sequence[SweepPoint]]) -> Iterator[Mapping[str, Any]]:
     """Rows of the points that are not done, as they end."""
     with engine:
         for group in planned:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticCustomError
+from pydantic import Field
 
 from mlsanm_cli.case.model.base import (
     NUMBER,
@@ -13,15 +12,6 @@ from mlsanm_cli.case.model.base import (
     AutoDegree,
     Section,
 )
-
-
-def _linear_solver(value: Any) -> Any:
-    """Refuse by name the solvers of earlier versions."""
-    if value in ("pardiso", "mumps"):
-        raise PydanticCustomError(
-            "linear_solver", '"{name}" is no longer supported: write "auto" or "superlu"', {"name": value}
-        )
-    return value
 
 
 class Mls(Section):
@@ -65,5 +55,5 @@ class Solver(Section):
     history."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
-    linear: Annotated[Literal["auto", "superlu"], BeforeValidator(_linear_solver)] = "auto"
+    linear: Literal["auto", "superlu"] = "auto"
     """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation, SuperLU for square schemes."""

@@ -67,7 +67,7 @@ def size_problems(content: Mapping[str, Any]) -> list[Problem]:
         if counted and path[-1:] == (named,) and most is not None and len(value) > most:
             problems.append((path, f"has {len(value)} items", f"{most} at most"))
             continue
-        if isinstance(value, Mapping) and len(value) > MOST_IN_TABLE:
+        if isinstance(value, dict) and len(value) > MOST_IN_TABLE:
             problems.append((path, f"has {len(value)} keys", f"at most {MOST_IN_TABLE}"))
             continue
         waiting += [((*path, step), item) for step, item in _items(value) if isinstance(item, _NESTED)]
@@ -86,17 +86,19 @@ def number_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
             yield path, f"{shown} is too {size} for floating-point arithmetic", hint
 
 
-_NESTED = (Mapping, list, tuple)
+_NESTED = (dict, list, tuple)
 
 
 def _items(value: Any) -> Sequence[tuple[str | int, Any]]:
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return list(value.items())
     return list(enumerate(value)) if isinstance(value, list | tuple) else []
 
 
 def _numbers(path: KeyPath, value: Any) -> Iterator[tuple[KeyPath, int | float]]:
-    if isinstance(value, int | float):
-        yield path, value
     for step, item in _items(value):
-        yield from _numbers((*path, step), item)
+        here = (*path, step)
+        if isinstance(item, int | float):
+            yield here, item
+        else:
+            yield from _numbers(here, item)

@@ -45,7 +45,7 @@ def apply_overrides(
 
     They are applied in order. ``data`` is not changed.
     """
-    content = copy.deepcopy(data)
+    content = copy.deepcopy(data) if overrides else data
     changed: set[KeyPath] = set()
     problems: list[CaseProblem] = []
     for text in overrides:

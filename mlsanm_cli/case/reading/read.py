@@ -14,7 +14,7 @@ from typing import Any
 
 from mlsanm_cli.case.checks.relations import run_checks
 from mlsanm_cli.case.checks.sound import validate
-from mlsanm_cli.case.lines import KeyPath, key_lines
+from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.files import Geometry, GeometryInspector
 from mlsanm_cli.case.model.tables import inline_tables
@@ -46,7 +46,7 @@ class LoadedCase:
     def located(self, error: CaseError) -> CaseError:
         """The problems with file and line, found by their keys (list items by name)."""
         content, changed, _ = apply_overrides(tomllib.loads(self.raw), self.overrides)
-        report = Report(content, key_lines(self.raw), str(self.path), changed)
+        report = Report(content, self.raw, str(self.path), changed)
         for problem in error.problems:
             report.add(key_path(content, problem.key), problem.message, problem.hint)
         return CaseError(report.problems)
@@ -105,14 +105,15 @@ def parse_case(
     Raises CaseError.
     """
     source = str(path)
-    content, lines = _parse_toml(text, source)
-    _refuse_sizes(content, Report(content, lines, source))
+    content = _parse_toml(text, source)
+    _refuse_sizes(content, Report(content, text, source))
     content, changed, bad_overrides = apply_overrides(content, overrides)
-    _refuse_sizes(content, Report(content, lines, source, changed))
+    if changed:
+        _refuse_sizes(content, Report(content, text, source, changed))
     data = _anchored({key: _frozen(value) for key, value in content.items()}, path.parent)
     data = _with_law(data)
     data, bad_tables = inline_tables(data, path.parent)
-    report = Report(data, lines, source, changed)
+    report = Report(data, text, source, changed)
     covered: list[KeyPath] = []
     for table, message in bad_tables:
         report.add(table, message)
@@ -260,12 +261,12 @@ def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
         raise CaseError(report.problems)
 
 
-def _parse_toml(text: str, source: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+def _parse_toml(text: str, source: str) -> dict[str, Any]:
     line, problem = text_problem(text)
     if line:
         raise CaseError((CaseProblem("(file)", problem, line, source, "far more than any case needs"),))
     try:
-        return tomllib.loads(text), key_lines(text)
+        return tomllib.loads(text)
     except RecursionError as error:
         raise CaseError((CaseProblem("(file)", "lists are nested too deeply", 1, source),)) from error
     except ValueError as error:
@@ -299,7 +300,7 @@ def _syntax_hint(message: str, line: str) -> str:
 def _frozen(value: Any) -> Any:
     if isinstance(value, list):
         return tuple(_frozen(item) for item in value)
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return {key: _frozen(item) for key, item in value.items()}
     return value
 
@@ -307,6 +308,6 @@ def _frozen(value: Any) -> Any:
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     return value

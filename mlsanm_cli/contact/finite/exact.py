@@ -90,6 +90,11 @@ class Pressing:
     answers: Sequence[Answer] = ()
 
     @property
+    def nothing(self) -> float:
+        """Pressures up to this are none."""
+        return NOTHING * self.stiffness * self.length
+
+    @property
     def free(self) -> int:
         """Number of unknown motions (d)."""
         plates = sum(len(one.components) for one in self.plates)
@@ -180,8 +185,7 @@ class Pressing:
             free = free + part * done.free
             traction = traction + part * done.traction
             # Where bodies only just touch, round-off decides what nodes do.
-            least = NOTHING * self.stiffness * self.length
-            still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= least
+            still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= self.nothing
             settled = count > 1 and done.settled and (still or done.sets.same(sets))
             sets = done.sets
             last = float(np.abs(done.du).max()) / self.length

@@ -259,6 +259,7 @@ class Iteration:
             d_slip @ by_all,
             lack.now + lack.by_traction @ follow,
             by_balance,
+            pressing.nothing,
         )
         guess = NodeSets(sets.status[chosen], sets.slip_sign[chosen])
         if first:

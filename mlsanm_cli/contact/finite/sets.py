@@ -42,7 +42,8 @@ class NodeSets:
 class Linearised:
     """Gaps and slips (c,) of nodes with ``friction`` coefficients (c,), by changes of ``pressure``, of the
     traction of friction ``shear`` (c,) and of d free motions: ``gap`` + ``by_gap`` (c, 2c + d) times all
-    these, and so for slips, and for what is out of ``balance`` (d,), which has to vanish."""
+    these, and so for slips, and for what is out of ``balance`` (d,), which has to vanish. Pressures up to
+    ``nothing`` are round-off: what nodes that only just touch do by them is no matter."""
 
     friction: FloatArray
     pressure: FloatArray
@@ -53,6 +54,7 @@ class Linearised:
     by_slip: FloatArray
     balance: FloatArray = field(default_factory=lambda: np.zeros(0))
     by_balance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    nothing: float = 0.0
 
     def settled(self, sets: NodeSets) -> tuple[FloatArray, NodeSets, bool]:
         """Changes (2c + d,) with which every node does what it may, from a first guess, what they do, and
@@ -123,5 +125,5 @@ class Linearised:
         wrong = np.where(opened, -self._stiffness * gap, -p)
         wrong = np.where(stuck & (mu > 0.0), np.maximum(wrong, np.abs(q) - mu * p), wrong)
         wrong = np.where(slides & (mu > 0.0), np.maximum(wrong, self._stiffness * slip_sign * slip), wrong)
-        tiny = 1e-12 * max(float(np.abs(p).max(initial=0.0)), 1e-300)
+        tiny = max(1e-12 * float(np.abs(p).max(initial=0.0)), self.nothing)
         return change, np.where(wrong > tiny, wrong, 0.0)

@@ -26,7 +26,8 @@ def turned(normal: FloatArray) -> FloatArray:
 @dataclass(frozen=True)
 class Facing:
     """The two surfaces of a contact as functions of a place ``s``: arc length along ``base``, from where the
-    closest points of the ``other`` surface, or of a rigid ``obstacle``, are looked for.
+    closest points of the ``other`` surface, or of a rigid ``obstacle``, are looked for. An obstacle that is
+    more curved than the slave is the base itself.
 
     If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
     increases along the slave. On a closed base it may continue past the start. Which of two surfaces is the

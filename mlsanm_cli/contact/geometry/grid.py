@@ -12,7 +12,8 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TypeAlias
+from itertools import product
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -30,6 +31,7 @@ ORDERS = 8
 CROWDED = 8
 """An interval that ends at a corner is halved towards it so many times."""
 NOTHING = 1e-14
+THREE = np.arange(3)
 STEEPEST = 2.5
 """Neighbouring intervals differ by this factor at most."""
 
@@ -113,19 +115,22 @@ class Hats:
     def towards_ends(self) -> tuple[FloatArray, sparse.csr_array]:
         """Points (e,) that crowd towards the ends, for kernels that change with the logarithm of the distance
         from there, and what makes integrals (m, e) with the functions."""
-        starts, steps, interval = [], [], []
-        for number, (start, step) in enumerate(zip(self.nodes[:-1], self.steps, strict=True)):
-            if step == 0.0:
-                continue
-            ends = np.array([0.0, 1.0])
-            if number <= self.whole[0] or number >= len(self.steps) - 1 - self.whole[1]:
-                ends = np.concatenate([[0.0], 0.5 ** np.arange(CROWDED, -1, -1)])
-                ends = ends if number <= self.whole[0] else 1.0 - ends[::-1]
-            starts.append(start + step * ends[:-1])
-            steps.append(step * np.diff(ends))
-            interval.append(np.full(len(ends) - 1, number))
-        points, weights = _gauss(np.concatenate(starts), np.concatenate(steps))
-        return points, self._integrals(points, np.tile(np.concatenate(interval), len(RULE)), weights)
+        starts, steps, interval = self.nodes[:-1], self.steps, np.arange(len(self.steps))
+        parts = 0.5 ** np.arange(CROWDED, -1, -1)
+        first, last = int(self.whole[0]), len(self.steps) - 1 - self.whole[1]
+        for number, ends in ((last, 1.0 - np.append(parts[::-1], 0.0)), (first, np.append(0.0, parts))):
+            crowded = starts[number] + steps[number] * ends
+            starts, steps, interval = (
+                np.concatenate([whole[:number], part, whole[number + 1 :]])
+                for whole, part in (
+                    (starts, crowded[:-1]),
+                    (steps, np.diff(crowded)),
+                    (interval, np.full(len(ends) - 1, number)),
+                )
+            )
+        kept = steps > 0.0
+        points, weights = _gauss(starts[kept], steps[kept])
+        return points, self._integrals(points, np.tile(interval[kept], len(RULE)), weights)
 
     def _integrals(self, points: FloatArray, interval: IntArray, weights: FloatArray) -> sparse.csr_array:
         """What makes integrals (m, e) of values at ``points`` (e,) in intervals (e,), of ``weights`` (e,)."""
@@ -161,8 +166,12 @@ class Hats:
         """Integrals (m, k) with every function of ``values`` (g,) at the points times powers of the distance
         from its place."""
         points, weights = self._own_points
-        away, product = self.points[points] - self.place[:, None], weights * values[points]
-        return np.stack([(product * away**order).sum(axis=1) for order in range(ORDERS + 1)], axis=1)
+        away, part = self.points[points] - self.place[:, None], weights * values[points]
+        found = [part.sum(axis=1)]
+        for _ in range(ORDERS):
+            part *= away
+            found.append(part.sum(axis=1))
+        return np.stack(found, axis=1)
 
     def _kernel(
         self, values: Table, shift: float, fourth: Table, third: Table, second: Table, reach: float = NEAR
@@ -173,15 +182,24 @@ class Hats:
         way = self.place[:, None] + shift - self.place
         near = np.abs(way) <= reach * (wide[:, None] + wide)
         one, other = np.nonzero(near)
-        # In extended precision, as fourth differences lose digits.
-        nodes, three = self.nodes.astype(np.longdouble), np.arange(3)
-        t = (nodes[one[:, None] + three] + shift)[:, :, None] - nodes[other[:, None] + three][:, None, :]
+        # In extended precision, as fourth differences lose digits; of every pair of nodes once.
+        nodes: Any = self.nodes.astype(np.longdouble)
+        count = len(self.place)
+        involved = np.zeros((len(nodes), len(nodes)), dtype=bool)
+        for a, b in product(range(3), repeat=2):
+            involved[a : a + count, b : b + count] |= near
+        first, last = np.nonzero(involved)
+        number = np.zeros(involved.shape, dtype=np.int64)
+        number[first, last] = np.arange(len(first))
+        pairs = number[(one[:, None] + THREE)[:, :, None], (other[:, None] + THREE)[:, None, :]]
+        t = nodes[first] + shift - nodes[last]
         impulses, doublets = self._second
-        exact = np.einsum("ea,eab,eb->e", impulses[one], fourth(t), impulses[other])
+        exact = np.einsum("ea,eab,eb->e", impulses[one], fourth(t)[pairs], impulses[other])
         if doublets.any():
-            exact += np.einsum("ea,eab,eb->e", impulses[one], third(t), doublets[other])
-            exact -= np.einsum("ea,eab,eb->e", doublets[one], third(t), impulses[other])
-            exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t), doublets[other])
+            rise = third(t)[pairs]
+            exact += np.einsum("ea,eab,eb->e", impulses[one], rise, doublets[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], rise, impulses[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t)[pairs], doublets[other])
         overlap = np.abs(way)[one, other] < wide[one] + wide[other]
         at = self.points[self._own_points[0]]
         seen = values(at[one][:, :, None] + shift - at[other][:, None, :])

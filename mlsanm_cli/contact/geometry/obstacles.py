@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.startup import cKDTree
@@ -34,6 +36,10 @@ LONGER = 3.0
 class Shape(Protocol):
     """What a slave surface can be pressed on."""
 
+    @property
+    def curve(self) -> Curve | None:
+        """The surface as one curve with the obstacle on its left; None if it is straight or has corners."""
+
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The obstacle's points (n, 2) closest to ``points`` (n, 2), and its unit outward normals (n, 2).
 
@@ -48,6 +54,8 @@ class Plane:
     point: tuple[float, float]
     normal: tuple[float, float]
 
+    curve = None
+
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         normal = np.array(self.normal)
         above = (points - np.array(self.point)) @ normal
@@ -61,6 +69,10 @@ class Round:
     center: tuple[float, float]
     radius: float
     inside: bool
+
+    @cached_property
+    def curve(self) -> Arc:
+        return Arc(self.center, self.radius, 0.5 * math.pi, -2.0 * math.pi if self.inside else 2.0 * math.pi)
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         away = points - np.array(self.center)
@@ -125,14 +137,18 @@ class Chain:
                     found.append((a, b, SplinePart(spline, 0, b - a)))
         return tuple(found)
 
+    @property
+    def curve(self) -> SplinePart | None:
+        whole = [curve for first, last, curve in self._curves if last - first == len(self.points) - 1]
+        return whole[0] if whole else None
+
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         partner, normal, side, corner = self._on_sides(points, outward)
         for first, last, curve in self._curves:
             here = (side >= first) & (side < last)
             here &= (corner == -1) | self.smooth[corner]
             if here.any():
-                arc = curve.closest(points[here])
-                partner[here], normal[here] = curve.points(arc), curve.normals(arc)
+                partner[here], normal[here] = curve.closest_points(points[here])
         return partner, normal
 
     def _on_sides(

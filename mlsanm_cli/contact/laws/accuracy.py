@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import spans
-from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows, slip_rows
+from mlsanm_cli.contact.response.functionals import changes, reaction_rows
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.scene import Platen, Scene
 
@@ -40,23 +39,20 @@ def changes_of(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What a ``correction`` (2n,) per body of the displacements changes of gaps (m,) and slips (n,), and of
     the force imbalance of the rigid constraints (k,)."""
-    paired = sum(len(pairing.position) for pairing in condensed.pairings)
-    frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
-    gaps, slips = np.zeros(paired), np.zeros(sum(len(pairing.position) for pairing in frictional))
-    for name, body in scene.bodies.items():
-        gaps += gap_rows(body, name, condensed.pairings) @ correction[name]
-        slips += slip_rows(body, name, frictional) @ correction[name]
+    gaps, slips = np.zeros(len(condensed.weight)), np.zeros(len(condensed.friction_nodes))
+    for pairing in condensed.pairings:
+        for name in dict.fromkeys(pairing.bodies):
+            gap, slip = changes(scene.bodies[name], name, pairing, correction[name].reshape(-1, 2))
+            gaps[condensed.spans[pairing.name]] += gap
+            if pairing.friction:
+                slips[condensed.tangential[pairing.name]] += slip
     imbalance = np.zeros(len(condensed.balance.constant))
     for row, (constraint, motion) in enumerate(scene.unknown_motions):
         if isinstance(constraint, Platen) and not motion.alone:
             for owner, surface in constraint.held:
                 rows = reaction_rows(scene.bodies[owner], surface, constraint.center)
                 imbalance[row] += (rows @ correction[owner])[motion.component]
-    return gaps[_candidates(condensed.pairings)], slips[_candidates(frictional)], imbalance
-
-
-def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
-    return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
+    return gaps, slips, imbalance
 
 
 def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:

@@ -1,7 +1,7 @@
 """Which nodes of contacts are open, stick or slip, and the linear equations that hold meanwhile.
 
 Open nodes carry nothing; closed ones keep h = 0; sticking ones keep the slip they came to rest at,
-s = anchor; slipping ones carry t = d mu p with the sense d = +-1.
+s = s0, the stick reference; slipping ones carry t = d mu p with the slip sign d = +-1.
 """
 
 from __future__ import annotations

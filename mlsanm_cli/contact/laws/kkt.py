@@ -17,7 +17,7 @@ def kkt_residual(
     closed: BoolArray,
     held: FloatArray,
 ) -> float:
-    """Largest violation of contact conditions, friction and balances in one state.
+    """Largest residual of contact conditions, friction and balances in one state.
 
     ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed nodes,
     ``held`` (n,) the slips at which sticking nodes rest, nan on the others. It is relative to the peak

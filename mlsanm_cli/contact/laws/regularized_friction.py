@@ -1,8 +1,8 @@
 """Regularised contact with Coulomb friction and its memory, quadratic between two changes of what rubs.
 
 The hyperbola (p + eta) h = eta delta stands for the normal contact. Friction acts where p is above a small
-threshold p_0. A sticking node is held where it came to rest by an asperity of softness c, s + c t = anchor; a
-slipping one carries t = d mu (p - p_0) with the sense d = +-1; an open one nothing. So no traction leaves
+threshold p_0. A sticking node is held where it came to rest by an asperity of compliance c, s + c t = s0; a
+slipping one carries t = d mu (p - p_0) with the slip sign d = +-1; an open one nothing. So no traction leaves
 Coulomb's cone, whatever the history, and none jumps where a node opens or closes. The sets change where p_0
 or a friction limit is reached, or where a slipping node comes to rest: between these events the equations
 are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
@@ -10,7 +10,7 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
     r1 = (p + eta) h - eta delta
     r2 = h - gap(f, q, p, t)
     r3 = balance(f, q, p, t)
-    r4 = s(f, q, p, t) + c t - anchor  |  t - d mu (p - p_0)  |  t
+    r4 = s(f, q, p, t) + c t - s0  |  t - d mu (p - p_0)  |  t
 
 Without friction t and r4 are empty, and what is left is the hyperbola alone (Elhage-Hussein, Potier-Ferry and
 Damil, Int. J. Solids Structures 37, 2000, 6981): the gap under a pressure p is about eta delta / p, the

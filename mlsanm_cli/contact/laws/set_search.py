@@ -52,8 +52,8 @@ class EndlessError(NoStateError):
         NumericalError.__init__(
             self,
             f"the active set found no contact state in {passes} passes",
-            "the clouds may be too coarse where the surfaces touch, or differ between the two; at high "
-            "friction there may also be no continuous path",
+            "the clouds along the contact may be too coarse or too different; at high friction there may "
+            "also be no continuous path",
         )
         self.sliding = False
 

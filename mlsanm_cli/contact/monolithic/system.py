@@ -5,7 +5,7 @@ step. It is the baseline that condensation is compared with, so it has the same 
 order. The displacements u of all bodies, one body after the other, come behind the platens' motions, and the
 bodies' equations behind the balances, in the numbering of :mod:`mlsanm_cli.contact.laws.coupling`::
 
-    gap      h = h0 + R_n u + beyond_n (p, t)     (R from the observers)
+    gap      h = h0 + R_n u + beyond_n (p, t)     (R from the response functionals)
     slip     s = F R_t u + beyond_t (p, t)
     balance  0 = forces(f, p, t) + reactions(u)
     bodies   0 = K u - sources(f, q, p, t)

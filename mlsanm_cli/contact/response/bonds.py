@@ -115,8 +115,8 @@ def bind(
         solved = -whole @ system.solve(means @ np.concatenate(rest))
     except SingularSystemError as error:
         raise NumericalError(
-            f"the tractions of contact {bonded[0].name} do not follow from its bond",
-            f"make the spacings along {' and '.join(bonded[0].names)} more alike",
+            f"the tractions of bonded contact {bonded[0].name} are not determined",
+            f"use more similar spacings along {' and '.join(bonded[0].names)}",
         ) from error
     ends = np.cumsum([gap.load.shape[1], gap.motion.shape[1], int(free.sum())])
     maps = [LinearMap(np.zeros(first), *np.split(half, ends, axis=1)) for half in np.split(solved, 2)]

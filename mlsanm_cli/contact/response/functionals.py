@@ -54,6 +54,23 @@ def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: Floa
     return sparse.csr_array(sparse.vstack([samples, beyond], format="csr"))
 
 
+def changes(
+    body: ElasticBody, name: str, pairing: Pairing, displacement: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What a body's ``displacement`` (N, 2) changes of a contact's gaps and slips (m,) at its candidates."""
+    grid = pairing.grid
+    if grid is None:
+        at, moved = np.flatnonzero(pairing.candidate), displacement.ravel()
+        gap, slip = (relative_rows(body, name, pairing, one, at) for one in (pairing.normal, pairing.tangent))
+        return gap @ moved, slip @ moved
+    samples = np.zeros((2, grid.count))
+    for own, slave, sign in pairing.sides:
+        if own == name:
+            points = as_real(grid.facing.side(grid.samples, slave)[0])
+            samples += sign * body.model.values(points, displacement).T
+    return grid.means[0] @ samples.ravel(), grid.means[1] @ samples.ravel()
+
+
 def relative_rows(
     body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray, at: IntArray | None = None
 ) -> sparse.csr_array:

@@ -16,7 +16,7 @@ _STYLES = ("-", "--", ":", "-.")
 
 
 @dataclass(frozen=True)
-class Curve:
+class PlotCurve:
     """Places ``x`` (k,), values ``y`` (k,), nan where there are none, and what to call them; without
     ``joined`` single points."""
 
@@ -26,7 +26,7 @@ class Curve:
     joined: bool = True
 
 
-def plot_curves(path: Path, curves: Sequence[Curve], x_label: str, y_label: str, title: str) -> None:
+def plot_curves(path: Path, curves: Sequence[PlotCurve], x_label: str, y_label: str, title: str) -> None:
     """Draw curves over each other, colours first and styles of lines after them.
 
     Raises ValueError for curves whose lengths differ or for none, RunError if ``path`` cannot be written.

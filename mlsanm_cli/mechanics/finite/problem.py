@@ -41,11 +41,11 @@ class FiniteProblem:
         return np.asarray((1.0 - lam) * self.start + lam * self.end)
 
     def left(self, x: FloatArray, lam: float) -> FloatArray:
-        """What is left of the rows (r,)."""
+        """What is left of the rows (r,) beyond what the projector's are to keep."""
         series = BodySeries(self.body, 0)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             series.put(0, x, self.factors(lam))
-            return series.rows(0)
+            return series.rows(0) - self.projector.rest
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """What would mend the state, (2N,), over the typical displacement; nan where det F <= 0."""

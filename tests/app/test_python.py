@@ -17,7 +17,7 @@ import mlsanm_cli as mlsanm
 from mlsanm_cli import api
 from tests.app.scenes import BAR, hertz
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "python.md").read_text()
 
 
@@ -34,8 +34,8 @@ def run(case: Path) -> mlsanm.Run:
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _elsewhere(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
+    afterwards.chdir(tmp_path)
 
 
 def test_every_example_of_the_page_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
