@@ -80,7 +80,7 @@ class UnfinishedError(MlsanmError):
 class GeometryError(MlsanmError):
     """The geometry of a body cannot be used; the message says what is wrong with it and where.
 
-    Whoever knows the key of the case file that it stands in turns it into a CaseError.
+    Callers that know its key in the case file turn it into a CaseError.
     """
 
     exit_code = 2

@@ -1,7 +1,7 @@
 """``mlsanm resume``: a run that was stopped or killed continues to the same result within its tolerance.
 
 Its path is taken up behind the last step stored, from what the checkpoint holds. Clouds and operators are
-made anew from the resolved case, and must be those that are stored but for round-off.
+rebuilt from the resolved case, and must agree with those stored up to round-off.
 """
 
 from __future__ import annotations

@@ -22,10 +22,12 @@ DEEPER = 1.0
 bodies, and large pieces deep inside serve as well and cost less. With 0.7 to 1.5 errors are the same."""
 MOST = 400.0
 """Nodes of the largest pieces."""
-NARROWER, FEWEST = 0.7, 2.0
+NARROWER, FEWEST = 0.4, 2.0
 """Pieces are narrower than the distance to a hollow plus its radius by this factor, and of so many nodes at
 least: portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8 to 24 nodes, depending on
-where they happened to be cut, and lose up to 1.4 % then."""
+where they happened to be cut, and lose up to 1.3 % then. With 0.7 a hole in a mesh whose triangles are 1.6
+times as deep as wide, 64 nodes around it, lost up to 6 % of its peak stress at degree 2 and 17 % at degree 4,
+and with 0.4, 2.4 and 6.6 %."""
 APART = 3.5
 """Pairs are farther than so many spacings from supports and corners."""
 ALIKE = 1e-9

@@ -1,6 +1,6 @@
 """What a continuation method may ask of the equations it follows: R(x, lam) = 0.
 
-Nothing here, nor in the rest of this package, knows any mechanics.
+This package contains no mechanics.
 """
 
 from __future__ import annotations

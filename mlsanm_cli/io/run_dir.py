@@ -82,7 +82,7 @@ def prepare(directory: Path, force: bool) -> None:
 
     It is made with its parents if it is not there. With ``force`` an earlier run in it is removed, that is
     the files mlsanm wrote and nothing else. Raises RunError if the directory holds a run or other files and
-    ``force`` is not given, if a foreign file in it bears a name that the run needs, or if it cannot be
+    ``force`` is not given, if a foreign file in it has a name that the run needs, or if it cannot be
     written.
     """
     try:
@@ -149,7 +149,7 @@ def _entries(directory: Path) -> list[Path]:
 
 
 def _is_comparison(path: Path) -> bool:
-    """Whether mlsanm wrote a file that bears the name of one of a comparison's."""
+    """Whether mlsanm wrote a file with the name of a file of a comparison."""
     if not path.is_file():
         return False
     content = path.read_bytes()

@@ -6,7 +6,8 @@ Load factors are collected in one vector f (L,), in the order the case names the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
+from mlsanm_cli.memo import digest
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,11 @@ class Scene:
     floating: tuple[FloatingBody, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
+
+    @cached_property
+    def content(self) -> str:
+        """A digest of all of it: contacts are condensed in it anew for every grid."""
+        return digest(*(getattr(self, one.name) for one in fields(self)))
 
     def surface(self, body: str, name: str) -> Surface:
         """A body's surface by name."""

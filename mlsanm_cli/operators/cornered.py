@@ -2,7 +2,7 @@
 
 Between free faces displacements grow with powers of the distance from the tip below 1 (Williams 1952,
 doi:10.1115/1.4010553). No polynomial follows them: what fits leave out near a corner would make a whole frame
-too stiff. How strong these displacements v_m are is told by one fit around the tip, of polynomials and of
+too stiff. The strengths of these displacements v_m are found by one fit around the tip, of polynomials and of
 them, s = S u; all fits around the tip are then those of polynomials to the rest of the displacement, u - s v,
 and the derivatives of s v are known. So stencils are no larger than elsewhere (as in singular function
 methods: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5).

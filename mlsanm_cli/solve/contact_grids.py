@@ -134,9 +134,13 @@ def _turned(
     angles ``common`` that would push along ``held`` motions, which are brought up to date; None where these
     are so already."""
     now: dict[str, float] = {}
-    for state in states:
-        if not rolls_away(scene, condensed, state):
-            now.update(turns(scene, condensed, state))
+    for state in reversed(states):
+        if rolls_away(scene, condensed, state):
+            continue
+        # Bodies are solved for in every state that is looked at.
+        now = turns(scene, condensed, state) | now
+        if len(now) == len(grids):
+            break
     before = {name: grids[name].facing.turn for name in grids}
     after = {}
     for name, turn in before.items():

@@ -70,9 +70,23 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
         points = as_real(grid.facing.side(ends, base)[0])
         moved = condensed.contact_fields(scene, body, unknowns, points)[0]
         angle = _rotation(scene.bodies[body].model, points, solved[body], moved)
+        # Where both are curved and one may slide, what bends them would move it on at every look.
+        if min(bends) > STRAIGHT * max(bends) and _moves(scene, pairing.bodies):
+            found[pairing.name] = drawn
+            continue
         rolled = _rolled(scene, body, state.motion) if bends[0] > bends[1] else 0.0
         found[pairing.name] = drawn + angle - rolled
     return found
+
+
+def _moves(scene: Scene, bodies: Sequence[str | None]) -> bool:
+    """Whether one of some bodies has unknown motions."""
+    return any(
+        name in constraint.bodies
+        for constraint, _ in scene.unknown_motions
+        if not isinstance(constraint, Obstacle)
+        for name in bodies
+    )
 
 
 def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:

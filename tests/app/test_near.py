@@ -8,8 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.response import contact_fields
+from mlsanm_cli.contact.response.functionals import changes, gap_rows, slip_rows
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import Quiet, solve
@@ -205,3 +210,20 @@ def test_a_contact_may_wander_on_its_way(tmp_path: Path) -> None:
     found = solve(HOOK, tmp_path / "run", console=Quiet())
     assert found["status"] == "done", found["stop_reason"]
     assert found["contacts"]["cam"]["force"][1] == pytest.approx(0.2304, rel=0.01)
+
+
+def test_changes_of_gaps_and_slips_are_those_of_their_rows(tmp_path: Path) -> None:
+    text, _ = pressed(1e-2)
+    (tmp_path / "case.toml").write_text(text)
+    loaded = load_case(tmp_path / "case.toml", ("contact.interface.friction=0.3", "contact.*.accuracy=0.1"))
+    context = RunContext(Clock(), Quiet())
+    built = condense_scene(loaded.case, build_scene(loaded, context), context)
+    (pairing,) = built.condensed.pairings
+    for name, elastic in built.scene.bodies.items():
+        x, y = elastic.model.nodes.T
+        moved = np.stack([np.sin(x + 0.3 * y), x * y - 0.2 * x], axis=1)
+        gap, slip = changes(elastic, name, pairing, moved)
+        rows = gap_rows(elastic, name, (pairing,)), slip_rows(elastic, name, (pairing,))
+        expected = [(one @ moved.ravel())[: len(gap)] for one in rows]
+        assert gap == pytest.approx(expected[0], abs=1e-12)
+        assert slip == pytest.approx(expected[1], abs=1e-12)

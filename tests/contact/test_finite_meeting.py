@@ -146,3 +146,34 @@ def test_sets_settle_by_what_nodes_may_do() -> None:
     assert sets.status.tolist() == [OPEN, STICK, SLIP]
     np.testing.assert_allclose(change[:3], [0.0, 1.0, 1.0])
     np.testing.assert_allclose(change[3:], [0.0, 0.1, -0.3])
+
+
+@pytest.mark.parametrize("seed", [1632, 2015, 2023])
+def test_sets_that_go_round_are_found_by_pivots(seed: int) -> None:
+    """Eight nodes with much friction, whose exchanges recur; and the same with a free motion that is in
+    balance, by which they are as compliant."""
+    count, rng = 8, np.random.default_rng(seed)
+    root = rng.normal(size=(2 * count, 2 * count))
+    compliance = root @ root.T / (2 * count) + 0.05 * np.eye(2 * count)
+    gap, slip = rng.normal(size=count) - 0.5, rng.normal(size=count)
+    mu, none = np.full(count, 0.8), np.zeros(count)
+    start = NodeSets(np.full(count, STICK, dtype=np.int8), none)
+    linear = Linearised(mu, none, none, gap, slip, compliance[:count], compliance[count:])
+    assert linear._exchanged(start, 100)[1].any()
+    change, sets, settled = linear.settled(start)
+    assert settled
+    p, q = np.split(change, 2)
+    g, s = np.split(compliance @ change + np.concatenate([gap, slip]), 2)
+    np.testing.assert_allclose(np.minimum(p, g), 0.0, atol=1e-9)
+    assert (np.abs(q) <= mu * p + 1e-9).all()
+    slides = np.abs(s) > 1e-9
+    np.testing.assert_allclose(
+        q[slides & sets.closed], (-np.sign(s) * mu * p)[slides & sets.closed], atol=1e-9
+    )
+    moves = rng.normal(size=(2 * count, 1))
+    by_all = np.hstack([compliance - moves @ moves.T, moves])
+    balance = (np.zeros(1), np.hstack([-moves.T, np.ones((1, 1))]))
+    driven = Linearised(mu, none, none, gap, slip, by_all[:count], by_all[count:], *balance)
+    found, _, settled = driven.settled(start)
+    assert settled
+    np.testing.assert_allclose(found[:-1], change, atol=1e-9)

@@ -10,7 +10,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
 PRESSING = 0.01
-"""Pressures before any load are told from this part of those at the end of the path."""
+"""Pressures before any load above this part of those at the end of the path are reported."""
 ROUND_OFF = 1e-9
 """Overlaps below this part of the coordinates are none: regularised laws press where surfaces just touch."""
 

@@ -21,7 +21,7 @@ PRESSED = 0.2
 
 
 def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
-    """What to take into which contact, as a node at such an end bears what belongs beyond it."""
+    """Boundaries to add to contacts: a node at such an end carries pressures that belong beyond it."""
     contacts = {contact.name: contact for contact in built.case.contact}
     for pairing in built.condensed.pairings:
         contact = contacts[pairing.name]

@@ -1,4 +1,4 @@
-"""The methods that `mlsanm compare` knows, each a few changes to the case, as ``--set`` takes them."""
+"""The methods of `mlsanm compare`, each a few changes of the case in the form of ``--set``."""
 
 from __future__ import annotations
 

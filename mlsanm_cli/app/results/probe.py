@@ -75,7 +75,7 @@ def probe_contact(
 def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False) -> list[Row]:
     """Force (x, y) that a load or support exerts on its body, or a contact on its slave.
 
-    With ``contact`` the name is a contact's, whatever else bears it.
+    With ``contact`` the name is that of a contact, even if a load has it too.
     """
     run, case = _read(rundir)
     _known(name, [*run.path.resultants, *run.contacts], "load, support or contact")

@@ -97,7 +97,7 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
 
 
 def _far(case: Case, name: str) -> float:
-    """The spacing of a body far from everything, infinite where it brings its nodes."""
+    """The spacing of a body far from everything, infinite for nodes from a file."""
     body = next(one for one in case.body if one.name == name)
     if isinstance(body.spacing, float):
         return body.spacing

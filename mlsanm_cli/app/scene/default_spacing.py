@@ -54,7 +54,7 @@ AT_TIPS, AROUND_TIPS = 20.0, 3.0
 out, and end at one: spacings at the tip, and how far nodes are as fine, as parts of that distance. A hub on a
 keyed shaft opened 1.3 % too far without, and opens within 0.5 %."""
 SMOOTH = float(np.cos(np.radians(10.0)))
-"""Faces whose normals differ by no more than this cosine tells make no corner."""
+"""Faces whose normals have at least this cosine form no corner."""
 BY_BOND_ENDS, AT_BOND_ENDS, SLOWLY = 2.0, 4.0, 0.12
 """The finer body's spacing over those along a bond that ends on a surface that continues, and at its end. A
 post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with spacings

@@ -42,7 +42,7 @@ class Acting:
 
 
 def temperature_of(load: Temperature) -> AmountField:
-    """The change of temperature that a load brings."""
+    """The temperature change of a load."""
     return AmountField(f"load.{load.name}.temperature", load.temperature)
 
 

@@ -67,7 +67,7 @@ class SerialEngine(Engine):
 
 
 class PoolEngine(Engine):
-    """Spawned processes. When one dies, the pool starts anew and what was not finished is repeated."""
+    """Spawned processes. When one dies, the pool is restarted and unfinished points are repeated."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs

@@ -113,7 +113,7 @@ class Polygon(Section):
         radius, points = (data.get(key) if isinstance(data, dict) else None for key in ("rounding", "points"))
         if isinstance(radius, bool) or not isinstance(radius, int | float) or not isinstance(points, tuple):
             return data
-        # What is no radius is told once.
+        # An invalid radius is reported once.
         return {**data, "rounding": (radius,) * (len(points) if 0.0 <= radius < math.inf else 1)}
 
 

@@ -3,7 +3,7 @@
 For a body that is not deformed the displacements K of a side's nodes by unit tractions there, linear between
 the nodes, are known as in a contact on a grid of its own: the field of a force in closed form, and a smooth
 remainder (:mod:`mlsanm_cli.mechanics.remainder`). The cloud by itself answers with C. What a state adds to
-that is smooth, and told by local fits F along the side::
+that is smooth, and given by local fits F along the side::
 
     displacement of the side = F u + Q (K - F C) Q^T T
 

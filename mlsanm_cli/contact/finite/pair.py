@@ -32,7 +32,7 @@ a node that the pressure drives out comes back without it, for ever, though its 
 @dataclass(frozen=True)
 class BodyContact:
     """The contact ``name`` of a ``slave`` with a deformable ``master``; ``friction`` is Coulomb's
-    coefficient. ``exchanged`` tells that the case has them the other way round: forces and directions are
+    coefficient. ``exchanged`` means that the case has them the other way round: forces and directions are
     reported as they act on the slave of the case."""
 
     name: str

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.finite.pivots import complementary_sets
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
-PASSES, TOGETHER = 80, 30
-"""Passes of the active set, and the first ones, in which all nodes turn together."""
+PASSES, BEHIND = 30, 10
+"""Passes of the active set, and more of them from what pivots find."""
 
 
 @dataclass(frozen=True)
@@ -61,19 +62,42 @@ class Linearised:
         whether such were found.
 
         A semismooth Newton method: nodes do what their pressure less its gap, and their shear less its slip,
-        over their compliance, say (Alart and Curnier 1991). Where that goes round, one node at a time, the
-        one that is furthest from what it may, does something else.
+        over their compliance, say (Alart and Curnier 1991). Where that goes round complementary pivots find
+        what they do.
         """
+        change, wrong, found = self._exchanged(sets, PASSES)
+        if wrong.any():
+            pivoted = self._pivoted()
+            if pivoted is not None:
+                again = self._exchanged(pivoted, BEHIND)
+                if again[1].max() < wrong.max():
+                    change, wrong, found = again
+        return change, found, not wrong.any()
+
+    def _exchanged(self, sets: NodeSets, most: int) -> tuple[FloatArray, FloatArray, NodeSets]:
+        """Changes, by how much each node does what it may not, and sets, after ``most`` passes or fewer."""
         status, slip_sign = sets.status.copy(), sets.slip_sign.copy()
-        count = len(status)
-        for number in range(PASSES):
+        for number in range(most):
             change, wrong = self._tried(status, slip_sign)
-            if not wrong.any() or number == PASSES - 1:
+            if not wrong.any() or number == most - 1:
                 break
-            better, turned = self._better(change)
-            chosen = wrong == wrong.max() if number >= TOGETHER else np.ones(count, dtype=bool)
-            status, slip_sign = np.where(chosen, better, status), np.where(chosen, turned, slip_sign)
-        return change, NodeSets(status, slip_sign), not wrong.any()
+            status, slip_sign = self._better(change)
+        return change, wrong, NodeSets(status, slip_sign)
+
+    def _pivoted(self) -> NodeSets | None:
+        """The sets by complementary pivots; None where these find none."""
+        count, size = len(self.pressure), self._stiffness
+        by_all = np.concatenate([self.by_gap, self.by_slip])
+        matrix, moved = by_all[:, : 2 * count], np.concatenate([self.gap, self.slip])
+        if len(self.balance):
+            # Free motions keep the balance.
+            onto = by_all[:, 2 * count :] @ np.linalg.inv(self.by_balance[:, 2 * count :])
+            matrix = matrix - onto @ self.by_balance[:, : 2 * count]
+            moved = moved - onto @ self.balance
+        moved = moved - matrix @ np.concatenate([self.pressure, self.shear])
+        (by_gap, by_slip), (gap, slip) = np.split(size * matrix, 2), np.split(size * moved, 2)
+        found = complementary_sets(self.friction, gap, slip, by_gap, by_slip)
+        return None if found is None else NodeSets(*found)
 
     @property
     def _stiffness(self) -> float:

@@ -34,7 +34,7 @@ class Side:
     """The ``nodes`` (c,) of surfaces of a ``body`` that follow each other, at ``places`` (c, 2) before
     loading, there with outward normals ``outward`` (c, 2), at ``arc`` (c,) along them; ``weight`` (c,) is the
     length each stands for. ``members`` are the surfaces' names with the numbers of their nodes among these.
-    ``around`` is the length of a closed side, and None of others. ``held`` (c,) tells which nodes have a
+    ``around`` is the length of a closed side, and None of others. ``held`` (c,) marks nodes that have a
     component of their displacement given. ``corners`` are the numbers of nodes at corners and ends; at either
     end ``mirrors`` has the axis across a plane of symmetry, if there is one, and ``wedges`` another corner
     whose fields are known."""

@@ -38,7 +38,7 @@ class Shape(Protocol):
 
     @property
     def curve(self) -> Curve | None:
-        """The surface as one curve with the obstacle on its left; None if it is straight or has corners."""
+        """The surface as one convex curve with the obstacle on its left; None if it is no such curve."""
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The obstacle's points (n, 2) closest to ``points`` (n, 2), and its unit outward normals (n, 2).
@@ -71,8 +71,8 @@ class Round:
     inside: bool
 
     @cached_property
-    def curve(self) -> Arc:
-        return Arc(self.center, self.radius, 0.5 * math.pi, -2.0 * math.pi if self.inside else 2.0 * math.pi)
+    def curve(self) -> Arc | None:
+        return None if self.inside else Arc(self.center, self.radius, 0.5 * math.pi, 2.0 * math.pi)
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         away = points - np.array(self.center)
@@ -140,7 +140,7 @@ class Chain:
     @property
     def curve(self) -> SplinePart | None:
         whole = [curve for first, last, curve in self._curves if last - first == len(self.points) - 1]
-        return whole[0] if whole else None
+        return next((one for one in whole if one.curvature(one.node_arcs).min() >= 0.0), None)
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         partner, normal, side, corner = self._on_sides(points, outward)

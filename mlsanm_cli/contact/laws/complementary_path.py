@@ -60,7 +60,7 @@ def admissible_sets(
     signs must be against friction; SingularSystemError where there are none. All nodes that break rules are
     exchanged at once as long as that leads to new sets; from the best of these the path is followed. Of
     smooth laws, with gaps everywhere, the compliance is the ``softened`` one, and open nodes are those
-    without friction, whose pressure falls; their values are told as gaps. Raises NoStateError.
+    without friction, whose pressure falls; their values are given as gaps. Raises NoStateError.
     """
     sets, last, seen, count = first, first, set[bytes](), 0
     starts = list[tuple[int, ContactStatus, ContactState, FloatArray]]()

@@ -1,4 +1,4 @@
-"""Regularised contact with Coulomb friction and its memory, quadratic between two changes of what rubs.
+"""Regularised contact with Coulomb friction and its memory, quadratic between two changes of status.
 
 The hyperbola (p + eta) h = eta delta stands for the normal contact. Friction acts where p is above a small
 threshold p_0. A sticking node is held where it came to rest by an asperity of compliance c, s + c t = s0; a

@@ -2,7 +2,7 @@
 
 Surfaces that are one neither part nor slide: what loads f, motions q, pressures p and tractions t of the
 other contacts move of them, their own pressures and tractions take back. These are linear in f, q, p, t and
-are taken out of the contact problem, so that no contact law knows of them.
+are eliminated from the contact problem, so that contact laws do not see them.
 
 Least squares follow tractions the less the shorter their waves are, and tractions are singular where bonds
 end. So they are linear between knots that are COARSE spacings apart, and the means of displacements with the

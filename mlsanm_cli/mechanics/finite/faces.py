@@ -1,4 +1,4 @@
-"""Where a body's pieces take and give forces: points on their faces, with what tells displacement there.
+"""Where a body's pieces take and give forces: points on their faces, with the rows of displacement there.
 
 Points come in fits: all that separates two nodes' cells (inner faces of the division), or one point of the
 outline. Inner points and those of held sides carry the first Piola-Kirchhoff stress, the others given
