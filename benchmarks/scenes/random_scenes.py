@@ -97,7 +97,9 @@ def drawn(number: int) -> tuple[Table, list[str]]:
     down = f"body{count - 1}.{faces[-1][1]}"
     loads = [platen("press", down, fy=-press, ux=0.0)]
     stages = [{"press": 1.0}]
-    if friction and rng.random() < 0.5:
+    # Disks, and what stands between two round bodies, roll away.
+    rolls = "disk" in kinds or kinds.count("half") > 1
+    if friction and rng.random() < 0.5 and not rolls:
         loads[0].pop("ux")
         loads.append(platen("shear", down, fx=0.3 * friction * press))
         stages.append({"shear": 1.0})

@@ -12,7 +12,6 @@ from mlsanm_cli.app.assessment.checks import (
     check_balance,
     check_energy,
     check_estimates,
-    check_held,
     check_linear,
     check_open,
     check_points,
@@ -29,7 +28,7 @@ from mlsanm_cli.app.assessment.pressed_ends import end_warnings
 from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
-from mlsanm_cli.app.assessment.rolling import check_rolling
+from mlsanm_cli.app.assessment.turning import check_held, check_rolling
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
@@ -202,6 +201,8 @@ def _follow(
         with context.phase("continuation"):
             try:
                 step = next(steps, None)
+                for state in (*step.saved, step.state) if step is not None else ():
+                    check_rolling(built, state)
             except NumericalError as error:
                 last = recorder.last.position if recorder.last is not None else 0.0
                 raise at_limit(built.scene, built.condensed, built.stages, last, error) from error

@@ -28,6 +28,7 @@ from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged
 from mlsanm_cli.solve.grid_refinement import refined, sampled
+from mlsanm_cli.solve.rolling import rolls_away
 
 WIDE = 0.05
 """Half the width of the patches that a search begins with, as a part of the range."""
@@ -141,6 +142,8 @@ def _turned(
     are so already."""
     now: dict[str, float] = {}
     for state in reversed(states):
+        if rolls_away(scene, condensed, state):
+            continue
         # Bodies are solved for in every state that is looked at.
         now = turns(scene, condensed, state) | now
         if len(now) == len(grids):

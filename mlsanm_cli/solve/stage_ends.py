@@ -19,6 +19,7 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
 from mlsanm_cli.solve.load_factors import factors_at
+from mlsanm_cli.solve.rolling import RollingError, turned_by_loads
 
 MOST_LEVELS = 40
 """Of more levels with fields some decide how fine contact grids have to be."""
@@ -70,7 +71,7 @@ def searched_ends(
         # Where friction let go at a stage's end, it takes all guesses to find that out anew.
         followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
-            held = _friction_ends(condensed, followed, starts)
+            held = _friction_ends(scene, condensed, followed, starts)
             check_slips(condensed, held)
             return held
         except EndlessError:
@@ -90,14 +91,14 @@ def searched_ends(
         last = ends[-1].active if ends else None
         first = last if start is None else start.closed
         try:
-            ends.append(_solved_exactly(condensed, wanted, first))
+            ends.append(_solved_exactly(scene, condensed, wanted, first))
         except UnbalancedError as error:
             lost = lost or error
             if not every:
                 near = near_limit(condensed, stages)
                 if near is None:
                     break
-                return (*ends, _solved_exactly(condensed, near[0], last))
+                return (*ends, _solved_exactly(scene, condensed, near[0], last))
         except NumericalError as error:
             # A body that floats on its way has no exact state there.
             lost = lost or error
@@ -144,17 +145,26 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
                 )
 
 
-def _solved_exactly(condensed: Condensed, factors: FloatArray, first: BoolArray | None) -> ExactState:
-    """The exact state, searched from a ``first`` set, or where that lets go of a body from the closest."""
+def _solved_exactly(
+    scene: Scene, condensed: Condensed, factors: FloatArray, first: BoolArray | None
+) -> ExactState:
+    """The exact state, searched from a ``first`` set, or where that lets go of a body from the closest.
+    UnbalancedError where loads roll bodies away in it."""
     try:
-        return solve_exact(condensed, factors, first)
+        found = solve_exact(condensed, factors, first)
     except NumericalError:
-        return solve_exact(condensed, factors)
+        found = solve_exact(condensed, factors)
+    none = np.zeros(0)
+    sets = ContactStatus(found.active, none.astype(bool), none)
+    turned = turned_by_loads(scene, condensed, (found.motion, found.pressure, none), sets)
+    if turned and turned.error:
+        raise UnbalancedError(turned.error.message, turned.error.hint)
+    return found
 
 
-def exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+def exact_ends(scene: Scene, condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
     if len(condensed.friction_nodes):
-        return _friction_ends(condensed, stages)
+        return _friction_ends(scene, condensed, stages)
     ends: list[ExactState] = []
     for factors in stages[1:]:
         ends.append(solve_exact(condensed, factors, ends[-1].active if ends else None))
@@ -162,18 +172,29 @@ def exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ..
 
 
 def _friction_ends(
-    condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
+    scene: Scene, condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
 ) -> tuple[ExactState, ...]:
-    """One increment per stage as far as the loads can be carried; of the first at least a part."""
+    """One increment per stage as far as the loads can be carried; of the first at least a part that rolls
+    nothing away."""
     ends: list[ExactState] = []
     state = unloaded(condensed, stages[0])
     for number, factors in enumerate(stages[1:]):
         try:
-            state, solves = _incremented(condensed, state, factors, next(iter(starts[number:]), None))
+            found, solves = _incremented(condensed, state, factors, next(iter(starts[number:]), None))
         except NoStateError:
             break
+        if not ends and _rolling(scene, condensed, found):
+            break
+        state = found
         ends.append(_end(condensed, state, solves))
-    return tuple(ends) if ends else (_first_end(condensed, state, stages[1]),)
+    return tuple(ends) if ends else (_first_end(scene, condensed, state, stages[1]),)
+
+
+def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> RollingError | None:
+    """The error that loads roll bodies away, None where they do not."""
+    v = state.values
+    turned = turned_by_loads(scene, condensed, (v.motion, v.pressure, v.traction), state.sets)
+    return turned.error if turned else None
 
 
 def _incremented(
@@ -199,15 +220,19 @@ def _incremented(
         raise lost from None
 
 
-def _first_end(condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
+def _first_end(scene: Scene, condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
     """The state after a part of a stage whose end cannot be reached."""
+    failure: NoStateError
     for part in FIRST_PARTS:
         try:
             found, solves = increment(condensed, state, state.factors + part * (end - state.factors))
         except NoStateError as error:
             failure = error
             continue
-        return _end(condensed, found, solves)
+        rolling = _rolling(scene, condensed, found)
+        if rolling is None:
+            return _end(condensed, found, solves)
+        failure = rolling
     raise failure
 
 

@@ -165,7 +165,9 @@ def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:
             SHEARED, tmp_path / law, f'contact.interface.regularization.law="{law}"', "load.shear.fx=180.0"
         )
         assert summary["status"] == "failed"
-        assert summary["stop_reason"].startswith("the contact slides as a whole at position 1.5")
+        assert summary["stop_reason"].startswith("the contact slides as a whole at position ")
+        # Shear tilts the surface a little.
+        assert float(summary["stop_reason"].split()[-1]) == pytest.approx(1.5, rel=1e-3)
         assert "displacement" in summary["hint"]
         # The last state is the limit: all that friction can carry, to what the slope of the surface adds.
         assert summary["contacts"]["interface"]["force"][0] == pytest.approx(-0.4 * 226.0, rel=0.01)

@@ -10,11 +10,8 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.direction_updates import turns
-from mlsanm_cli.solve.stage_ends import ASTRAY, reach_error
+from mlsanm_cli.solve.stage_ends import reach_error
 from mlsanm_cli.solve.state import Polish, State
 
 BALANCE_LIMIT = 0.1
@@ -56,10 +53,6 @@ ESTIMATE_WARNING = 0.02
 
 LARGE_ERROR = 0.1
 """Estimated errors of displacements, and of pressures of any contact, above this are warned of."""
-
-HELD_WARNING = 0.01
-"""Contacts turned by more than this angle while a motion along them is held are warned of: so large a part of
-what presses would push that way."""
 
 POLISH_WARNING = 0.1
 """Polishing that changes a pressure by more than this part of the peak is warned of: the smooth path between
@@ -137,21 +130,7 @@ def check_state(built: CondensedScene, state: State) -> None:
     for pairing in condensed.pairings:
         gaps = pairing.gap[touched[pairing.name]]
         if len(gaps):
-            raise _turned_over(built) or reach_error(pairing.name, float(gaps.max()))
-
-
-def _turned_over(built: CondensedScene) -> NumericalError | None:
-    """The error that bodies turn further than contacts at small strain can follow, if one does."""
-    for number, (constraint, motion) in enumerate(built.scene.unknown_motions):
-        angle = max(abs(float(end.motion[number])) for end in built.ends)
-        if motion.component == ROTATION and not isinstance(constraint, Obstacle) and angle > ASTRAY:
-            names = " and ".join(f"body {name}" for name in constraint.bodies)
-            return NumericalError(
-                f"{names} would tip over: rotation of {np.degrees(angle):.3g} degrees before the contacts "
-                "balance the loads",
-                f"apply the loads between the contacts, or fix {names} with a [[support]]",
-            )
-    return None
+            raise reach_error(pairing.name, float(gaps.max()))
 
 
 def _judge_cone(built: CondensedScene, state: State) -> None:
@@ -232,31 +211,6 @@ def check_points(verdict: EnergyVerdict) -> Iterator[str]:
                 f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary "
                 f"(from, to), or measure displacements relative to another point than the fixed one"
             )
-
-
-def check_held(built: CondensedScene) -> str:
-    """A warning where surfaces have turned so far that what presses on a body drives a motion that is held
-    as nothing resists it, "" elsewhere."""
-    along = [motion for motion in built.scene.held_motions if not any(way[2] for way in motion.values())]
-    held = {body for motion in along for body in motion}
-    if not held or not built.ends:
-        return ""
-    turned = turns(built.scene, built.condensed, built.ends[-1])
-    worst, where = 0.0, ""
-    for pairing in built.condensed.pairings:
-        bodies = held & set(pairing.bodies)
-        if pairing.grid is None or pairing.name not in turned or not bodies:
-            continue
-        angle = abs(turned[pairing.name] - pairing.grid.facing.turn)
-        if angle > max(worst, HELD_WARNING):
-            worst, where = angle, " and ".join(sorted(bodies))
-    if not where:
-        return ""
-    return (
-        f"the contact surfaces of {where} have rotated so far that {100.0 * worst:.2g} % of the contact "
-        f"force acts along a motion without stiffness that is fixed at 0; add a [[support]] in that "
-        f"direction, or friction to the contact"
-    )
 
 
 def check_open(built: CondensedScene) -> str:

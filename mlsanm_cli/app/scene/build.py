@@ -248,7 +248,7 @@ def _condense(
             if not condensed.pairings:
                 return condensed, ()
             try:
-                ends = exact_ends(condensed, stages)
+                ends = exact_ends(scene, condensed, stages)
             except EndlessError:
                 check_candidates_coercivity(case, scene, condensed, context.memo)
                 raise
