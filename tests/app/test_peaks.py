@@ -32,7 +32,9 @@ def test_coarse_holes_of_a_mesh_are_warned_of(around: int, degree: int, tmp_path
     assert np.hypot(*told["place"]) == pytest.approx(1.0)
     points, stress = state.bodies["plate"].points, state.states[-1].bodies["plate"]["stress"]
     rim = np.hypot(*points.T) < 1.0 + 1e-6
-    assert told["stress"] == pytest.approx(von_mises(stress[rim], np.zeros(rim.sum())).max(), rel=1e-9)
+    # Of nearly equal peaks that with the larger error counts.
+    largest = von_mises(stress[rim], np.zeros(rim.sum())).max()
+    assert largest / (1.0 + told["error"]) <= told["stress"] <= (1.0 + 1e-9) * largest
     wrong = stress[rim, 0] - EXACT / 3.0 * KirschHole(1.0, 1.0).stress(points[rim])[:, 0]
     error = float(np.abs(wrong).max()) / told["stress"]
     assert error / 3.0 <= told["error"] <= 3.0 * error
