@@ -10,7 +10,7 @@ from mlsanm_cli.startup import cKDTree
 
 NEAR = 2.0
 """Triangles nearer to a singular place than their longest side times this are divided into four, ..."""
-TIMES = 5
+TIMES = 2
 """... at most so many times."""
 
 

@@ -30,9 +30,10 @@ CROWDED = 14
 """Half a cell at a corner is halved towards it so many times."""
 
 
-def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
+def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -> FloatArray:
     """Right-hand sides (r, 2k) of the remainders of the body's answers to unit forces: those in x of all k
-    places, then those in y."""
+    places, then those in y; ``centred`` so that field and remainder together have no mean motion that nothing
+    holds, which matters where it is no unknown of the scene."""
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
@@ -56,7 +57,8 @@ def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
     for number, (node, component) in enumerate(body.held_nodes):
         moved = forces.displacement(as_complex(cloud.points[node : node + 1]))
         source[first + number] = -moved[0, :, component]
-    source[body.first_pin : body.first_pin + len(body.free.components)] = -_mean_motion(body, forces)
+    if centred:
+        source[body.first_pin : body.first_pin + len(body.free.components)] = -_mean_motion(body, forces)
     flat = source.reshape(body.rows, -1)
     missing = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(missing) :] = missing

@@ -47,8 +47,9 @@ def body_load_vectors(
                     few[:, : columns.loads] += np.outer(source, motion.prescribed)
             unknown += motion.prescribed is None
     blocks = [sparse.csc_array(few)]
+    centred = any(name in motion for motion in scene.held_motions)
     sampled = {
-        pairing.name: np.hsplit(_sample_sources(body, name, pairing), 2)
+        pairing.name: np.hsplit(_sample_sources(body, name, pairing, centred), 2)
         for pairing in pairings
         if pairing.grid is not None
     }
@@ -61,7 +62,7 @@ def body_load_vectors(
     return sparse.csc_array(sparse.hstack(blocks, format="csc"))
 
 
-def _sample_sources(body: ElasticBody, name: str, pairing: Pairing) -> FloatArray:
+def _sample_sources(body: ElasticBody, name: str, pairing: Pairing, centred: bool) -> FloatArray:
     """Right-hand sides (r, 2 drivers) of the remainders of what forces x, then y, on the slave at a contact's
     samples, and the opposite ones on the master, do to the body called ``name``; and of tractions all along
     its surface where their mean is a driver."""
@@ -72,7 +73,7 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing) -> FloatArra
     for (own, slave, sign), surface in zip(pairing.sides, surfaces, strict=False):
         if own != name:
             continue
-        sources = remainder_sources(body, grid.forces(body.model.kernel, slave))
+        sources = remainder_sources(body, grid.forces(body.model.kernel, slave), centred)
         total[:, :, : grid.count] += sign * sources.reshape(body.rows, 2, grid.count)
         if grid.covers and surface is not None:
             for component, axis in enumerate(np.eye(2)):
