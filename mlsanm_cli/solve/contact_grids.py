@@ -87,6 +87,7 @@ def find_grids(
         if begun:
             ranges = {**ranges, **begun}
             grids = grids | {name: first_grid(one) for name, one in begun.items()}
+            passed = {name: places for name, places in passed.items() if name not in begun}
             some = _on_grids(pairings, grids, some)
             starts, responses, condensed = [], None, None
             continue
@@ -100,7 +101,7 @@ def find_grids(
         if _same(wanted, grids):
             turned = None
             if every and turnings:
-                turned = _turned(scene, condensed, states, grids, scene.held_motions, common)
+                turned = _turned(scene, condensed, states, grids, common)
             if turned is None and every:
                 between = () if looked or _whole(grids, ranges) else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
@@ -134,13 +135,13 @@ def _turned(
     condensed: Condensed,
     states: Sequence[ExactState],
     grids: Mapping[str, ContactGrid],
-    held: Sequence[Mapping[str, FloatArray]],
     common: dict[str, float],
 ) -> dict[str, ContactGrid] | None:
     """The grids with directions as the bodies have turned in the last states where they touch, but for the
-    angles ``common`` that would push along ``held`` motions, which are brought up to date; None where these
+    angles ``common`` that would push along held motions, which are brought up to date; None where these
     are so already."""
     now: dict[str, float] = {}
+    held = scene.held_motions
     for state in reversed(states):
         if rolls_away(scene, condensed, state):
             continue

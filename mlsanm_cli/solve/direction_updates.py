@@ -59,8 +59,10 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
             continue
         base = grid.facing.slave_first
         body = pairing.slave_body if base else pairing.master_body
-        if body is None:
-            found[pairing.name] = drawn  # obstacles do not turn
+        # Obstacles do not turn. Where both are curved and one may slide, what bends them would move it on at
+        # every look.
+        if body is None or (min(bends) > STRAIGHT * max(bends) and _moves(scene, pairing.bodies)):
+            found[pairing.name] = drawn
             continue
         if body not in solved:
             rest = condensed.solution(scene, body, unknowns)[0][:, 0]
@@ -70,10 +72,6 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
         points = as_real(grid.facing.side(ends, base)[0])
         moved = condensed.contact_fields(scene, body, unknowns, points)[0]
         angle = _rotation(scene.bodies[body].model, points, solved[body], moved)
-        # Where both are curved and one may slide, what bends them would move it on at every look.
-        if min(bends) > STRAIGHT * max(bends) and _moves(scene, pairing.bodies):
-            found[pairing.name] = drawn
-            continue
         rolled = _rolled(scene, body, state.motion) if bends[0] > bends[1] else 0.0
         found[pairing.name] = drawn + angle - rolled
     return found
