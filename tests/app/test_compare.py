@@ -59,7 +59,7 @@ def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
     smooth, exact = found["methods"]
     levels = f"output.at={found['levels']}"
     runs = {
-        "anm": solve(text, tmp_path / "anm", FAST, levels, "solver.polish=false"),
+        "anm": solve(text, tmp_path / "anm", FAST, levels, 'solver.method="anm"', "solver.polish=false"),
         "active-set": solve(text, tmp_path / "exact", FAST, levels, EXACT),
     }
     for row in (smooth, exact):
@@ -215,7 +215,7 @@ def test_exit_codes_and_table(
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     for text, wishes, overrides, words in (
         (BAR, QUICK, (), "no [[contact]]"),
-        (hertz(), CompareOptions(), (), "nothing to compare"),
+        (hertz(), CompareOptions(), ('solver.method="anm"',), "nothing to compare"),
         (SHEARED, CompareOptions(("active-set",), analytic=True), (), "--analytic"),
     ):
         with pytest.raises(RunError) as refused:

@@ -180,7 +180,7 @@ def test_a_ratio_of_spacings(bad: float, tmp_path: Path, afterwards: pytest.Monk
 
 
 def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
-    summary = solve(NODAL, tmp_path / "run", "solver.max_steps=9")
+    summary = solve(NODAL, tmp_path / "run", 'solver.method="anm"', "solver.max_steps=9")
     assert summary["status"] == "failed"
     failure = read_json(tmp_path / "run" / "summary.json")["failure"]
     assert failure["position"] == summary["position"] > 0.0

@@ -108,7 +108,7 @@ def test_a_path_cut_short_says_so(tmp_path: Path) -> None:
 
 def test_eta_lowered_at_full_load(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
-    case.write_text(NODAL)
+    case.write_text(NODAL + '[solver]\nmethod = "newton"\n')
     built = built_of(case)
     (end,) = saved(built, method="newton", tolerance=1e-10, polish=False)
     *_, last = lowered(built, (1.0, 1e-1, 1e-2, 1e-3, 1e-4))
