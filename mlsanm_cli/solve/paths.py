@@ -85,9 +85,8 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """Exact contact at the stages' ends, which are known, wherever fields are wanted, and between these as
-    often as rows of the path tell how it runs, each from the set before; on the way to a limit load as near to
-    it as there are states."""
+    """Exact contact at the stages' ends, which are known, wherever fields are wanted and evenly in between,
+    each from the set before; on the way to a limit load as near to it as there are states."""
     wanted, positions = output_positions(built), stops(built)
     ends = {
         float(number): one

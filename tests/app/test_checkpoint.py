@@ -20,12 +20,12 @@ from mlsanm_cli.io.run_reader import read_origin
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from tests.app.scenes import BAR, COARSE, FAST, Quiet, hertz
+from tests.app.scenes import ANM, BAR, COARSE, FAST, Quiet, hertz
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED, SMOOTH
 
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
 SHORT = (FAST, "stage=[{press=1.0}, {shear=1.0}, {shear=1.0}, {shear=0.3}]", "output.at=[0.5, 1.5, 4.0]")
-ANM, NEWTON, MONOLITHIC = 'solver.method="anm"', 'solver.method="newton"', 'solver.formulation="monolithic"'
+NEWTON, MONOLITHIC = 'solver.method="newton"', 'solver.formulation="monolithic"'
 SCENES = {
     "linear": (BAR, ("output.at=[0.2, 0.6, 1.0]",)),
     "exact": (hertz(), (EXACT, FAST, "output.at=[0.25, 0.5, 1.0]")),

@@ -293,7 +293,8 @@ def test_a_failed_run_keeps_what_it_has(
 ) -> None:
     afterwards.chdir(tmp_path)
     write(tmp_path, hertz())
-    assert main(["run", "case.toml", "--set", "solver.max_steps=4", "--set", "solver.method=anm", "--json"]) == 3
+    wanted = ("--set", "solver.max_steps=4", "--set", "solver.method=anm")
+    assert main(["run", "case.toml", *wanted, "--json"]) == 3
     out, err = capsys.readouterr()
     summary = json.loads(out)
     assert summary["status"] == "failed"

@@ -21,7 +21,7 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import State
-from tests.app.scenes import NODAL, Quiet, hertz, solve
+from tests.app.scenes import ANM, NODAL, Quiet, hertz, solve
 from tests.app.test_friction import HOLONOMIC, SHEARED
 
 NEWTON = 'solver.method="newton"'
@@ -80,7 +80,7 @@ def test_friction_without_memory(tmp_path: Path) -> None:
 
 
 def test_what_is_stored(tmp_path: Path) -> None:
-    solve(NODAL, tmp_path / "series", "output.at=[0.3, 0.7, 1.0]")
+    solve(NODAL, tmp_path / "series", "output.at=[0.3, 0.7, 1.0]", ANM)
     summary = solve(NODAL, tmp_path / "run", "output.at=[0.3, 0.7, 1.0]", NEWTON)
     assert summary["status"] == "done"
     assert 0 < summary["steps"] < summary["iterations"] <= summary["factorizations"]

@@ -123,10 +123,10 @@ class Regularization(Section):
     """The contact and friction law."""
 
     law: Literal["exact", "hyperbolic"] = "exact"
-    """Exact Signorini and Coulomb conditions, or the regularised contact law (a smooth hyperbola), required by
-    power series; the same in all contacts. Hyperbolic by default where another parameter of this table, a
-    `solver.method` of that law, the monolithic formulation or `solver.polish = true` asks for it; always exact
-    at finite strain."""
+    """Exact Signorini and Coulomb conditions, or the regularised contact law (a smooth hyperbola), required
+    by power series; the same in all contacts. Hyperbolic by default where another parameter of this table,
+    `solver.method` `"anm"` or `"newton"`, the monolithic formulation or `solver.polish = true` asks for it;
+    always exact at finite strain."""
     eta: Annotated[Positive, NUMBER] = 1e-4
     """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
     stick: Annotated[Positive, NUMBER] = 1e-4
