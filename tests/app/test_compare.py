@@ -25,7 +25,7 @@ from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from tests.app.scenes import BAR, COARSE, FAST, PATCH, PUNCHES, Quiet, hertz, solve
+from tests.app.scenes import ANM, AS_SERIES, BAR, COARSE, FAST, PATCH, PUNCHES, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
 ONCE = "stage=[{press=1.0},{shear=1.0}]"
@@ -63,7 +63,7 @@ def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
     smooth, exact = found["methods"]
     levels = f"output.at={found['levels']}"
     runs = {
-        "anm": solve(text, tmp_path / "anm", FAST, levels, "solver.polish=false"),
+        "anm": solve(text, tmp_path / "anm", FAST, levels, *AS_SERIES),
         "active-set": solve(text, tmp_path / "exact", FAST, levels, EXACT),
     }
     for row in (smooth, exact):
@@ -219,7 +219,7 @@ def test_exit_codes_and_table(
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     for text, wishes, overrides, words in (
         (BAR, QUICK, (), "no [[contact]]"),
-        (hertz(), CompareOptions(), (), "nothing to compare"),
+        (hertz(), CompareOptions(), (ANM,), "nothing to compare"),
         (SHEARED, CompareOptions(("active-set",), analytic=True), (), "--analytic"),
     ):
         with pytest.raises(RunError) as refused:
