@@ -67,6 +67,8 @@ class Touched:
         wanted = list(step.saved)
         if step.state.position == round(step.state.position):
             wanted.append(step.state)
+        # Before loading surfaces only just touch.
+        wanted = [state for state in wanted if state.position > 0.0]
         for state in {one.position: one for one in (*wanted, step.state)}.values():
             if state.pressed is None:
                 continue
