@@ -34,7 +34,7 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
         near = int(np.argmin(gap))
         spacing = float(side.weight[near])
         if not closed.any():
-            if between_nodes(side, gap):
+            if between_nodes(side, pressed, here):
                 yield (
                     f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"

@@ -29,7 +29,7 @@ from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.errors import CaseError, NumericalError
 
-MOST = 2
+MOST = 3
 """Runs that are repeated at most."""
 LARGEST, COARSER = 5000, 1.5
 """Nodes of a scene up to which contacts refine them, and how much coarser zones are tried where these would
