@@ -15,7 +15,9 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.loose_bodies import NOTHING, SOFTER, at_rest, springs
+from mlsanm_cli.contact.laws.many_unknowns import ManyClosed
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
+from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 
@@ -121,8 +123,9 @@ def _searched(
     seen: set[bytes] = set()
     one_by_one = False
     limit = held.passes * (m + 1)
+    pressure = np.zeros(m)
     for count in range(1, limit + 1):
-        pressure, motion = _solve_active(condensed, free_gap, factors, active, held)
+        pressure, motion = _solve_active(condensed, free_gap, factors, active, held, pressure)
         gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
         gap[active] = 0.0
         wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion))
@@ -163,9 +166,15 @@ def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
 
 
 def _solve_active(
-    condensed: Condensed, free_gap: FloatArray, factors: FloatArray, active: BoolArray, held: _Held
+    condensed: Condensed,
+    free_gap: FloatArray,
+    factors: FloatArray,
+    active: BoolArray,
+    held: _Held,
+    near: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Pressures (m,) that close the active nodes' gaps, and motions (k,) that balance the platens.
+    """Pressures (m,) that close the active nodes' gaps, and motions (k,) that balance the platens; where
+    there are many, from pressures ``near`` them.
 
     Raises SingularSystemError where bodies are loose with these nodes alone.
     """
@@ -175,16 +184,22 @@ def _solve_active(
     pressure = np.zeros(len(active))
     if a + k == 0:
         return pressure, np.zeros(0)
+    own, gap = compressed(condensed.gap.pressure), -free_gap[closed]
+    force, stiffness = -(balance.constant + balance.load @ factors), balance.motion
+    if len(held.springs):
+        stiffness = stiffness + np.diag(held.springs)
+        force = force + held.springs * held.place
+    if own is not None and a:
+        moved, forces = condensed.gap.motion[closed], balance.pressure[:, closed]
+        system = ManyClosed(own, closed, moved, forces, stiffness)
+        pressure[closed], motion = system.solve(gap, force, near[closed])
+        return pressure, motion
     matrix = np.empty((a + k, a + k))
     matrix[:a, :a] = condensed.gap.pressure[np.ix_(closed, closed)]
     matrix[:a, a:] = condensed.gap.motion[closed]
     matrix[a:, :a] = balance.pressure[:, closed]
-    matrix[a:, a:] = balance.motion
-    rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
-    if len(held.springs):
-        matrix[a:, a:] += np.diag(held.springs)
-        rhs[a:] += held.springs * held.place
-    solution = DenseSystem(matrix, a).solve(rhs)
+    matrix[a:, a:] = stiffness
+    solution = DenseSystem(matrix, a).solve(np.concatenate([gap, force]))
     pressure[closed] = solution[:a]
     return pressure, solution[a:]
 
