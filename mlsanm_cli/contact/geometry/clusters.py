@@ -35,6 +35,8 @@ POINTS = 12
 """Chebyshev's points of a cluster: what is left of integrals far away is 1e-11 of them."""
 APART = 0.7
 """Clusters farther apart than this many times the wider are far."""
+AT_ONCE = 2000
+"""Functions of clusters that are worked on together, for the sake of the processor's memory."""
 AS_POINTS = 10.0
 """They also are so many of the widest interval apart, or Gauss's points would not do."""
 
@@ -160,12 +162,16 @@ class Clusters:
         hats, places = self.pairs.hats, self._points(count)
         points, weights = hats.own_points
         at, weights = hats.points[points], weights * values[points]
-        rows, columns, found = [], [], []
-        for number, (first, last) in enumerate(self.bounds[self._used]):
-            shares = lagrange(at[first:last].ravel(), places[number])
-            own = np.einsum("mq,mqk->mk", weights[first:last], shares.reshape(last - first, -1, count))
-            rows.append(np.repeat(np.arange(first, last), count))
-            columns.append(np.tile(number * count + np.arange(count), last - first))
-            found.append(own.ravel())
-        entries = np.concatenate(found), (np.concatenate(rows), np.concatenate(columns))
+        first, last = self.bounds[self._used].T
+        size = last - first
+        cluster = np.repeat(np.arange(len(size)), size)
+        rows = np.arange(len(cluster)) - np.repeat(np.cumsum(size) - size, size) + first[cluster]
+        found = np.empty((len(rows), count))
+        for start in range(0, len(rows), AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            nodes = np.repeat(places[cluster[some]], at.shape[1], axis=0)
+            shares = lagrange(at[rows[some]].ravel(), nodes).reshape(-1, at.shape[1], count)
+            found[some] = np.einsum("mq,mqk->mk", weights[rows[some]], shares)
+        columns = cluster[:, None] * count + np.arange(count)
+        entries = found.ravel(), (np.repeat(rows, count), columns.ravel())
         return sparse.csr_array(entries, shape=(len(hats.place), places.size))

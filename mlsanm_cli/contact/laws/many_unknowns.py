@@ -19,8 +19,8 @@ from mlsanm_cli.errors import NumericalError
 NEIGHBOURS = np.array([-7, -5, -4, -3, -2, -1, 1, 3, 5, 7, 0])
 """The places on which the inverse is approximated, the place itself last: numbers times the largest power of
 two that divides its own number, by which those of odd ones are left out."""
-EXACT, MOST = 1e-13, 400
-"""Part of the right-hand sides that is left, and products at most."""
+ROUGH, EXACT, MOST = 1e-7, 1e-13, 400
+"""Parts of right-hand sides that are left while sets are searched for and at last, and products at most."""
 ENOUGH = 1e-9
 """More than this part left is no solution."""
 
@@ -44,20 +44,32 @@ class ManyClosed:
         self._weight = compliance.weight[closed]
         self._inverse = _about_inverse(compliance, closed)
         self._directions = list[tuple[FloatArray, FloatArray]]()
-        self._forces = forces
-        self._by_motion = (
-            np.stack([self._own(column) for column in moved.T], axis=1) if moved.shape[1] else moved
-        )
-        self._reduced = stiffness - forces @ self._by_motion
+        self._forces, self._moved, self._stiffness = forces, moved, stiffness
+        self._by_motion, self._reduced = np.zeros_like(moved), stiffness
+        self._left = np.inf
+        self._by_motions(ROUGH)
         if len(stiffness):
             rows = np.abs(stiffness) + np.abs(forces) @ np.abs(self._by_motion)
             scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
             if np.linalg.cond(self._reduced / scale[:, None]) > 1.0 / SINGULAR:
                 raise SingularSystemError
 
-    def solve(self, gap: FloatArray, force: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures near them."""
-        alone = start + self._own(gap - self._product(start))
+    def _by_motions(self, part: float) -> None:
+        """Find what pressures motions ask for, unless so small a ``part`` of it is left already."""
+        if part >= self._left:
+            return
+        for column, moved in enumerate(self._moved.T):
+            self._by_motion[:, column] = self._own(moved, self._by_motion[:, column], part)
+        self._reduced = self._stiffness - self._forces @ self._by_motion
+        self._left = part
+
+    def solve(
+        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = EXACT
+    ) -> tuple[FloatArray, FloatArray]:
+        """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures near them, of which so
+        small a ``part`` is left."""
+        self._by_motions(part)
+        alone = self._own(gap, start, part)
         if not len(force):
             return alone, force
         motion = np.asarray(np.linalg.solve(self._reduced, force - self._forces @ alone), dtype=np.float64)
@@ -69,33 +81,33 @@ class ManyClosed:
         whole[self._closed] = pressure
         return np.asarray((self._compliance @ whole)[self._closed])
 
-    def _own(self, gap: FloatArray) -> FloatArray:
-        """The pressures (c,) that make gaps (c,)."""
-        left = self._weight * gap
-        size = aim = float(np.linalg.norm(left))
-        total = np.zeros(len(left))
+    def _own(self, gap: FloatArray, start: FloatArray, part: float) -> FloatArray:
+        """The pressures (c,) that make gaps (c,) but for a ``part``, from some near them."""
+        total, size = start.copy(), float(np.linalg.norm(self._weight * gap))
+        left = self._weight * (gap - self._product(start) if start.any() else gap)
+        aim = float(np.linalg.norm(left))
         for way, change in self._directions:
-            part = change @ left
-            total += part * way
-            left = left - part * change
+            share = change @ left
+            total += share * way
+            left = left - share * change
         for _ in range(MOST):
             aim = float(np.linalg.norm(left))
-            if aim <= EXACT * size:
+            if aim <= part * size:
                 break
             way = self._inverse.T @ (self._inverse @ left)
             change = self._weight * self._product(way)
             for before, caused in self._directions:
-                part = caused @ change
-                way, change = way - part * before, change - part * caused
+                share = caused @ change
+                way, change = way - share * before, change - share * caused
             length = float(np.linalg.norm(change))
             if length == 0.0:
                 break
             way, change = way / length, change / length
             self._directions.append((way, change))
-            part = change @ left
-            total += part * way
-            left = left - part * change
-        if not aim <= ENOUGH * size:
+            share = change @ left
+            total += share * way
+            left = left - share * change
+        if not aim <= max(part, ENOUGH) * size:
             raise NumericalError(
                 "the pressures of a contact with many unknowns have not been found",
                 "make contact.accuracy larger, which takes fewer unknowns",

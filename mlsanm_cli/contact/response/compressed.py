@@ -17,7 +17,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.clusters import Chain
 
-MANY = 1500
+MANY = 800
 """From so many unknowns on compliances of contacts without friction are compressed: dense ones take less time
 below."""
 AT_ONCE = 256
@@ -228,5 +228,5 @@ def largest(matrix: FloatArray) -> float:
     own = compressed(matrix)
     if own is None:
         return float(np.abs(matrix).max(initial=0.0))
-    some = [np.unique(np.linspace(0, count - 1, AT_ONCE).astype(np.int64)) for count in own.shape]
+    some = [np.unique(np.linspace(0, count - 1, RANK).astype(np.int64)) for count in own.shape]
     return float(max(np.abs(own.diagonal()).max(), np.abs(own[np.ix_(*some)]).max()))
