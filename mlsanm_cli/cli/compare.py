@@ -30,7 +30,7 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
 @click.option(
     "--tolerance",
     type=click.FloatRange(min=0.0, min_open=True),
-    help="Allowed difference between methods with the same law.  [default: 10 x solver.tolerance]",
+    help="Allowed difference between methods with the same law.  [default: 100 x solver.tolerance]",
 )
 @click.option(
     "--repeat",

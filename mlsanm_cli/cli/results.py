@@ -114,7 +114,8 @@ def _apart(method: Mapping[str, Any]) -> list[str]:
     if difference is None:
         return [method["method"], *["-"] * (len(_APART) + 3)]
     values = [f"{difference[name]:.2g}" for name in _APART]
-    return [method["method"], method["against"], *values, f"{method['limit']:.2g}", number(method["agrees"])]
+    agrees = "converges" if method["agrees"] and "convergence" in method else number(method["agrees"])
+    return [method["method"], method["against"], *values, f"{method['limit']:.2g}", agrees]
 
 
 def _worst(method: Mapping[str, Any]) -> str:

@@ -22,6 +22,7 @@ from mlsanm_cli.app.comparison.differences import (
     difference,
     other_law_limit,
     same_law_limit,
+    surface_error,
 )
 from mlsanm_cli.app.comparison.measure import Measured, measure
 from mlsanm_cli.app.comparison.methods import Method, chosen_methods, method_of
@@ -239,25 +240,27 @@ def _figures(
     if against is not None:
         limit = limits["same_law" if against.law == row.law else "other_law"]
         apart: Difference = difference(built, row.states, against.states)
-        if against.law != row.law and not apart.within(limit):
-            limit = max(limit, _converging_limit(built, row, against, case_of))
         found |= {
             "against": against.method.name,
             "difference": asdict(apart),
             "limit": limit,
             "agrees": apart.within(limit),
         }
+        if against.law != row.law and not found["agrees"]:
+            errors = _errors_by_law(built, row, against, case_of)
+            found |= {"convergence": errors, "agrees": errors[1] <= CONVERGING * errors[0]}
     return found
 
 
-def _converging_limit(
+def _errors_by_law(
     built: CondensedScene, row: Measured, against: Measured, case_of: Callable[[Method], Case]
-) -> float:
-    """How far a smooth law that converges is from the exact one at most; 0 where that is not known."""
+) -> tuple[float, float]:
+    """L2 errors of a smooth law: with larger parameters (0 where that fails), and with its own."""
     smooth, exact = (against, row) if row.law.startswith("exact") else (row, against)
     method = method_of(built.case, smooth.method.name, SOFTER)
     softer = measure(built, method, case_of(method))
-    return CONVERGING * difference(built, softer.states, exact.states).largest if softer.done else 0.0
+    before = surface_error(built, softer.states, exact.states) if softer.done else 0.0
+    return before, surface_error(built, smooth.states, exact.states)
 
 
 def _against(row: Measured, rows: Sequence[Measured]) -> Measured | None:

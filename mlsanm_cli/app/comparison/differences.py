@@ -12,16 +12,17 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
-AMPLIFIED = 10.0
-"""Methods with one law may differ by so many times ``solver.tolerance``; published cases do by 4.4."""
+AMPLIFIED = 100.0
+"""Methods with one law may differ by so many times ``solver.tolerance``; published cases do by 4.4, pressures
+next to the corner of a block by 12."""
 ROUNDED_EDGE, SOFT_STICK = 6.0, 10.0
 """Largest differences of pressures and tractions that the smooth law may make, over the root of eta and over
 ``stick``: at the edge of a contact it rounds the pressure off by up to 4.3 times the root of eta."""
 
 SOFTER, CONVERGING = 10.0, 0.75
-"""Where surfaces end in corners, pressures have no bound, and the limits above may not hold. The smooth law
-agrees with the exact one as well if its difference is at most this part of that with so many times eta and
-stick."""
+"""Where surfaces end in corners, pressures have no bound, and the limits above do not hold for the largest.
+The smooth law agrees with the exact one as well if its error in the L2 norm is at most this part of the one
+with so many times eta and stick."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,6 @@ class Difference:
     def within(self, limit: float) -> bool:
         """Whether all are at most ``limit``; what is no number is not."""
         return all(value <= limit for value in asdict(self).values())
-
-    @property
-    def largest(self) -> float:
-        """The largest of the three."""
-        return float(max(asdict(self).values()))
 
 
 def difference(
@@ -82,15 +78,16 @@ def other_law_limit(case: Case) -> float:
     return float(ROUNDED_EDGE * np.sqrt(eta) + SOFT_STICK * stick)
 
 
-def pressure_error(
-    built: CondensedScene, found: Mapping[float, State], exact: Mapping[float, State]
-) -> float:
-    """L2 norm of the pressure's distance from the exact one over the exact one's, the largest of all levels
-    each."""
-    weight = built.condensed.weight
+def surface_error(built: CondensedScene, found: Mapping[float, State], exact: Mapping[float, State]) -> float:
+    """L2 norm of the distance of pressures and tractions from the exact ones over the norm of these, the
+    largest of all levels each."""
+    weight, nodes = built.condensed.weight, built.condensed.friction_nodes
 
-    def norm(pressure: FloatArray) -> float:
-        return float(np.sqrt(weight @ pressure**2))
+    def norm(pressure: FloatArray, traction: FloatArray) -> float:
+        return float(np.sqrt(weight @ pressure**2 + weight[nodes] @ traction**2))
 
-    worst = max(norm(found[position].pressure - exact[position].pressure) for position in exact)
-    return worst / max(norm(state.pressure) for state in exact.values())
+    worst = max(
+        norm(found[position].pressure - state.pressure, found[position].traction - state.traction)
+        for position, state in exact.items()
+    )
+    return worst / max(norm(state.pressure, state.traction) for state in exact.values())

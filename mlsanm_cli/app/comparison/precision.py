@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.comparison.differences import pressure_error
+from mlsanm_cli.app.comparison.differences import surface_error
 from mlsanm_cli.app.comparison.measure import Measured, measure
 from mlsanm_cli.app.comparison.methods import ACTIVE_SET, POLISHED, Method, method_of
 from mlsanm_cli.case import Case
@@ -38,7 +38,7 @@ class Curves:
 def precision_curves(
     built: CondensedScene, rows: Sequence[Measured], case_of: Callable[[Method], Case]
 ) -> Curves:
-    """Error of the pressure against the exact law, CPU seconds and factorisations, by method and eta.
+    """L2 error against the exact law, CPU seconds and factorisations, by method and eta.
 
     ``case_of`` makes the case that a method asks for. A method that fails at some eta has no point there, and
     none has any where the exact law has no state.
@@ -86,7 +86,7 @@ def _point(
 ) -> dict[str, float]:
     return {
         "eta": eta,
-        "error": pressure_error(built, row.states, exact),
+        "error": surface_error(built, row.states, exact),
         "seconds": row.seconds,
         "factorizations": row.factorizations,
     }
