@@ -15,8 +15,9 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import same_law_limit
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, finite_path, renewals_of
+from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.finite.states import FiniteState, FiniteStep, renewals_of
 from mlsanm_cli.app.output.provenance import attributes
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mlsanm_cli.app.finite.path import FiniteMark, FiniteState
+from mlsanm_cli.app.finite.states import FiniteMark, FiniteState
 from mlsanm_cli.app.output.checkpoint import as_text, flattened, restored, unreadable
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.sets import NodeSets

@@ -10,8 +10,8 @@ from mlsanm_cli.app.assessment.checks import ENERGY_WARNING
 from mlsanm_cli.app.assessment.energy import SHIFTED
 from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.patches import between_nodes
-from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.app.assessment.energy import thin_part
-from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen

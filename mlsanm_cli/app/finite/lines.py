@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.app.finite.fields import FiniteFields, contact_records, exchanged, stretch_along
-from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.app.output.lines import obstacles
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.io.vtu import Part

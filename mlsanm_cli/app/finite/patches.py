@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.finite.fields import SceneForces
-from mlsanm_cli.app.finite.path import FiniteStep
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.exact import AnyContact, Pressed

@@ -4,29 +4,19 @@ deforms."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.distance import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 
-RENEW = 1.25
-"""The equations are renewed behind a step at whose end some node is stretched by more than this, or by less
-than 1 over it, against the state that they are of. Block of 289 nodes, 40 % down
-between platens that stick: with those of the reference all along 24 steps, at degree 4 onto another branch;
-renewed, two steps, whether from 1.15 or 1.5."""
-TURNED = 1.2
-"""Or has turned by more than this angle: J_0^T W^2 J(u) loses its sign with rotations beyond a right angle. A
-column that buckled until its end had turned by 100 degrees met limit points that there are not, and went back
-to negative loads."""
 MENDS = 25
 """Updates with the new equations' own factor that take a state to them; each leaves about a fifth."""
 UNLIMITED = 1_000_000
@@ -37,98 +27,6 @@ SAME_LEVEL, SAME_STATE = 1e-12, 1e-3
 """Load factors, and displacements over the scene's length, of one state as two paths find it."""
 SAMPLES = 65
 """Places of a step at which the slope of the load factor is looked at, to find where it turns."""
-
-
-@dataclass(frozen=True)
-class FiniteState:
-    """One state of the path: position, load factors (L,), nodal displacement (2N,) of all bodies in turn,
-    residual; in contact also ``pressed``, what Newton's method found there, and of friction the slips (c,) so
-    far and the work (c,) per length of the slave that it has dissipated."""
-
-    position: float
-    factors: FloatArray
-    displacement: FloatArray
-    residual: float
-    pressed: Pressed | None = None
-    slip: FloatArray = field(default_factory=lambda: np.zeros(0))
-    work: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def stability(self) -> float:
-        """How well the contacts resist pressures that change from node to node."""
-        return np.inf if self.pressed is None else self.pressed.stability
-
-    def shown(self, scene: FiniteScene) -> FloatArray:
-        """The displacements (2N,) by which bodies are shown."""
-        return scene.shown(self.displacement, self.pressed.surface) if self.pressed else self.displacement
-
-    @property
-    def whole(self) -> FloatArray:
-        """Load factors and free motions (L + d,)."""
-        return self.factors if self.pressed is None else np.append(self.factors, self.pressed.free)
-
-    @property
-    def traction(self) -> FloatArray:
-        """Nominal tractions (2s,) at the nodes of all sides in contact."""
-        return np.zeros(0) if self.pressed is None else self.pressed.traction
-
-
-@dataclass(frozen=True)
-class Turn:
-    """A limit point: where the load factors turn back, and whether it is a maximum of them."""
-
-    position: float
-    maximum: bool
-
-
-@dataclass(frozen=True)
-class FiniteStep:
-    """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
-    one), what it cost, limit points in it, and states on the ``way`` of a power series.
-
-    ``renewed`` means that the equations were renewed at its end; ``mark`` is what the path continues from.
-    """
-
-    state: FiniteState
-    saved: tuple[FiniteState, ...] = ()
-    length: float = 0.0
-    order: int = 0
-    iterations: int = 0
-    factorizations: int = 0
-    solves: int = 0
-    turns: tuple[Turn, ...] = ()
-    renewed: bool = False
-    mark: FiniteMark | None = None
-    way: tuple[FiniteState, ...] = ()
-
-
-@dataclass(frozen=True)
-class FiniteMark:
-    """What a path continues from: a ``state``; the ``station`` (2N,) of the equations of all bodies in turn,
-    and ``acting`` (l,), the factors of the bodies' loads there, in turn; the ``pace``, of contacts the next
-    increment, of power series the length of the last step.
-
-    Power series also know the ``stage`` and the part ``lam`` of it, the ``direction`` (2N + 1,) of the path,
-    ``levels`` of the stage still to come, and whether equations are to be ``renewed`` first.
-    """
-
-    state: FiniteState
-    station: FloatArray
-    acting: FloatArray
-    pace: float
-    stage: int = 0
-    lam: float = 0.0
-    direction: FloatArray = field(default_factory=lambda: np.zeros(0))
-    levels: FloatArray = field(default_factory=lambda: np.zeros(0))
-    renewed: bool = False
-
-    @property
-    def branch(self) -> Branch | None:
-        """The direction as a straight piece of path, if there is any."""
-        if not self.direction.size:
-            return None
-        x = np.stack([self.state.displacement, self.direction[:-1]])
-        return Branch(x, np.array([self.lam, self.direction[-1]]), self.pace)
 
 
 def finite_path(
@@ -162,15 +60,6 @@ def finite_path(
                 raise NumericalError(f"the path stopped: {message}", "raise solver.max_steps")
             yield step
         x, problem = path.x, path.problem
-
-
-def renewals_of(steps: Sequence[FiniteStep]) -> tuple[FiniteState, ...]:
-    """The states in which a path has renewed its equations, in their order."""
-    return tuple(
-        before.state
-        for before, after in pairwise(steps)
-        if before.mark and after.mark and not np.array_equal(before.mark.station, after.mark.station)
-    )
 
 
 def _first_problem(scene: FiniteScene) -> FiniteProblem:
@@ -372,27 +261,3 @@ def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
             low, high = (middle, high) if here * slope[k] > 0.0 else (low, middle)
         found.append(Turn(stage + branch.load_factor(0.5 * (low + high)), bool(slope[k] > 0.0)))
     return tuple(found)
-
-
-def far_from(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> bool:
-    """Whether a body of a ``displacement`` (2N,) is so far from the ``station`` (2N,) of its equations that
-    these are renewed: stretched, or turned, somewhere."""
-    if most_stretched(body, displacement, station) > RENEW:
-        return True
-    angles = []
-    for one in (displacement, station):
-        xx, xy, yx, yy = body.gradient(one)
-        angles.append(np.arctan2(yx - xy, 2.0 + xx + yy))
-    turned = np.abs(np.exp(1j * angles[0]) - np.exp(1j * angles[1])).max()
-    return bool(turned > 2.0 * np.sin(0.5 * TURNED))
-
-
-def most_stretched(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> float:
-    """By how much a node is stretched at most between the ``station`` (2N,) and a ``displacement`` (2N,), or
-    1 over by how little."""
-    now, then = (
-        (body.gradient(u) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]).T.reshape(-1, 2, 2)
-        for u in (displacement, station)
-    )
-    ratios = np.linalg.svd(now @ np.linalg.inv(then), compute_uv=False)
-    return float(max(ratios.max(), 1.0 / ratios.min()))

@@ -26,9 +26,9 @@ from mlsanm_cli.app.finite.fields import (
 )
 from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.patches import Touched
-from mlsanm_cli.app.finite.path import FiniteMark, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.refinement import Refinement
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.output.recording import body_part, vtu_data
 from mlsanm_cli.app.output.writer import RunWriter, body_datasets
 from mlsanm_cli.case import LoadedCase
