@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 class ContactState:
     """A contact at one position of the path; arrays (m,) along the slave surface.
 
-    ``how`` is the origin of the values: "stored", or the power "series" of a step. ``arc_length``, ``x`` and
-    ``y`` are those of the undeformed surface; ``pressure`` is positive in compression; ``traction`` and
-    ``slip`` are None without friction. ``force`` (2,) acts on the slave.
+    ``how`` is the origin of the values: "stored", the power "series" of a step, "linear" where a mean of
+    stored states is exact, or "interpolated" with an estimated ``error`` of pressures over the peak.
+    ``arc_length``, ``x`` and ``y`` are those of the undeformed surface; ``pressure`` is positive in
+    compression; ``traction`` and ``slip`` are None without friction. ``force`` (2,) acts on the slave.
     """
 
     position: float
@@ -39,6 +40,7 @@ class ContactState:
     traction: FloatArray | None
     slip: FloatArray | None
     force: FloatArray
+    error: float = 0.0
 
     @property
     def peak_pressure(self) -> float:
@@ -54,7 +56,7 @@ class Contact:
     name: str
 
     def at(self, position: float | None = None) -> ContactState:
-        """The contact at a position of the path, by default its end; power series give any position.
+        """The contact at a position of the path, by default its end: stored, from series, or interpolated.
 
         Raises RunError beyond the path and where no values are available.
         """
@@ -212,7 +214,7 @@ def _levels(at: float | None) -> list[float]:
 
 
 def _values(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    return {key: value for key, value in rows[0].items() if key not in ("position", "how")}
+    return {key: value for key, value in rows[0].items() if key not in ("position", "how", "error")}
 
 
 def _vector(x: float, y: float) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from mlsanm_cli.cli import completion
-from mlsanm_cli.cli.options import FILE, common, pretty_result, print_result
+from mlsanm_cli.cli.options import FILE, common, console_for, pretty_result, print_result
 from mlsanm_cli.cli.settings import Settings, numerics
 from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import grid, label, number, plain
@@ -23,7 +23,9 @@ _WAYS = {
     "stored": "",
     "series": "from the power series of the step",
     "linear": "interpolated (linear problem)",
+    "interpolated": "interpolated to {error:.2g} % of the largest value",
 }
+_ORIGIN = ("how", "error")
 
 
 class PointType(click.ParamType[tuple[float, float]]):
@@ -94,8 +96,8 @@ def probe(
 ) -> int:
     """Print a result at any load level.
 
-    Between stored states it is evaluated from the power series of the run. Without options, list the
-    available results.
+    Between stored states it is evaluated from the power series of the run, or interpolated with an error
+    estimate if there are none. Without options, list the available results.
     """
     with numerics(1):
         from mlsanm_cli.app.results import probe as app
@@ -120,6 +122,9 @@ def probe(
         title = f"{body} at ({point[0]:g}, {point[1]:g})"
         rows = app.probe_point(rundir, at, body, point, field)
     if as_csv:
+        for row in rows:
+            if "error" in row:
+                console_for(settings).warning(f"position {number(row['position'])}: {_way(row)}")
         say(settings, _csv(rows), newline=False)
         return 0
     print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
@@ -150,14 +155,19 @@ def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:
     """One table over the load levels; for a contact one table per level."""
     if any(hasattr(value, "tolist") for value in rows[0].values()):
         return "\n".join(_nodes(title, row, color) for row in rows)
-    columns = [key for key in rows[0] if key != "how"]
-    cells = [[*(number(row[key]) for key in columns), _WAYS[row["how"]]] for row in rows]
+    columns = [key for key in rows[0] if key not in _ORIGIN]
+    cells = [[*(number(row[key]) for key in columns), _way(row)] for row in rows]
     return grid(title, [*map(label, columns), ""], cells, color)
 
 
+def _way(row: Mapping[str, Any]) -> str:
+    """How a row is known, in words; none if it is stored."""
+    return _WAYS[row["how"]].format(error=100.0 * row.get("error", 0.0))
+
+
 def _nodes(title: str, row: Mapping[str, Any], color: bool) -> str:
-    columns = [key for key in row if key not in ("position", "how")]
-    way = f", {_WAYS[row['how']]}" if _WAYS[row["how"]] else ""
+    columns = [key for key in row if key not in ("position", *_ORIGIN)]
+    way = f", {_way(row)}" if _way(row) else ""
     cells = [list(map(number, values)) for values in zip(*(plain(row[key]) for key in columns), strict=True)]
     return grid(f"{title}, position {number(row['position'])}{way}", [*map(label, columns)], cells, color)
 
@@ -166,7 +176,7 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     """One line per level, for a contact one per level and node."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    columns = [key for key in rows[0] if key != "how"]
+    columns = [key for key in rows[0] if key not in _ORIGIN]
     writer.writerow(columns)
     for row in rows:
         values = [plain(row[key]) for key in columns]

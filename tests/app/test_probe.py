@@ -166,8 +166,8 @@ def test_a_stage_that_moves_nothing_is_known_all_along(tmp_path: Path) -> None:
     solve(PATCH, tmp_path / "patch", "stage=[{press=0.5},{press=0.5},{press=1.0}]")
     (row,) = probe.probe_contact(tmp_path / "patch", [1.5], "interface", ["pressure"])
     assert row["pressure"] == pytest.approx(50.0)
-    with pytest.raises(RunError, match=r"nothing is stored between positions 2\.4"):
-        probe.probe_contact(tmp_path / "patch", [2.49], "interface")
+    (row,) = probe.probe_contact(tmp_path / "patch", [2.49], "interface", ["pressure"])
+    assert row["pressure"] == pytest.approx(74.5)
 
 
 def test_the_ghost_scheme_knows_points_by_probes_only(tmp_path: Path) -> None:
@@ -178,12 +178,23 @@ def test_the_ghost_scheme_knows_points_by_probes_only(tmp_path: Path) -> None:
         probe.probe_point(tmp_path / "bar", [2.0], "bar", (1.3, 1.0))
 
 
-def test_exact_laws_are_not_guessed_between_stored_states(patch_run: Path) -> None:
-    with pytest.raises(RunError, match=r"nothing is stored between positions 0\.5 and 0\.55") as error:
-        probe.probe_force(patch_run, [0.51], "press")
-    assert "output.at" in error.value.hint
-    (row,) = probe.probe_force(patch_run, [1.0], "press")
-    assert row["fy"] == pytest.approx(-200.0)
+def test_exact_laws_are_interpolated_between_stored_states(tmp_path: Path) -> None:
+    """With an error estimate; a run that stores the state tells how good it is."""
+    coarse = ("contact.interface.accuracy=0.01", "output.fields=[]")
+    solve(hertz(), tmp_path / "even", *coarse)
+    solve(hertz(), tmp_path / "asked", *coarse, "output.at=[0.37, 1.0]")
+    (force,) = probe.probe_force(tmp_path / "even", [0.37], "press")
+    assert force["fy"] == pytest.approx(0.37 * LOAD)
+    assert (force["how"], force["error"]) == ("interpolated", pytest.approx(0.0, abs=1e-9))
+    (found,) = probe.probe_contact(tmp_path / "even", [0.37], "interface")
+    (stored,) = probe.probe_contact(tmp_path / "asked", [0.37], "interface")
+    assert (found["how"], stored["how"]) == ("interpolated", "stored")
+    exact = np.interp(found["arc_length"], stored["arc_length"], stored["pressure"])
+    error = np.abs(found["pressure"] - exact).max() / exact.max()
+    assert 0.5 * error < found["error"] < 2.0 * error
+    with pytest.raises(RunError, match=r"between positions 0 and 0\.05") as refused:
+        probe.probe_contact(tmp_path / "even", [0.02], "interface")
+    assert "output.at" in refused.value.hint
 
 
 @pytest.mark.parametrize(

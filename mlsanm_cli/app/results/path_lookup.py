@@ -11,7 +11,7 @@ from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_series
 
-STORED, SERIES, LINEAR = "stored", "series", "linear"
+STORED, SERIES, LINEAR, INTERPOLATED = "stored", "series", "linear", "interpolated"
 SAME = 1e-12
 """Positions this close, per stage, are the same."""
 MIXTURE = 1e-9
@@ -22,9 +22,9 @@ MIXTURE = 1e-9
 class Level:
     """A position of a path.
 
-    ``how`` is its state known: from row ``row``, from the series of the step that ends there, or, without
-    contact that may open or where no load moves, as the mean of that row and the one before, the row's weight
-    ``share``.
+    ``how`` is its state known: from row ``row``, from the series of the step that ends there, or as the mean
+    of that row and the one before, the row's weight ``share``: exactly without contact that may open or where
+    no load moves, else interpolated.
 
     Of series ``pressure`` and ``gap`` (m,), ``motion`` (k,) and ``traction`` (n,), over all contacts.
     """
@@ -45,7 +45,7 @@ class Level:
         return np.concatenate([[1.0], self.factors, self.motion, self.pressure, self.traction])
 
     def between(self, history: FloatArray) -> FloatArray:
-        """A history (S+1, ...) at this level, if it is stored or linear."""
+        """A history (S+1, ...) at this level, unless it is known by series."""
         row = np.asarray(history[self.row], dtype=np.float64)
         if self.how == STORED:
             return row
@@ -56,8 +56,7 @@ class Level:
 def level_at(run: RunData, position: float) -> Level:
     """The level of a path position.
 
-    Raises RunError where the path does not reach the position, and where the run says nothing about it:
-    between two stored states under the exact law, or by another method than series.
+    Raises RunError where the path does not reach the position, and between stored states at finite strain.
     """
     rows = np.asarray(run.path.position)
     finite = run.is_finite
@@ -96,14 +95,9 @@ def level_at(run: RunData, position: float) -> Level:
         ends = np.cumsum([part.shape[1] for part in parts])[:-1]
         values = {"traction": nothing, **dict(zip(names, np.split(x, ends), strict=True))}
         return Level(position, SERIES, row, share, factors, **values)
-    if not run.unilateral_contacts or np.array_equal(factors, _factors(run, row - 1, 1.0)):
-        return Level(position, LINEAR, row, share, factors, nothing, nothing, nothing, nothing)
-    raise RunError(
-        f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
-        f"and results of contact are not interpolated",
-        f"run again with {position:g} in output.at, or with power series (law hyperbolic, method anm), which "
-        f"give results everywhere",
-    )
+    linear = not run.unilateral_contacts or np.array_equal(factors, _factors(run, row - 1, 1.0))
+    how = LINEAR if linear else INTERPOLATED
+    return Level(position, how, row, share, factors, nothing, nothing, nothing, nothing)
 
 
 def _factors(run: RunData, row: int, share: float) -> FloatArray:

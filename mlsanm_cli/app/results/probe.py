@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.results.history import pressing_force
+from mlsanm_cli.app.results.interpolation import checked_error
 from mlsanm_cli.app.results.path_lookup import SERIES, Level, displacement_at, level_at
 from mlsanm_cli.app.results.views import boundary_edges
 from mlsanm_cli.app.scene.assemble import mls_settings
@@ -67,7 +69,10 @@ def probe_contact(
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
     levels = _levels(run, at)
     return [
-        _position(level) | place | {key: _on_contact(run, case, level, name, key) for key in chosen}
+        _position(level)
+        | place
+        | {key: _on_contact(run, case, level, name, key) for key in chosen}
+        | _interpolated(run, level, "pressures", contact.pressure, contact.traction)
         for level in levels
     ]
 
@@ -91,7 +96,9 @@ def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact:
             force = _mapped(run, level, "forces", name)
         else:
             force = level.between(run.path.resultants[name])
-        rows.append(_position(level) | {"fx": float(force[0]), "fy": float(force[1])})
+        history = run.path.resultants[name] if name in run.path.resultants else pressing_force(run, name)
+        error = _interpolated(run, level, "forces", history)
+        rows.append(_position(level) | {"fx": float(force[0]), "fy": float(force[1])} | error)
     return rows
 
 
@@ -114,7 +121,8 @@ def probe_named(
             seen = np.append(seen, level.between(run.probes[name].von_mises))
             rows.append(_position(level) | _columns(seen, field))
             continue
-        rows.append(_position(level) | _fields(case, body, level, point, seen, field))
+        error = _interpolated(run, level, "displacements", run.probes[name].displacement)
+        rows.append(_position(level) | _fields(case, body, level, point, seen, field) | error)
     return rows
 
 
@@ -208,6 +216,12 @@ def _known(name: str, names: Any, what: str) -> None:
 
 def _position(level: Level) -> Row:
     return {"position": level.position, "how": level.how}
+
+
+def _interpolated(run: RunData, level: Level, name: str, *histories: FloatArray) -> Row:
+    """The estimated error of interpolated ``histories``; nothing where the level is not interpolated."""
+    error = checked_error(run, level, name, *histories)
+    return {} if error is None else {"error": error}
 
 
 def _friction(case: Case) -> dict[str, float]:
