@@ -98,6 +98,7 @@ def test_probes_see_what_the_fields_show(hertz_probes: Path) -> None:
     """Rows condensed with the contact against fields solved for, inside a step and at its end."""
     run = read_run(hertz_probes)
     assert level_at(run, 0.3).how == SERIES
+    largest: dict[float, float] = {}
     for name, body, point in (("below", "block", POINT), ("top", "cylinder", (0.0, 1.0))):
         named = probe.probe_named(hertz_probes, [0.3, 1.0], name)
         field = probe.probe_point(hertz_probes, [0.3, 1.0], body, point)
@@ -105,7 +106,9 @@ def test_probes_see_what_the_fields_show(hertz_probes: Path) -> None:
             difference = np.abs(values(one) - values(other))
             # Saved fields are interpolated, those of the contact too; named probes know them in closed form.
             assert difference[:2].max() <= 1e-3 * np.abs(values(other)[:2]).max()
-            assert difference[2:].max() <= 5e-2 * np.abs(values(other)[2:]).max()
+            # Far from the contact nodes are coarse: fits to them are off by some percent of the little there.
+            scale = largest.setdefault(one["position"], np.abs(values(one)[2:]).max())
+            assert difference[2:].max() <= 2e-2 * scale
     assert run.probes["below"].stress.shape == (run.path.rows, 3)
 
 

@@ -145,13 +145,13 @@ def probe_point(
     levels = _levels(run, at)
     found = [displacement_at(run, level, body) for level in levels]
     if run.is_finite:
-        place = np.array([point])
+        place = np.array([point], dtype=np.float64)
         return [
             {"position": level.position, "how": how}
             | _columns(_seen_at_finite(run, case, body, place, displacement, level)[0], field)
             for level, (displacement, how) in zip(levels, found, strict=True)
         ]
-    place = np.array([point])
+    place = np.array([point], dtype=np.float64)
     rows, rows_found = _rows_at(run, case, body, place), []
     for level, (displacement, how) in zip(levels, found, strict=True):
         seen = _stressed(case, body, level, place, rows @ displacement.ravel())
