@@ -11,11 +11,13 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.comparison import compare as compare_module
 from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import AMPLIFIED, Difference, other_law_limit
 from mlsanm_cli.app.comparison.methods import chosen_methods, law_of
 from mlsanm_cli.case import Case, Solver, load_case
+from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
@@ -53,7 +55,9 @@ def case_of(directory: Path, text: str, *overrides: str) -> Case:
 def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
     """Counts and differences are those of two runs made by themselves."""
     text = hertz()
-    found = compared(tmp_path, text, replace(QUICK, analytic=True), FAST, "output.at=[0.3, 1.0]")
+    found = compared(
+        tmp_path, text, replace(QUICK, analytic=True), FAST, "output.at=[0.25, 0.3, 0.5, 0.75, 1.0]"
+    )
     assert found["status"] == "agree"
     assert found["levels"] == [0.25, 0.3, 0.5, 0.75, 1.0]
     smooth, exact = found["methods"]
@@ -237,6 +241,22 @@ def test_the_case_s_own_method_is_among_them(tmp_path: Path) -> None:
     assert law_of(case_of(tmp_path, hertz(), "solver.polish=true")) == "exact"
     case = case_of(tmp_path, SHEARED, "contact.interface.regularization.eta=1e-6")
     assert other_law_limit(case) == pytest.approx(6e-3 + 1e-3)
+
+
+def test_smooth_laws_that_converge_agree_with_the_exact_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tractions at the corners of a block that slides are far off, and fall with eta and stick."""
+    text = starter("sliding")
+    wishes = replace(QUICK, levels=3)
+    coarse = ("contact.interface.accuracy=0.01", "body.base.spacing=0.2", "load.push.ux=0.0006")
+    found = compared(tmp_path, text, wishes, *coarse)
+    exact = found["methods"][-1]
+    assert found["status"] == "agree"
+    assert found["limits"]["other_law"] < exact["difference"]["traction"] < exact["limit"]
+    # A law that differs from the exact one as much whatever its parameters is another law.
+    monkeypatch.setattr(compare_module, "SOFTER", 1.0)
+    assert compared(tmp_path, text, wishes, *coarse)["status"] == "disagree"
 
 
 @pytest.mark.usefixtures("by_nodes")

@@ -158,7 +158,8 @@ class Contact(Stretch):
     """Coulomb's coefficient of friction, or `"bonded"`: touching surfaces are tied together and carry tension
     as well."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
-    """Tolerance of the contact grid: error of the pressures relative to the largest."""
+    """Tolerance of the contact grid: error of the pressures relative to the largest. At finite strain that of
+    the force, relative to itself: bodies of automatic spacing get nodes for it after a first run."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes."""
     regularization: Regularization = Regularization()
