@@ -17,6 +17,10 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 Springs = Mapping[str, tuple[float, float]]
 Held = Mapping[str, tuple[bool, bool]]
 
+AT_CORNERS = 30.0
+"""Springs up to so many times the stiffest soft one pull at nothing that counts next to a corner. Of a block
+on a rough base, beside springs 2.6 times as stiff, the force is within 0.3 % of that of fine nodes, and of 87
+times as stiff ones too; nodal pressures, where the corner has no fields, were 8 and 22 % off."""
 NO_SPRING = (0.0, 0.0)
 FREE = (False, False)
 
@@ -34,6 +38,12 @@ def gripped(held: Held, springs: Springs, limit: float) -> dict[str, tuple[bool,
             before = held.get(name, FREE)
             found[name] = (before[0] or x > limit, before[1] or y > limit)
     return found
+
+
+def occupying(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list[str]:
+    """The surfaces whose springs do not leave them free next to their corners."""
+    limit = AT_CORNERS * stiffest_soft(cloud, material)
+    return [name for name, both in springs.items() if max(both) > limit]
 
 
 def soft(springs: Springs, limit: float) -> dict[str, tuple[float, float]]:

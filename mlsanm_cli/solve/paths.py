@@ -11,6 +11,7 @@ import numpy as np
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError
+from mlsanm_cli.contact.response.compressed import MANY
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import near_limit
@@ -20,7 +21,8 @@ from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 TOWARDS = (0.5, 0.9, 0.99, 0.999)
 """Parts of a limit load at which the path towards it has states."""
 ROWS = 20
-"""A path without friction has at least so many states, evenly between those that are asked for."""
+"""A path without friction has at least so many states, evenly between those that are asked for; contacts of
+MANY unknowns, whose states take seconds each, have only these."""
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
@@ -98,7 +100,8 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
     state = unloaded_state(built) if start is None else start.state
     if start is None:
         yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
-    for position in sorted({*positions, *_between(positions), *towards}):
+    rows = _between(positions) if len(built.condensed.weight) <= MANY else ()
+    for position in sorted({*positions, *rows, *towards}):
         if position <= state.position:
             continue
         active = state.closed if state.position > 0.0 else None

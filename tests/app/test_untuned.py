@@ -123,6 +123,13 @@ def test_a_block_slides_against_a_spring_and_half_of_the_way_back(tmp_path: Path
     assert summary["probes"]["middle"]["displacement"][0] == pytest.approx(0.01, rel=0.03)
 
 
+def test_a_stiff_spring_leaves_the_corner_beside_it_free(tmp_path: Path) -> None:
+    """Pressures were those of nodes, 20 % off; -3.807 is the force with a quarter of the spacing."""
+    summary = solve(slider(30e3, accuracy=0.02), tmp_path / "run")
+    assert not summary["warnings"]
+    assert summary["contacts"]["slide"]["force"] == pytest.approx([-3.807, 100.0], rel=0.01)
+
+
 def test_a_wedge_that_locks_keeps_its_forces(tmp_path: Path) -> None:
     """One increment to no load ends where nothing touches: grids were refined to the round-off of that."""
     slope, friction, force = float(np.tan(np.radians(7.0))), 0.2, 600.0

@@ -172,6 +172,9 @@ def _check_contact_surfaces(sound: Sound, report: Report, claims: list[Claim]) -
                 apart = claim.partial and side.ends is not None
                 if claim.boundary in side.boundaries and claim.kind != "traction" and not apart:
                     message = f"{claim.label} acts on the contact surface {claim.boundary}"
-                    hint = "only tractions and pressures may act on a contact surface"
+                    hint = (
+                        "only tractions and pressures may act on a contact surface: restrict both to "
+                        "different parts of it with from and to"
+                    )
                     report.add(path, message, hint)
                     break
