@@ -222,6 +222,7 @@ SLID = (
 CUT = {
     "friction, equations renewed": (SLID, 4),
     "series past limit points": (ARCH, 3),
+    "series, equations renewed": (BLOCK.replace("0.05", "0.1"), 1),
 }
 
 
@@ -239,7 +240,9 @@ def test_a_run_cut_short_is_resumed_to_the_same_result(
     assert resumed["status"] == summary["status"] == "done"
     same = ("steps", "factorizations", "iterations", "warnings")
     assert [resumed[key] for key in same] == [summary[key] for key in same]
-    assert resumed["finite_strain"]["equations_renewed"] == summary["finite_strain"]["equations_renewed"]
+    renewed = summary["finite_strain"]["equations_renewed"]
+    assert resumed["finite_strain"]["equations_renewed"] == renewed
+    assert renewed > 0 or "renewed" not in name
     one, other = read_run(whole), read_run(cut)
     assert one.path.rows == other.path.rows
     np.testing.assert_allclose(one.path.position, other.path.position, rtol=1e-9)

@@ -52,9 +52,11 @@ class Touched:
     @classmethod
     def read(cls, figures: Mapping[str, Any]) -> Touched:
         """From the figures that a run has stored."""
-        stored = dict(figures["touched"])
+        stored = dict(figures.get("touched", {}))
         for name in ("spacing", "swept"):
-            stored[name] = {key: [np.array(one) for one in sides] for key, sides in stored[name].items()}
+            stored[name] = {
+                key: [np.array(one) for one in sides] for key, sides in stored.get(name, {}).items()
+            }
         return cls(**stored)
 
     @property
