@@ -54,7 +54,7 @@ def _line(scene: Scene, variant: Variant, base: Ran, ran: Ran) -> Table:
     if ran.code:
         text = f"refused: {ran.message[:300]}"
         return {"variant": variant.name, "agrees": False, "text": text}
-    pressed = max((base.result.pressed(name) for name in base.summary.get("contacts") or {}), default=0.0)
+    pressed = max((base.result.size(name) for name in base.summary.get("contacts") or {}), default=0.0)
     force = difference(
         vectors(base, "contacts", "force"), vectors(ran, "contacts", "force", variant), least=pressed
     )
@@ -99,7 +99,7 @@ def unbounded(name: str) -> set[str]:
 
 
 def difference(base: dict[str, Array], other: dict[str, Array], least: float = 0.0) -> float:
-    """Largest in percent; of forces that cancel around a body, of the pressure's integral ``least``."""
+    """Largest in percent; of forces that cancel around a body, of ``least``, what presses and rubs there."""
     largest = max((float(np.hypot(*one)) for one in base.values()), default=0.0)
     largest = max(largest, least)
     if not largest:

@@ -189,7 +189,7 @@ def imbalance(given: Table, result: Result) -> float | None:
 
     for one in given.get("contact", []):
         force = result.force(one["name"])
-        largest = max(largest, abs(result.pressed(one["name"])))
+        largest = max(largest, result.size(one["name"]))
         add(listed(one["slave"])[0].split(".")[0], force)
         if "master" in one:
             add(listed(one["master"])[0].split(".")[0], -force)

@@ -25,6 +25,7 @@ from benchmarks.scenes import (  # noqa: F401  (they register their scenes)
     assemblies,
     bending,
     fits,
+    joints,
     layers,
     machines,
     mechanisms,

@@ -42,6 +42,12 @@ class Result:
             one = file[f"contacts/{contact}"]
             return float(one["pressure"][-1] @ one["weight"][:])
 
+    def size(self, contact: str) -> float:
+        """Integral of the size of pressure and traction."""
+        with h5py.File(self.folder / "run.h5") as file:
+            one = file[f"contacts/{contact}"]
+            return float(np.hypot(one["pressure"][-1], one["traction"][-1]) @ one["weight"][:])
+
     def half_width(self, contact: str) -> float:
         return float(self.summary["contacts"][contact]["half_width"])
 

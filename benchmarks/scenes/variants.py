@@ -129,6 +129,7 @@ def _scaled(given: Table) -> Table:
         for keys, by in (
             (("traction", "pressure"), STRESS),
             (("force", "fx", "fy"), STRESS * LENGTH),
+            (("moment",), STRESS * LENGTH**2),
             (("displacement", "ux", "uy"), LENGTH),
             (("body-force",), STRESS / LENGTH),
         ):
@@ -239,6 +240,9 @@ def _conditions(one: Table, matrix: Array) -> None:
 
 
 def _load(one: Table, matrix: Array) -> None:
+    for key in ("rotation", "moment"):
+        if isinstance(one.get(key), float):
+            one[key] *= float(round(np.linalg.det(matrix)))
     for key in ("traction", "force", "displacement", "body-force"):
         if key in one:
             one[key] = _turn(one[key], matrix)

@@ -23,6 +23,8 @@ SAMPLES = 4
 """Points per interval among which the closest is looked for first."""
 ITERATIONS = 60
 EXACT = 4.0 * np.finfo(float).eps
+LAST = 5e-8
+"""Steps of Newton's method below this part of the curve are the last ones: errors go with their square."""
 
 
 @cache
@@ -129,7 +131,7 @@ class NodeSpline:
             speed = np.hypot(*self.derivative(t, 1).T)
             step = (self.arcs[k] + self._length(low, t) - s) / speed
             t = np.clip(t - step, low, high)
-            if (np.abs(step) <= EXACT * self.knots[-1]).all():
+            if (np.abs(step) <= LAST * self.knots[-1]).all():
                 break
         return t
 

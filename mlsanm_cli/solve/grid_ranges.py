@@ -165,14 +165,20 @@ def ranged(
             wider = room.hats(spaced_apart(nodes, 0.5 * finest))
             result[name] = replace(grid, first=first, last=last, hats=wider)
         elif len(places) < LEAST:
-            middle = np.zeros(len(grid.hats.steps), dtype=bool)
-            middle[max(places[0] - 1, 0) : places[-1] + 3] = True
-            result[name] = replace(grid, hats=grid.hats.halved(middle))
+            result[name] = replace(grid, hats=grid.hats.halved(_beside(places, len(grid.hats.steps))))
         elif grid.provisional or last - first < NARROWED * (grid.last - grid.first):
             share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
             even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
             result[name] = replace(grid, first=first, last=last, count=SAMPLES, hats=even, provisional=False)
     return result
+
+
+def _beside(places: IntArray, count: int) -> BoolArray:
+    """Which of ``count`` intervals are next to closed ``places``, two on either side; not those between: two
+    crests would halve all of a sheet."""
+    near = np.zeros(count, dtype=bool)
+    near[np.clip(places[:, None] + np.arange(-1, 3), 0, count - 1)] = True
+    return near
 
 
 def begun_open(

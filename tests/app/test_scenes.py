@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from benchmarks.scenes import bending, fits, layers, machines, mechanisms
+from benchmarks.scenes import bending, fits, joints, layers, machines, mechanisms
 from benchmarks.scenes.judge import Ran, judged
 from benchmarks.scenes.scene import SCENES, Figure, Refusal, Scene, Table
 from benchmarks.scenes.variants import LENGTH, STRESS, halved, variants
 from mlsanm_cli.app.scene.imported import load_with_files
 
-HERE = tuple(one.__name__ for one in (bending, fits, layers, machines, mechanisms))
+HERE = tuple(one.__name__ for one in (bending, fits, joints, layers, machines, mechanisms))
 
 
 def scenes() -> Iterator[Scene]:
