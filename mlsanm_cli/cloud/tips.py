@@ -20,8 +20,8 @@ REGULAR = 0.97
 class Tips:
     """Corners at ``place`` (t, 2) between free faces, the unit vectors ``axis`` (t, 2) midway between the
     faces into the material, which takes up the angle ``half`` (t,) on either side. The nearest other one is
-    ``apart`` (t,), in edges of the outline at the corner. Its material has Muskhelishvili's constant
-    ``kappa``, once it is known."""
+    ``apart`` (t,), in edges of the outline at the corner, twice as far if it is seen across the material. Its
+    material has Muskhelishvili's constant ``kappa``, once it is known."""
 
     place: FloatArray
     axis: FloatArray
@@ -58,10 +58,14 @@ def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatA
             edge.append(max(float(np.hypot(*way)) for way in ways))
     if not place:
         return None
-    at = np.array(place)
-    away = np.hypot(*(at[:, None] - at).T)
+    at, into = np.array(place), -np.array(axis)
+    way = at - at[:, None]
+    away = np.hypot(*way.T)
     np.fill_diagonal(away, np.inf)
-    return Tips(at, -np.array(axis), np.array(half), away.min(axis=1) / np.array(edge))
+    # Across the material fields of both add up; along a face one of them is unknown beyond the other's void.
+    across = (way * into[:, None]).sum(axis=2) > np.cos(np.array(half) - SHARP)[:, None] * away
+    counted = np.where(across & across.T, 2.0 * away, away)
+    return Tips(at, into, np.array(half), counted.min(axis=1) / np.array(edge))
 
 
 def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) -> FloatArray:
