@@ -37,8 +37,8 @@ REACH = 2.0
 3 is as good."""
 ALONE = 3.6
 """Corners nearer to each other than so many radii of the fit around them, or than half as many across the
-material, are none: fits that know of one of them see the fields of both. At 3 a slit with two corners at its root opened by up to 31 % less than it
-should, with polynomials by 1 % (degree 2; 29 and 0.2 % at degree 4)."""
+material, are none: fits that know of one of them see the fields of both. At 3 a slit with two corners at
+its root opened by up to 31 % less than it should, with polynomials by 1 % (degree 2; 29 and 0.2 % at 4)."""
 TOLD = 1e-3
 """What polynomials leave over of the functions counts down to this part of them; 1e-4 is as good, 1e-2 loses
 1 % at degree 4."""
