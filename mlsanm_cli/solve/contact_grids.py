@@ -14,7 +14,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -26,8 +25,8 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged
-from mlsanm_cli.solve.grid_refinement import refined, sampled
+from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, overlapping, passed_beyond, ranged
+from mlsanm_cli.solve.grid_refinement import COMPRESSED, DENSE, refined, sampled
 from mlsanm_cli.solve.rolling import rolls_away
 
 WIDE = 0.05
@@ -65,12 +64,14 @@ def find_grids(
     stages; None where a contact comes too close to a corner, or where it is does not settle."""
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
+    exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
+    limits = COMPRESSED if exact else DENSE
     grids = {name: first_grid(one) for name, one in ranges.items()}
     responses: BodyResponses | None = None
     resolved: BodyResponses | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
-    passed: dict[str, FloatArray] = {}
+    passed = overlapping(ranges)
     looked = False
     every, turnings = False, TURNINGS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
@@ -88,6 +89,7 @@ def find_grids(
             ranges = {**ranges, **begun}
             grids = grids | {name: first_grid(one) for name, one in begun.items()}
             passed = {name: places for name, places in passed.items() if name not in begun}
+            passed |= overlapping(begun)
             some = _on_grids(pairings, grids, some)
             starts, responses, condensed = [], None, None
             continue
@@ -97,7 +99,7 @@ def find_grids(
         if _same(wanted, grids) and responses is not resolved:
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, tractions=not every)
+            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits)
         if _same(wanted, grids):
             turned = None
             if every and turnings:

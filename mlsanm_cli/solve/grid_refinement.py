@@ -20,15 +20,16 @@ MOST_SAMPLES = 96
 SMOOTH = 1e-4
 """Samples are doubled until the last coefficients of the answer are below this part of the factor of its
 logarithm. Its variation says nothing: rigid motions and bending make it a hundred times as much in layers."""
-MOST, SHORTEST = 2000, 1e-5
-"""Grids of more intervals are not halved any more, nor intervals below this part of the range: pressures
-under corners of obstacles have no bound."""
+SHORTEST = 1e-5
+"""Intervals below this part of the range are not halved any more: pressures under corners of obstacles have
+no bound."""
 BY_CLAMPED = 0.25
 """Beside clamped sides intervals are no shorter than this part of the reach of their corner: stresses are
 singular there but for the contact, and clouds resolve that no further."""
-PLENTY = 300
-"""Grids of more intervals are refined to less, by the cube of how many more: obstacles of many corners, or
-of many patches, would cost minutes otherwise."""
+DENSE, COMPRESSED = (300, 2000), (5000, 20_000)
+"""Grids of more intervals are refined to less, by the cube of how many more, and of how many more they are
+not refined at all: obstacles of many corners, or of many patches, would cost minutes otherwise. The first
+two numbers are those of paths that need dense matrices, the others of paths that do not."""
 NOTHING = 1e-6
 """Pressures below this part of the largest in the scene are those of contacts that carry nothing."""
 AT_ENDS = 0.3
@@ -62,8 +63,10 @@ def refined(
     states: Sequence[ExactState],
     accuracy: Mapping[str, float],
     tractions: bool,
+    limits: tuple[int, int] = DENSE,
 ) -> dict[str, ContactGrid]:
-    """The grids halved where the pressures, and ``tractions`` if they count, of the states need it.
+    """The grids halved where the pressures, and ``tractions`` if they count, of the states need it, up to
+    ``limits``.
 
     Between the ends of stages tractions do not: every level on the way has its own edges of sticking, and a
     grid fine at all of them would be fine everywhere.
@@ -71,11 +74,11 @@ def refined(
     result = dict(grids)
     for name, grid in grids.items():
         errors = grid_errors(condensed, name, states, tractions)
-        if len(errors) >= MOST:
+        if len(errors) >= limits[1]:
             continue
         places = summits(condensed, name, ranges[name], states)
         chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
-        aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
+        aim = accuracy[name] * max(1.0, len(errors) / limits[0]) ** 3
         if float(np.sqrt((errors**2).sum())) > aim:
             chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
         chosen &= grid.hats.steps > _shortest(grid)

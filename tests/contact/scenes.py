@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
 from mlsanm_cli.app.scene.clouds import clouds
@@ -52,7 +53,7 @@ def synthetic(
         slip=columns.zeros(0),
         watched=columns.zeros(0),
         balance=columns.zeros(0) if balance is None else balance,
-        beyond=np.zeros((0, 0)),
+        beyond=sparse.csr_array((0, 0)),
         forces={},
         contact_forces={},
         imbalance=columns.zeros(0),

@@ -12,6 +12,7 @@ from numpy.polynomial.legendre import leggauss
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.grid import STEEPEST, Hats
+from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
 
 LOG, NONE = np.eye(2), np.zeros((2, 2))
@@ -66,7 +67,7 @@ def constant(hats: Hats) -> FloatArray:
 @pytest.mark.parametrize("sign", [False, True], ids=["log", "sign"])
 def test_pairs_against_quadrature(sign: bool) -> None:
     hats, one = GRADED, constant(GRADED)
-    found = hats.pairs(*((NONE, LOG) if sign else (LOG, NONE)), one, one)
+    found = HatPairs(hats).integrals(*((NONE, LOG) if sign else (LOG, NONE)), one, one)
     count = len(hats.place)
     rng = np.random.default_rng(0)
     some = [(3, 3), (3, 4), (0, count - 1), *rng.integers(0, count, (30, 2)).tolist()]
@@ -83,7 +84,7 @@ def test_pairs_along_turning_directions() -> None:
     a press fit's pressure had rippled by 0.3 %."""
     hats = Hats(np.linspace(0.0, 3.0, 13))
     normal = np.stack([np.sin(hats.points), -np.cos(hats.points)], axis=1)
-    found = hats.pairs(LOG, NONE, normal, normal)
+    found = HatPairs(hats).integrals(LOG, NONE, normal, normal)
     scale = np.outer(hats.weight, hats.weight)
     for i, j in ((0, 0), (4, 5), (7, 9), (2, 10)):
         expected = by_quadrature(hats, i, j, turn=1.0)
@@ -93,16 +94,16 @@ def test_pairs_along_turning_directions() -> None:
 def test_pairs_are_symmetric() -> None:
     normal = np.stack([np.sin(GRADED.points), -np.cos(GRADED.points)], axis=1)
     for direction in (constant(GRADED), normal):
-        found = GRADED.pairs(LOG, NONE, direction, direction)
+        found = HatPairs(GRADED).integrals(LOG, NONE, direction, direction)
         assert np.abs(found - found.T).max() <= 1e-14 * np.abs(found).max()
-        turned = GRADED.pairs(NONE, LOG, direction, direction)
+        turned = HatPairs(GRADED).integrals(NONE, LOG, direction, direction)
         assert np.abs(turned + turned.T).max() <= 1e-14 * np.abs(turned).max()
 
 
 def test_pressures_of_no_net_force_do_work() -> None:
     # -ln|s - s'| is positive on them, whatever the grid: the reason for Galerkin's method.
     one = constant(GRADED)
-    found = -GRADED.pairs(LOG, NONE, one, one)
+    found = -HatPairs(GRADED).integrals(LOG, NONE, one, one)
     weight = GRADED.weight
     free = np.linalg.svd(weight[None])[2][1:].T
     assert np.linalg.eigvalsh(free.T @ found @ free).min() > 0.0

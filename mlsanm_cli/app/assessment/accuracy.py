@@ -112,7 +112,8 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     largest = _largest([one.displacement for one in bodies.values()])
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     try:
-        halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
+        nodal = any(pairing.grid is None for pairing in condensed.pairings)
+        halved = halved_pressure(condensed, state) if nodal else state.pressure
         error, pressure = _corrected(built, state, bodies)
     except NumericalError:  # what was changed but a little has no contact state at all
         return Accuracy(None, unknown, unknown, state, largest, defects, solutions)

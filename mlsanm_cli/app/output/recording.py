@@ -58,7 +58,7 @@ def operators_digest(built: CondensedScene) -> str:
     operators."""
     condensed = built.condensed
     maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
-    return digest([one.matrix for one in maps], condensed.weight)
+    return digest(maps, condensed.weight)
 
 
 def map_datasets(built: CondensedScene) -> dict[str, Value]:

@@ -24,7 +24,7 @@ MOST: Mapping[str, int] = {
     "probe": 1000,
     "stage": 5000,
     "stop": 100,
-    "points": 2000,
+    "points": 20_000,
     "at": 10_000,
 }
 """Largest number of items by the key of their list or table."""

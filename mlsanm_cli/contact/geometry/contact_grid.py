@@ -11,15 +11,18 @@ of the contact's range, from which any number of pressures and gaps between have
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.grid import Hats, logarithm
+from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import (
@@ -111,6 +114,11 @@ class ContactGrid:
         """:meth:`Facing.directions` (g, 2) at the hats' points."""
         return self.opposite[2], turned(self.opposite[2])
 
+    @cached_property
+    def pairs(self) -> HatPairs:
+        """Integrals of kernels with the hats, two by two."""
+        return HatPairs(self.hats)
+
     def places(self, slave: bool) -> ComplexArray:
         """The hats' points (g,) on one of the two surfaces."""
         return as_complex(self.opposite[0 if slave else 1])
@@ -164,10 +172,10 @@ class ContactGrid:
         """What of nodal ``values`` (m, ...) acts by fields in closed form."""
         if not self.covers:
             return values
-        return np.asarray(values - self._mean @ values)
+        return np.asarray(values - self.even @ values)
 
     @cached_property
-    def _mean(self) -> FloatArray:
+    def even(self) -> FloatArray:
         """What makes the mean along the contact of nodal values (m,)."""
         return np.asarray(self.hats.weight / self.hats.weight.sum())
 
@@ -175,7 +183,7 @@ class ContactGrid:
         """The mean (2,) on the slave of nodal ``pressure`` and ``traction`` (m,) of a grid that
         :attr:`covers` its surfaces."""
         normal, tangent = (direction[0] for direction in self.directions)
-        return np.asarray((self._mean @ pressure) * normal + (self._mean @ traction) * tangent)
+        return np.asarray((self.even @ pressure) * normal + (self.even @ traction) * tangent)
 
     @cached_property
     def driven(self) -> tuple[FloatArray, FloatArray]:
@@ -183,7 +191,7 @@ class ContactGrid:
         tractions."""
         if not self.covers:
             return self.spreads
-        share, unit = self._mean, np.eye(len(self._mean))
+        share, unit = self.even, np.eye(len(self.even))
         found = []
         for spread, direction in zip(self.spreads, self.directions, strict=True):
             parts = np.split(spread @ self.uneven(unit), 2)
@@ -242,11 +250,20 @@ class ContactGrid:
         return {}
 
     def _cornered(self, slave: bool, which: int, by: int) -> FloatArray:
-        hats = self.hats
-        total, corners = np.zeros((len(hats.place), len(hats.place))), self.corners_of(slave)
+        total = np.zeros((len(self.hats.place), len(self.hats.place)))
+        for seen, compliance, acting in self.corner_terms(slave, which, by):
+            total += seen @ compliance @ acting.T
+        return total
+
+    def corner_terms(
+        self, slave: bool, which: int, by: int
+    ) -> Iterator[tuple[sparse.csr_array, FloatArray, sparse.csr_array]]:
+        """What :meth:`cornered` is the sum of: integrals (m, k) of what is seen at places near a corner, its
+        compliance (k, k) there, and integrals (m, k) of what acts there."""
+        corners = self.corners_of(slave)
         if not corners:
-            return total
-        points, integrals = hats.towards_ends
+            return
+        points, integrals = self.hats.towards_ends
         place, _, directions = self.facing.loaded(points, slave)
         present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
         for corner in corners:
@@ -257,8 +274,7 @@ class ContactGrid:
                 for c in present[side]
             }
             for c, d in product(present[which], present[by]):
-                total += parts[which, c] @ corner.wedge.compliance(x, x, c, d) @ parts[by, d].T
-        return total
+                yield parts[which, c], corner.wedge.compliance(x, x, c, d), parts[by, d]
 
     def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
         """The tensors L and T (2, 2) of one of the two bodies."""

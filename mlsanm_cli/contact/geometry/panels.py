@@ -20,8 +20,9 @@ def chebyshev(first: float, last: float, count: int) -> FloatArray:
 
 def lagrange(places: FloatArray, nodes: FloatArray) -> FloatArray:
     """Values (e, k) at ``places`` of the polynomials that are 1 at one and 0 at all other Chebyshev's points
-    ``nodes`` (k,), by the barycentric formula (Berrut and Trefethen 2004, doi:10.1137/S0036144502417715)."""
-    count = len(nodes)
+    ``nodes`` (k,), or (e, k) of every place its own, by the barycentric formula (Berrut and Trefethen 2004,
+    doi:10.1137/S0036144502417715)."""
+    count = nodes.shape[-1]
     factor = (-1.0) ** np.arange(count) * np.sin(np.pi * (np.arange(count) + 0.5) / count)
     apart = places[:, None] - nodes
     same = apart == 0.0

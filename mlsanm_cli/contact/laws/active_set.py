@@ -15,7 +15,9 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.loose_bodies import NOTHING, SOFTER, at_rest, springs
+from mlsanm_cli.contact.laws.many_unknowns import EXACT, ROUGH, ManyClosed
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
+from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 
@@ -121,11 +123,16 @@ def _searched(
     seen: set[bytes] = set()
     one_by_one = False
     limit = held.passes * (m + 1)
+    pressure = np.zeros(m)
     for count in range(1, limit + 1):
-        pressure, motion = _solve_active(condensed, free_gap, factors, active, held)
-        gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
-        gap[active] = 0.0
-        wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion))
+        closed = _Closed(condensed, free_gap, factors, active, held)
+        for part in closed.parts:
+            pressure, motion = closed.solve(pressure, part)
+            gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
+            gap[active] = 0.0
+            wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion))
+            if wrong.any():
+                break
         if not wrong.any():
             return _Solved(active, pressure, motion, count)
         one_by_one |= active.tobytes() in seen
@@ -162,31 +169,52 @@ def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
     return active | condensed.closest(free_gap) if len(condensed.balance.constant) else active
 
 
-def _solve_active(
-    condensed: Condensed, free_gap: FloatArray, factors: FloatArray, active: BoolArray, held: _Held
-) -> tuple[FloatArray, FloatArray]:
-    """Pressures (m,) that close the active nodes' gaps, and motions (k,) that balance the platens.
+class _Closed:
+    """The equations of a set ``active`` (m,): pressures close their gaps, motions balance the platens. Raises
+    SingularSystemError where bodies are loose with these nodes alone."""
 
-    Raises SingularSystemError where bodies are loose with these nodes alone.
-    """
-    closed = np.flatnonzero(active)
-    balance = condensed.balance
-    a, k = len(closed), len(balance.constant)
-    pressure = np.zeros(len(active))
-    if a + k == 0:
-        return pressure, np.zeros(0)
-    matrix = np.empty((a + k, a + k))
-    matrix[:a, :a] = condensed.gap.pressure[np.ix_(closed, closed)]
-    matrix[:a, a:] = condensed.gap.motion[closed]
-    matrix[a:, :a] = balance.pressure[:, closed]
-    matrix[a:, a:] = balance.motion
-    rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
-    if len(held.springs):
-        matrix[a:, a:] += np.diag(held.springs)
-        rhs[a:] += held.springs * held.place
-    solution = DenseSystem(matrix, a).solve(rhs)
-    pressure[closed] = solution[:a]
-    return pressure, solution[a:]
+    def __init__(
+        self,
+        condensed: Condensed,
+        free_gap: FloatArray,
+        factors: FloatArray,
+        active: BoolArray,
+        held: _Held,
+    ) -> None:
+        self._closed = closed = np.flatnonzero(active)
+        balance = condensed.balance
+        self._count, a, k = len(active), len(closed), len(balance.constant)
+        self._gap, stiffness = -free_gap[closed], balance.motion
+        self._force = -(balance.constant + balance.load @ factors)
+        if len(held.springs):
+            stiffness = stiffness + np.diag(held.springs)
+            self._force = self._force + held.springs * held.place
+        own, self._many, self._dense = compressed(condensed.gap.pressure), None, None
+        moved, forces = condensed.gap.motion[closed], balance.pressure[:, closed]
+        if own is not None and a:
+            self._many = ManyClosed(own, closed, moved, forces, stiffness)
+        elif a + k:
+            matrix = np.empty((a + k, a + k))
+            matrix[:a, :a] = condensed.gap.pressure[np.ix_(closed, closed)]
+            matrix[:a, a:], matrix[a:, :a], matrix[a:, a:] = moved, forces, stiffness
+            self._dense = DenseSystem(matrix, a)
+
+    @property
+    def parts(self) -> tuple[float, ...]:
+        """What parts of the right-hand sides are to be left: first a larger one where it saves anything."""
+        return (EXACT,) if self._many is None else (ROUGH, EXACT)
+
+    def solve(self, near: FloatArray, part: float) -> tuple[FloatArray, FloatArray]:
+        """Pressures (m,) and motions (k,), from pressures ``near`` them; a ``part`` may be left."""
+        pressure, closed = np.zeros(self._count), self._closed
+        if self._many is not None:
+            pressure[closed], motion = self._many.solve(self._gap, self._force, near[closed], part)
+            return pressure, motion
+        if self._dense is None:
+            return pressure, np.zeros(0)
+        solution = self._dense.solve(np.concatenate([self._gap, self._force]))
+        pressure[closed] = solution[: len(closed)]
+        return pressure, solution[len(closed) :]
 
 
 def _unbalanced() -> UnbalancedError:

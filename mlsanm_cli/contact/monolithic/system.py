@@ -191,7 +191,7 @@ def _contact_rows(
     frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
     elastic = scene.bodies.items()
     gaps = sparse.hstack([gap_rows(body, name, condensed.pairings) for name, body in elastic], format="csr")
-    beyond = sparse.csr_array(condensed.beyond)
+    beyond = condensed.beyond
     unseen = [beyond[:m], sparse.csr_array((m, k))]
     rows = [sparse.hstack([*unseen, gaps[chosen]])]
     if n:

@@ -27,11 +27,12 @@ from mlsanm_cli.contact.response.balance import (
     reported_forces,
 )
 from mlsanm_cli.contact.response.bonds import bind
+from mlsanm_cli.contact.response.compressed import MANY
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors
-from mlsanm_cli.contact.response.near_field_response import add_fields, add_singular, near_field_response
+from mlsanm_cli.contact.response.near_field_response import add_fields, near_field_response, with_singular
 from mlsanm_cli.contact.response.observation import Observed, ResponseFunctionals, observe, used_columns
 from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.response.short_waves import resolved
@@ -119,10 +120,10 @@ def _condensed(
 
     nodal = tuple(pairing for pairing in pairings if pairing.grid is None)
     candidate = _candidates(pairings)
-    gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name]) for pairing in pairings]
-    gap = stack(gaps, drivers.unknowns)
-    gap = gap + of_obstacles(scene, pairings, drivers.unknowns, "normal")
-    gap = gap + of_fits(scene, pairings, drivers.unknowns)
+    many = _many(pairings)
+    gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name], many) for pairing in pairings]
+    gap = _shifted(stack(gaps, drivers.unknowns), of_obstacles(scene, pairings, drivers.unknowns, "normal"))
+    gap = replace(gap, load=gap.load + of_fits(scene, pairings, drivers.unknowns))
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
     forces = Forces(
         scene,
@@ -134,9 +135,8 @@ def _condensed(
     half_plane = np.concatenate([np.zeros((0, 2, 2)), *(_half_plane(scene, one) for one in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.frictional]
-    slip = stack(slips, drivers.unknowns) + of_obstacles(
-        scene, drivers.frictional, drivers.unknowns, "tangent"
-    )
+    moved = of_obstacles(scene, drivers.frictional, drivers.unknowns, "tangent")
+    slip = _shifted(stack(slips, drivers.unknowns), moved)
     slip = slip.take(_candidates(drivers.frictional))
     frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
     along = {pairing.name: _half_plane(scene, pairing)[:, 1, 1] for pairing in frictional}
@@ -156,7 +156,7 @@ def _condensed(
         slip=reduced(slip.take(sliding)),
         watched=reduced(watched.take(looked_at)),
         balance=reduced(balance_of_constraints(forces)),
-        beyond=beyond[np.ix_(kept, kept)] if bonds.pairings else beyond,
+        beyond=sparse.csr_array(beyond[kept][:, kept]) if bonds.pairings else beyond,
         forces={name: reduced(one) for name, one in reported_forces(forces).items()},
         contact_forces={
             pairing.name: reduced(forces.contact(pairing, pairing.slave_body).take(slice(0, 2)))
@@ -187,13 +187,28 @@ def _tied(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
     return np.concatenate([np.zeros(0, dtype=bool), *counted])
 
 
-def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) -> LinearMap:
+def _many(pairings: tuple[Pairing, ...]) -> bool:
+    """Whether compliances are compressed: there are many unknowns, all pressures on grids."""
+    count = sum(int(pairing.candidate.sum()) for pairing in pairings)
+    alike = all(one.grid is not None and one.grid.hats.period is None for one in pairings)
+    return count > MANY and alike and not any(pairing.friction for pairing in pairings)
+
+
+def _shifted(linear: LinearMap, by: tuple[FloatArray, FloatArray]) -> LinearMap:
+    """A map with what loads (r, L) and motions (r, k) do besides."""
+    return replace(linear, load=linear.load + by[0], motion=linear.motion + by[1])
+
+
+def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray, many: bool) -> LinearMap:
     """A contact's gaps (w,) by what was seen of them."""
     if pairing.grid is None:
         return drivers.by_unknowns(seen, pairing.gap)
-    result = drivers.by_unknowns(_means(pairing, seen, 0), pairing.gap)
-    add_singular(result, scene, drivers, pairing, 0)
-    return result
+    means = _means(pairing, seen, 0)
+    if many:
+        result = drivers.compressed(means, pairing.weight, pairing.gap)
+    else:
+        result = drivers.by_unknowns(means, pairing.gap)
+    return with_singular(result, scene, drivers, pairing, 0)
 
 
 def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
@@ -201,8 +216,7 @@ def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> 
     if pairing.grid is None:
         return drivers.by_unknowns(seen.slips[pairing.name])
     result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
-    add_singular(result, scene, drivers, pairing, 1)
-    return result
+    return with_singular(result, scene, drivers, pairing, 1)
 
 
 def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:

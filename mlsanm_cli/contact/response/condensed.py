@@ -25,8 +25,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.bonds import Bonds
+from mlsanm_cli.contact.response.compressed import compressed, largest
 from mlsanm_cli.contact.response.contact_fields import fields_of
-from mlsanm_cli.contact.response.dense import Blocks, scales
+from mlsanm_cli.contact.response.dense import Beside, Blocks, Multiplied, scales
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
@@ -71,7 +72,7 @@ class Condensed:
     slip: LinearMap
     watched: LinearMap
     balance: LinearMap
-    beyond: FloatArray
+    beyond: sparse.csr_array
     forces: Mapping[str, LinearMap]
     contact_forces: Mapping[str, LinearMap]
     imbalance: LinearMap
@@ -103,14 +104,20 @@ class Condensed:
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
 
     @cached_property
-    def blocks(self) -> Blocks:
+    def blocks(self) -> Multiplied:
         """:attr:`whole` for products: contacts without a body in common do nothing to each other."""
+        own = compressed(self.gap.pressure)
+        if own is not None:
+            return Beside(own, self.gap.motion, self.balance.pressure, self.balance.motion)
         m, n = len(self.gap.constant), len(self.slip.constant)
         tangential = (m + span.start for span in self.tangential.values())
         return Blocks(self.whole, [*(span.start for span in self.spans.values()), *tangential, m, m + n])
 
     @cached_property
-    def _elastic(self) -> Blocks:
+    def _elastic(self) -> Multiplied:
+        own = compressed(self.gap.pressure)
+        if own is not None:
+            return own
         return Blocks(self.gap.pressure, [span.start for span in self.spans.values()])
 
     def elastic_gap(self, pressure: FloatArray) -> float:
@@ -121,14 +128,12 @@ class Condensed:
     def own(self) -> tuple[FloatArray, FloatArray]:
         """About what gap (m,) and slip (n,) a unit pressure and traction make where they act: without sign,
         as those of bodies that contact alone holds depend on where their motions count from."""
-        sizes = np.abs(np.diagonal(self.whole))
-        m, n = len(self.gap.constant), len(self.slip.constant)
-        return sizes[:m], sizes[m : m + n]
+        return np.abs(self.gap.pressure.diagonal()), np.abs(self.slip.traction.diagonal())
 
     @cached_property
     def largest_compliance(self) -> float:
         """The largest gap that a unit pressure makes anywhere, 0 without candidates."""
-        return float(np.abs(self.gap.pressure).max(initial=0.0))
+        return largest(self.gap.pressure)
 
     @cached_property
     def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -31,6 +33,12 @@ def scales(matrix: FloatArray, lengths: int) -> tuple[FloatArray, FloatArray]:
     return rows, columns
 
 
+class Multiplied(Protocol):
+    """A matrix that multiplies vectors."""
+
+    def __matmul__(self, vector: FloatArray, /) -> FloatArray: ...
+
+
 class Blocks:
     """A matrix (r, r) in blocks between ``cuts``, of which those that are zero cost nothing in products."""
 
@@ -53,6 +61,21 @@ class Blocks:
         for rows, columns, part in self._parts:
             total[rows] += part @ vector[columns]
         return total
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A matrix (m + k, m + k): an ``own`` (m, m), what is on the right of it, below it, and in the corner."""
+
+    own: Multiplied
+    right: FloatArray
+    below: FloatArray
+    last: FloatArray
+
+    def __matmul__(self, vector: FloatArray) -> FloatArray:
+        first, rest = np.split(vector, [len(self.right)])
+        upper = self.own @ first + self.right @ rest
+        return np.concatenate([upper, self.below @ first + self.last @ rest])
 
 
 class ScaledFactor:

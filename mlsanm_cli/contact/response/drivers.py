@@ -16,6 +16,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 
 
@@ -101,6 +102,22 @@ class Drivers:
         covering = [one for one in self.pairings if one.grid is not None and one.grid.covers]
         places = [(self.places(one).stop - 1, self.tangential_places(one).stop - 1) for one in covering]
         return np.array(places, dtype=np.int64).ravel()
+
+    def compressed(self, rows: FloatArray, weight: FloatArray, constant: FloatArray) -> LinearMap:
+        """What ``rows`` (r, drivers) observe, by the unknowns, compressed: of contacts that all are on grids
+        of their own and without friction. The rows have a ``weight`` (r,)."""
+        columns, unknowns = self.columns, self.unknowns
+        right = np.zeros((columns.pressures + columns.tractions, unknowns.pressures))
+        first = columns.motion_places.stop
+        for pairing in self.pairings:
+            assert pairing.grid is not None
+            both = np.split(pairing.grid.driven[0], 2)
+            for places, part in zip((self.places, self.tangential_places), both, strict=True):
+                own = places(pairing)
+                right[own.start - first : own.stop - first, self.spans[pairing.name]] = part
+        pressure = Compressed.product(rows[:, first:].copy(), right, weight)
+        load, motion = rows[:, : self.loads], rows[:, self.loads : first]
+        return LinearMap(constant, load, motion, as_array(pressure), np.zeros((len(rows), 0)))
 
     def by_unknowns(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
         """What ``rows`` (r, drivers) observe, by the unknowns."""

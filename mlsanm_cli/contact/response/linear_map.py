@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.response.compressed import stacked
 
 
 @dataclass(frozen=True)
@@ -14,6 +15,7 @@ class LinearMap:
     """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p + ``traction`` t.
 
     ``traction`` (r, n) multiplies the tractions of the contacts with friction; without any n is 0.
+    ``pressure`` may be :class:`Compressed`, which is an array to all who do more than multiply it.
     """
 
     constant: FloatArray
@@ -110,6 +112,6 @@ def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
         np.concatenate([part.constant for part in parts]),
         np.concatenate([part.load for part in parts]),
         np.concatenate([part.motion for part in parts]),
-        np.concatenate([part.pressure for part in parts]),
+        stacked([part.pressure for part in parts]),
         np.concatenate([part.traction for part in parts]),
     )

@@ -5,11 +5,17 @@ Equations (6) and (7) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import reduce
+
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.clusters import Chain, Clusters
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.compressed import Compressed, Singular, as_array, compressed
 from mlsanm_cli.contact.response.contact_fields import fields_of
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -95,21 +101,24 @@ def _along(
     return total
 
 
-def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
-    """Add to the gaps (``which`` 0) or slips (1) of a contact what its own pressures and tractions do by the
-    singular part of their fields."""
+def with_singular(
+    linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int
+) -> LinearMap:
+    """The gaps (``which`` 0) or slips (1) of a contact with what its own pressures and tractions do by the
+    singular part of their fields added."""
     grid = pairing.grid
     assert grid is not None
-    log, turn = np.zeros((2, 2)), np.zeros((2, 2))
-    for body, slave, _ in pairing.sides:
-        more = grid.singular(scene.bodies[body].model.kernel, slave)
-        log, turn = log + more[0], turn + more[1]
+    log, turn = _tensors(scene, pairing, grid)
+    smooth = compressed(linear.pressure)
+    if smooth is not None:
+        more = _compressed(smooth, drivers.spans[pairing.name].start, pairing, grid, (log, turn))
+        return replace(linear, pressure=as_array(more))
     count = len(grid.hats.place)
     means = 1.0 / grid.hats.weight[:, None]
     own = grid.directions[which]
 
     def by(other: int) -> FloatArray:
-        total = grid.hats.pairs(log, turn, own, grid.directions[other])
+        total = grid.pairs.integrals(log, turn, own, grid.directions[other])
         for _, slave, _ in pairing.sides:
             total += grid.cornered(slave, which, other)
         return means * (total @ grid.uneven(np.eye(count)) if grid.covers else total)
@@ -117,6 +126,42 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
     linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
     if pairing.friction:
         linear.traction[:count, drivers.tangential[pairing.name]] += by(1)
+    return linear
+
+
+def _tensors(scene: Scene, pairing: Pairing, grid: ContactGrid) -> tuple[FloatArray, FloatArray]:
+    """The tensors L and T (2, 2) of the bodies of a contact together."""
+    log, turn = np.zeros((2, 2)), np.zeros((2, 2))
+    for body, slave, _ in pairing.sides:
+        more = grid.singular(scene.bodies[body].model.kernel, slave)
+        log, turn = log + more[0], turn + more[1]
+    return log, turn
+
+
+def _compressed(
+    smooth: Compressed,
+    first: int,
+    pairing: Pairing,
+    grid: ContactGrid,
+    tensors: tuple[FloatArray, FloatArray],
+) -> Compressed:
+    """The ``smooth`` part of a contact's gaps with the singular part of its pressures' added, the first of
+    which has a number among all."""
+    clusters, along = Clusters.of(grid.pairs), grid.directions[0]
+    near, far = clusters.near(*tensors, along), clusters.beyond(*tensors, along)
+    cornered: list[Chain] = [
+        (seen, compliance, sparse.csr_array(acting.T))
+        for _, slave, _ in pairing.sides
+        for seen, compliance, acting in grid.corner_terms(slave, 0, 0)
+    ]
+    if grid.covers:
+        even = np.ones(len(grid.hats.place))
+        evenly = near @ even
+        for chain in (*far, *cornered):
+            evenly += reduce(lambda right, one: one @ right, reversed(chain), even)
+        cornered.append((-evenly[:, None], grid.even[None]))
+    own = Singular(first, grid.hats.place, grid.hats.integrals @ along, *tensors)
+    return smooth.plus(near, far, cornered, own)
 
 
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:

@@ -6,17 +6,19 @@ from typing import Literal
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
 
 def of_obstacles(
     scene: Scene, pairings: tuple[Pairing, ...], columns: Columns, along: Literal["normal", "tangent"]
-) -> LinearMap:
-    """What obstacles' motions change of every paired node's gap (w,), or of its slip along the tangent."""
-    total = columns.zeros(sum(len(pairing.position) for pairing in pairings))
-    rows = _rows(pairings)
+) -> tuple[FloatArray, FloatArray]:
+    """What obstacles' motions change of every paired node's gap (w,), or of its slip along the tangent: by
+    load factors (w, L) and by unknown motions (w, k)."""
+    rows, count = _rows(pairings), sum(len(pairing.position) for pairing in pairings)
+    load, moved = np.zeros((count, columns.loads)), np.zeros((count, columns.motions))
     unknown = 0
     for constraint in scene.rigid_constraints:
         for motion in constraint.motions:
@@ -24,20 +26,20 @@ def of_obstacles(
                 pairing, own = rows[constraint.contact]
                 direction = pairing.normal if along == "normal" else pairing.tangent
                 if motion.prescribed is None:
-                    total.motion[own, unknown] -= direction[:, motion.component]
+                    moved[own, unknown] -= direction[:, motion.component]
                 else:
-                    total.load[own] -= np.outer(direction[:, motion.component], motion.prescribed)
+                    load[own] -= np.outer(direction[:, motion.component], motion.prescribed)
             unknown += motion.prescribed is None
-    return total
+    return load, moved
 
 
-def of_fits(scene: Scene, pairings: tuple[Pairing, ...], columns: Columns) -> LinearMap:
-    """What interference takes from every paired node's gap (w,)."""
-    total = columns.zeros(sum(len(pairing.position) for pairing in pairings))
+def of_fits(scene: Scene, pairings: tuple[Pairing, ...], columns: Columns) -> FloatArray:
+    """What interference takes from every paired node's gap by load factors (w, L)."""
+    load = np.zeros((sum(len(pairing.position) for pairing in pairings), columns.loads))
     for pairing, own in _rows(pairings).values():
         if pairing.interference:
-            total.load[own, scene.loads.index(pairing.name)] -= pairing.interference
-    return total
+            load[own, scene.loads.index(pairing.name)] -= pairing.interference
+    return load
 
 
 def _rows(pairings: tuple[Pairing, ...]) -> dict[str, tuple[Pairing, slice]]:

@@ -28,7 +28,7 @@ def resolved(
     gaps: Mapping[str, slice],
     slips: Mapping[str, slice],
     contact_compliance: Mapping[str, FloatArray],
-) -> tuple[LinearMap, LinearMap, FloatArray]:
+) -> tuple[LinearMap, LinearMap, sparse.csr_array]:
     """The gaps (m,) and the slips (n,) of all contacts with friction, with short waves about as a half-plane
     has them.
 
@@ -51,6 +51,8 @@ def resolved(
     of their slips (m + n, m + n).
     """
     m, n = len(gap.constant), len(slip.constant)
+    if not pairings:
+        return gap, slip, sparse.csr_array((m + n, m + n))
     gap, slip = gap.take(np.arange(m)), slip.take(np.arange(n))
     beyond = np.zeros((m + n, m + n))
     by_pressure, by_traction = beyond[:, :m], beyond[:, m:]
@@ -69,7 +71,7 @@ def resolved(
         shortest = SHORTEST * contact_compliance[pairing.name] * pairing.spacing[pairing.candidate]
         slip.traction[own, own] = by_own + shortest[:, None] * short
         by_traction[m:][own, own] = slip.traction[own, own] - fit @ compliance
-    return gap, slip, beyond
+    return gap, slip, sparse.csr_array(beyond)
 
 
 def slip_fit(pairing: Pairing) -> sparse.csr_array:

@@ -1,0 +1,177 @@
+"""Many functions of a contact grid at once: kernels between clusters far from each other by few points.
+
+The range is halved again and again; the kernel between two clusters of functions that are farther apart than
+wide is a polynomial in both places, known at Chebyshev's points of either. So integrals of m functions with m
+others take memory and time like m (Hackbusch and Boerm 2002, doi:10.1007/s00607-002-1450-4). Pairs close by
+are integrated as those of few functions are.
+
+Equation (8) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.hat_pairs import (
+    LOGARITHM,
+    NOTHING,
+    SIGN,
+    Distance,
+    HatPairs,
+    far_logarithms,
+)
+from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
+
+LEAF = 16
+"""Functions of the smallest clusters."""
+POINTS = 12
+"""Chebyshev's points of a cluster: what is left of integrals far away is 1e-11 of them."""
+APART = 0.7
+"""Clusters farther apart than this many times the wider are far."""
+AT_ONCE = 2000
+"""Functions of clusters that are worked on together, for the sake of the processor's memory."""
+AS_POINTS = 10.0
+"""They also are so many of the widest interval apart, or Gauss's points would not do."""
+
+Chain = tuple[Any, ...]
+"""Matrices, sparse or not, whose product is meant."""
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """The functions of ``pairs`` in clusters: ``bounds`` (c, 2) of their numbers, the second one excluded,
+    ``supports`` (c, 2) of all in each, and pairs of clusters that are ``far`` (f, 2) and that are near
+    (n, 2)."""
+
+    pairs: HatPairs
+    bounds: IntArray
+    supports: FloatArray
+    far: IntArray
+    close: IntArray
+
+    @classmethod
+    def of(cls, pairs: HatPairs) -> Clusters:
+        """Halve the functions until few are left in every cluster."""
+        place, nodes, widths = pairs.hats.place, pairs.hats.nodes, pairs.widths
+        bounds, halves = [(0, len(place))], dict[int, tuple[int, int]]()
+        for number, (first, last) in enumerate(bounds):  # which grows
+            if last - first > LEAF:
+                middle = int(np.searchsorted(place, 0.5 * (place[first] + place[last - 1])))
+                middle = min(max(middle, first + LEAF // 4), last - LEAF // 4)
+                halves[number] = len(bounds), len(bounds) + 1
+                bounds += [(first, middle), (middle, last)]
+        supports = np.array([(nodes[first], nodes[last + 1]) for first, last in bounds])
+        widest = [float(widths[first:last].max()) for first, last in bounds]
+        size = supports[:, 1] - supports[:, 0]
+        far, close, left = [], [], [(0, 0)]
+        while left:
+            a, b = left.pop()
+            gap = max(supports[a, 0] - supports[b, 1], supports[b, 0] - supports[a, 1])
+            if gap >= max(APART * max(size[a], size[b]), AS_POINTS * max(widest[a], widest[b])):
+                far.append((a, b))
+            elif a not in halves and b not in halves:
+                close.append((a, b))
+            elif b not in halves or (a in halves and size[a] >= size[b]):
+                left += [(half, b) for half in halves[a]]
+            else:
+                left += [(a, half) for half in halves[b]]
+        shaped = [np.array(one, dtype=np.int64).reshape(-1, 2) for one in (bounds, far, close)]
+        return cls(pairs, shaped[0], supports, shaped[1], shaped[2])
+
+    @cached_property
+    def _close_pairs(self) -> tuple[IntArray, IntArray]:
+        """Pairs (e,) of functions of clusters that are close, each pair once."""
+        (first, beyond), (start, end) = self.bounds[self.close].transpose(1, 2, 0)
+        count = (beyond - first) * (end - start)
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        row, column = np.divmod(number, np.repeat(end - start, count))
+        one, other = np.repeat(first, count) + row, np.repeat(start, count) + column
+        return one[one <= other], other[one <= other]
+
+    def near(self, log: FloatArray, turn: FloatArray, along: FloatArray) -> sparse.csr_array:
+        """Integrals (m, m) of :meth:`HatPairs.integrals` with directions ``along`` (g, 2) on either side, of
+        functions in clusters that are close. They are symmetric, as ``log`` is and ``turn`` the opposite."""
+        pairs, place, (one, other) = self.pairs, self.pairs.hats.place, self._close_pairs
+        way, total = place[one] - place[other], np.zeros(len(one))
+        for function, table in ((LOGARITHM, log), (SIGN, turn)):
+            turned = along @ table.T
+            if not pairs.meet(table, along, turned):
+                continue
+            touching = np.abs(way) <= function.reach * (pairs.widths[one] + pairs.widths[other])
+            some = one[touching], other[touching]
+            total[touching] += pairs.directed(pairs.near(function, 0.0, *some), along, turned)
+            some, apart = (one[~touching], other[~touching]), way[~touching]
+            for seen, by in zip(along.T, turned.T, strict=True):
+                if seen.any() and by.any():
+                    a, b = pairs.moments(seen)[some[0]], pairs.moments(by)[some[1]]
+                    if function.constant:
+                        total[~touching] += function.values(apart) * a[:, 0] * b[:, 0]
+                    else:
+                        total[~touching] += far_logarithms(apart, a, b)
+        beside = one < other
+        values = np.concatenate([total, total[beside]])
+        rows, columns = (np.concatenate([a, b[beside]]) for a, b in ((one, other), (other, one)))
+        return sparse.csr_array((values, (rows, columns)), shape=(len(place), len(place)))
+
+    def beyond(self, log: FloatArray, turn: FloatArray, along: FloatArray) -> list[Chain]:
+        """Matrices whose products add the others to :meth:`near`."""
+        found = list[Chain]()
+        for function, table in ((LOGARITHM, log), (SIGN, turn)):
+            if not len(self.far) or not self.pairs.meet(table, along, along @ table.T):
+                continue
+            count = 1 if function.constant else POINTS
+            between = self._between(function, count)
+            shares = {c: self._shares(values, count) for c, values in enumerate(along.T) if values.any()}
+            for seen, by in product(shares, repeat=2):
+                if abs(table[seen, by]) > NOTHING * np.abs(table).max():
+                    spread = sparse.csr_array(table[seen, by] * shares[by].T)
+                    found.append((shares[seen], between, spread))
+        return found
+
+    @cached_property
+    def _used(self) -> IntArray:
+        """The clusters that are far from some other."""
+        return np.unique(self.far)
+
+    def _points(self, count: int) -> FloatArray:
+        """So many Chebyshev points (u, k) of every cluster that is used."""
+        return np.array([chebyshev(first, last, count) for first, last in self.supports[self._used]])
+
+    def _between(self, function: Distance, count: int) -> sparse.csr_array:
+        """A function of the distances between so many points of clusters that are far from each other."""
+        one, other = np.searchsorted(self._used, self.far).T
+        points, within = self._points(count), np.arange(count)
+        values = function.values(points[one][:, :, None] - points[other][:, None, :])
+        rows, columns = np.broadcast_arrays(
+            (one[:, None] * count + within)[:, :, None], (other[:, None] * count + within)[:, None, :]
+        )
+        return sparse.csr_array(
+            (values.ravel(), (rows.ravel(), columns.ravel())), shape=(points.size, points.size)
+        )
+
+    def _shares(self, values: FloatArray, count: int) -> sparse.csr_array:
+        """Integrals (m, u k) of ``values`` (g,) at the grid's points times every function and every
+        polynomial of its clusters."""
+        hats, places = self.pairs.hats, self._points(count)
+        points, weights = hats.own_points
+        at, weights = hats.points[points], weights * values[points]
+        first, last = self.bounds[self._used].T
+        size = last - first
+        cluster = np.repeat(np.arange(len(size)), size)
+        rows = np.arange(len(cluster)) - np.repeat(np.cumsum(size) - size, size) + first[cluster]
+        found = np.empty((len(rows), count))
+        for start in range(0, len(rows), AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            nodes = np.repeat(places[cluster[some]], at.shape[1], axis=0)
+            shares = lagrange(at[rows[some]].ravel(), nodes).reshape(-1, at.shape[1], count)
+            found[some] = np.einsum("mq,mqk->mk", weights[rows[some]], shares)
+        columns = cluster[:, None] * count + np.arange(count)
+        entries = found.ravel(), (np.repeat(rows, count), columns.ravel())
+        return sparse.csr_array(entries, shape=(len(hats.place), places.size))

@@ -1,0 +1,257 @@
+"""Integrals of the half-plane's kernels with the functions of a contact grid, two by two.
+
+Pairs of functions close to each other are integrated exactly, in extended precision, by repeated integrals of
+the kernel; those far from each other by moments about their places.
+
+Equations (7) and (8) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.geometry.grid import Hats, logarithm
+
+Table: TypeAlias = Callable[[FloatArray], FloatArray]
+NEAR = 5.0
+"""Hats closer than this many widths are integrated exactly, others by their moments: those have 1e-9 left
+there."""
+ORDERS = 8
+"""Powers of the distances from their places that moments of hats are of."""
+NOTHING = 1e-14
+THREE = np.arange(3)
+AT_ONCE = 50_000
+"""Pairs that are worked on together, for the sake of the processor's memory."""
+
+
+@dataclass(frozen=True)
+class Distance:
+    """A function of the distance along a contact: its ``values``, the fourth, third and second repeated
+    ``integrals`` of it, and up to how many widths pairs are integrated by these. Of what is ``constant`` on
+    either side of 0 the moments of order 0 are all there is."""
+
+    values: Table
+    integrals: tuple[Table, Table, Table]
+    reach: float
+    constant: bool
+
+
+@dataclass(frozen=True)
+class NearPairs:
+    """A function's ``exact`` integrals (e,) with both hats of pairs, the ``first`` and the ``second`` (e,),
+    of which some ``overlap`` (e,), and its ``values`` (e, q, q) at the points of both."""
+
+    values: FloatArray
+    first: IntArray
+    second: IntArray
+    exact: FloatArray
+    overlap: BoolArray
+
+
+@dataclass(frozen=True)
+class HatPairs:
+    """The integrals of all pairs of the functions ``hats``."""
+
+    hats: Hats
+
+    @cached_property
+    def second_derivatives(self) -> tuple[FloatArray, FloatArray]:
+        """Second derivatives of the functions: strengths (m, 3) of the unit impulses at their three nodes,
+        and (m, 3) of their first derivatives; of these only half a hat has one."""
+        steps = self.hats.steps.astype(np.longdouble)
+        left, right = (
+            np.where(one > 0.0, 1.0 / np.where(one > 0.0, one, 1.0), 0.0) for one in (steps[:-1], steps[1:])
+        )
+        impulses = np.stack([left, -(left + right), right], axis=1)
+        doublets = np.zeros_like(impulses)
+        doublets[:, 1] = (steps[:-1] == 0.0).astype(float) - (steps[1:] == 0.0)
+        return impulses, doublets
+
+    @cached_property
+    def widths(self) -> FloatArray:
+        """The wider interval (m,) of every function."""
+        return np.asarray(np.maximum(self.hats.steps[1:], self.hats.steps[:-1]))
+
+    def moments(self, values: FloatArray) -> FloatArray:
+        """Integrals (m, k) with every function of ``values`` (g,) at the points times powers of the distance
+        from its place."""
+        points, weights = self.hats.own_points
+        away, part = self.hats.points[points] - self.hats.place[:, None], weights * values[points]
+        found = [part.sum(axis=1)]
+        for _ in range(ORDERS):
+            part *= away
+            found.append(part.sum(axis=1))
+        return np.stack(found, axis=1)
+
+    def near(self, function: Distance, shift: float, one: IntArray, other: IntArray) -> NearPairs:
+        """A ``function`` of s + ``shift`` - s' of the pairs (e,) ``one`` and ``other``."""
+        hats, wide = self.hats, self.widths
+        # In extended precision, as fourth differences lose digits; of every pair of nodes once.
+        nodes: Any = hats.nodes.astype(np.longdouble)
+        lowest, highest = int((other - one).min(initial=0)) - 2, int((other - one).max(initial=0)) + 2
+        first, last = (one[:, None] + THREE)[:, :, None], (other[:, None] + THREE)[:, None, :]
+        beside = last - first - lowest
+        number = np.zeros((len(nodes), highest - lowest + 1), dtype=np.int32)
+        number[first, beside] = 1
+        rows, columns = np.nonzero(number)
+        number[rows, columns] = np.arange(len(rows))
+        pairs = number[first, beside]
+        t = nodes[rows] + shift - nodes[rows + columns + lowest]
+        impulses, doublets = self.second_derivatives
+        fourth, third, second = function.integrals
+        exact = np.einsum("ea,eab,eb->e", impulses[one], fourth(t)[pairs], impulses[other])
+        if doublets.any():
+            rise = third(t)[pairs]
+            exact += np.einsum("ea,eab,eb->e", impulses[one], rise, doublets[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], rise, impulses[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t)[pairs], doublets[other])
+        way = np.abs(hats.place[one] + shift - hats.place[other])
+        at = hats.points[hats.own_points[0]]
+        seen = function.values(at[one][:, :, None] + shift - at[other][:, None, :])
+        return NearPairs(seen, one, other, exact.astype(np.float64), way < wide[one] + wide[other])
+
+    def directed(self, near: NearPairs, one: FloatArray, turned: FloatArray) -> FloatArray:
+        """Integrals (e,) of near pairs with directions ``one`` and ``turned`` (g, 2) at the points."""
+        points, weights = self.hats.own_points
+        first, second = near.first, near.second
+        middle = [self.hats.at_places(values) for values in (one, turned)]
+        own = self.hats.at_places((one * turned).sum(axis=1, keepdims=True))[:, 0]
+        # What is lost of the near pairs by Gauss's points, for their mean directions, and where they
+        # overlap, as it is lost there, for directions at one place.
+        both = (middle[0][first] * middle[1][second]).sum(axis=1)
+        both = np.where(near.overlap, 0.5 * (own[first] + own[second]), both)
+        rough = np.einsum("ep,epq,eq->e", weights[first], near.values, weights[second])
+        total = both * (near.exact - rough)
+        for seen, by in zip(one.T, turned.T, strict=True):
+            if seen.any() and by.any():
+                sides = (weights * values[points] for values in (seen, by))
+                total += np.einsum("ep,epq,eq->e", next(sides)[first], near.values, next(sides)[second])
+        return np.asarray(total)
+
+    @cached_property
+    def logarithms(self) -> tuple[tuple[NearPairs, FloatArray], ...]:
+        """The near pairs of ln|s + shift - s'| of all shifts, and the distances (m, m) of the others."""
+        return tuple(self._parted(LOGARITHM, shift) for shift in self.hats.shifts)
+
+    @cached_property
+    def signs(self) -> tuple[NearPairs, FloatArray]:
+        """The same of sgn(s - s')."""
+        return self._parted(SIGN, 0.0)
+
+    def _parted(self, function: Distance, shift: float) -> tuple[NearPairs, FloatArray]:
+        way = self.hats.place[:, None] + shift - self.hats.place
+        close = np.abs(way) <= function.reach * (self.widths[:, None] + self.widths)
+        found = self.near(function, shift, *np.nonzero(close))
+        way[close] = 1.0
+        return found, way
+
+    def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+        """Integrals (m, m) with both hats of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s'), with the
+        logarithms of all shifts.
+
+        ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) directions at the points.
+        """
+        logarithms = self._integrals(LOGARITHM, log, one, other, lambda: self.logarithms)
+        return logarithms + self._integrals(SIGN, turn, one, other, lambda: (self.signs,))
+
+    def meet(self, table: FloatArray, one: FloatArray, turned: FloatArray) -> bool:
+        """Whether directions ``one`` and those ``turned`` by a ``table`` (g, 2) have anything in common:
+        those whose components are the largest and smallest of all tell."""
+        extreme = []
+        for values in (one, turned):
+            middle = self.hats.at_places(values)
+            extreme.append(middle[np.concatenate([middle.argmin(axis=0), middle.argmax(axis=0)])])
+        both = np.abs(extreme[0] @ extreme[1].T)
+        return bool(both.max(initial=0.0) > NOTHING * np.abs(table).max())
+
+    def _integrals(
+        self,
+        function: Distance,
+        table: FloatArray,
+        one: FloatArray,
+        other: FloatArray,
+        parted: Callable[[], Iterable[tuple[NearPairs, FloatArray]]],
+    ) -> FloatArray:
+        """The part of :meth:`integrals` by one function, of which there is nothing where directions do not
+        meet."""
+        total = np.zeros((len(self.hats.place), len(self.hats.place)))
+        turned = other @ table.T
+        if not self.meet(table, one, turned):
+            return total
+        for near, way in parted():
+            part, values = np.zeros_like(total), function.values(way)
+            for seen, by in zip(one.T, turned.T, strict=True):
+                if seen.any() and by.any():
+                    moments = self.moments(seen), self.moments(by)
+                    part += values * np.outer(moments[0][:, 0], moments[1][:, 0])
+                    if not function.constant:
+                        part += _beyond(way, *moments)
+            part[near.first, near.second] = self.directed(near, one, turned)
+            total += part
+        return total
+
+
+def _beyond(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """What logarithms at distances ``way`` (m, m) have beyond those of the places, by moments (m, k) on
+    either side and Taylor's series."""
+    total, inverse = np.zeros_like(way), 1.0 / way
+    power = np.ones_like(way)
+    for order in range(1, ORDERS + 1):
+        power *= inverse
+        share = np.arange(order + 1)
+        total += power * ((one[:, order - share] * taylor(order)) @ other[:, share].T)
+    return total
+
+
+def taylor(order: int) -> FloatArray:
+    """The factors (order + 1,) of the moments' products in the series of ln|t + a - b|."""
+    share = np.arange(order + 1)
+    binomial = np.array([math.comb(order, int(k)) for k in share])
+    return np.asarray(-((-1.0) ** (order + share)) * binomial / order)
+
+
+def far_logarithms(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Integrals (e,) of logarithms at distances ``way`` (e,) by moments (e, k) of pairs."""
+    total = np.empty(len(way))
+    for first in range(0, len(way), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        a, b, inverse = one[some].T, other[some].T, 1.0 / way[some]
+        part, power = np.log(np.abs(way[some])) * a[0] * b[0], np.ones(len(inverse))
+        for order in range(1, ORDERS + 1):
+            power = power * inverse
+            factors = taylor(order)
+            part += power * sum(factors[k] * a[order - k] * b[k] for k in range(order + 1))
+        total[some] = part
+    return total
+
+
+def _power(t: FloatArray, order: int) -> FloatArray:
+    """t^order; numpy takes ten times as long for whole powers in extended precision."""
+    return np.asarray(math.prod(order * (t,)))
+
+
+def _logarithmic(order: int, factor: int, sum_of_inverses: tuple[int, int]) -> Table:
+    """Repeated integrals of ln|t|: the fourth is t^4 / 24 (ln|t| - 25 / 12)."""
+    harmonic = np.longdouble(sum_of_inverses[0]) / sum_of_inverses[1]
+    return lambda t: _power(t, order) / factor * (logarithm(t) - harmonic)
+
+
+def _signed(order: int, factor: int) -> Table:
+    """Repeated integrals of sgn(t)."""
+    return lambda t: np.sign(t) * _power(t, order) / factor
+
+
+LOGARITHM = Distance(
+    logarithm,
+    (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
+    NEAR,
+    constant=False,
+)
+SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0, constant=True)

@@ -1,0 +1,137 @@
+"""Equations of many closed places, solved by products with their compressed compliance.
+
+The method is that of conjugate residuals for matrices that are nearly symmetric (GCR: Eisenstat, Elman and
+Schultz 1983, doi:10.1137/0720023). Its directions serve all right-hand sides of one set. The inverse of the
+compliance is approximated by that of every place and a few of its neighbours, from coarse to fine (Vecchia
+1988, doi:10.1111/j.2517-6161.1988.tb01729.x).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.response.compressed import Compressed
+from mlsanm_cli.contact.response.dense import SINGULAR, SingularSystemError
+from mlsanm_cli.errors import NumericalError
+
+NEIGHBOURS = np.array([-7, -5, -4, -3, -2, -1, 1, 3, 5, 7, 0])
+"""The places on which the inverse is approximated, the place itself last: numbers times the largest power of
+two that divides its own number, by which those of odd ones are left out."""
+ROUGH, EXACT, MOST = 1e-7, 1e-13, 400
+"""Parts of right-hand sides that are left while sets are searched for and at last, and products at most."""
+ENOUGH = 1e-9
+"""More than this part left is no solution."""
+
+
+class ManyClosed:
+    """The equations C p + M q = a, F p + G q = b of many closed places: their ``compliance`` (m, m) and the
+    numbers of those ``closed`` (c,), and what motions do to gaps, and pressures and motions to forces.
+
+    Raises SingularSystemError where bodies are loose.
+    """
+
+    def __init__(
+        self,
+        compliance: Compressed,
+        closed: IntArray,
+        moved: FloatArray,
+        forces: FloatArray,
+        stiffness: FloatArray,
+    ) -> None:
+        self._compliance, self._closed = compliance, closed
+        self._weight = compliance.weight[closed]
+        self._inverse = _about_inverse(compliance, closed)
+        self._directions = list[tuple[FloatArray, FloatArray]]()
+        self._forces, self._moved, self._stiffness = forces, moved, stiffness
+        self._by_motion, self._reduced = np.zeros_like(moved), stiffness
+        self._left = np.inf
+        self._by_motions(ROUGH)
+        if len(stiffness):
+            rows = np.abs(stiffness) + np.abs(forces) @ np.abs(self._by_motion)
+            scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
+            if np.linalg.cond(self._reduced / scale[:, None]) > 1.0 / SINGULAR:
+                raise SingularSystemError
+
+    def _by_motions(self, part: float) -> None:
+        """Find what pressures motions ask for, unless so small a ``part`` of it is left already."""
+        if part >= self._left:
+            return
+        for column, moved in enumerate(self._moved.T):
+            self._by_motion[:, column] = self._own(moved, self._by_motion[:, column], part)
+        self._reduced = self._stiffness - self._forces @ self._by_motion
+        self._left = part
+
+    def solve(
+        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = EXACT
+    ) -> tuple[FloatArray, FloatArray]:
+        """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures near them, of which so
+        small a ``part`` is left."""
+        self._by_motions(part)
+        alone = self._own(gap, start, part)
+        if not len(force):
+            return alone, force
+        motion = np.asarray(np.linalg.solve(self._reduced, force - self._forces @ alone), dtype=np.float64)
+        return alone - self._by_motion @ motion, motion
+
+    def _product(self, pressure: FloatArray) -> FloatArray:
+        """The gaps (c,) that pressures (c,) make."""
+        whole = np.zeros(self._compliance.shape[1])
+        whole[self._closed] = pressure
+        return np.asarray((self._compliance @ whole)[self._closed])
+
+    def _own(self, gap: FloatArray, start: FloatArray, part: float) -> FloatArray:
+        """The pressures (c,) that make gaps (c,) but for a ``part``, from some near them."""
+        total, size = start.copy(), float(np.linalg.norm(self._weight * gap))
+        left = self._weight * (gap - self._product(start) if start.any() else gap)
+        aim = float(np.linalg.norm(left))
+        for way, change in self._directions:
+            share = change @ left
+            total += share * way
+            left = left - share * change
+        for _ in range(MOST):
+            aim = float(np.linalg.norm(left))
+            if aim <= part * size:
+                break
+            way = self._inverse.T @ (self._inverse @ left)
+            change = self._weight * self._product(way)
+            for before, caused in self._directions:
+                share = caused @ change
+                way, change = way - share * before, change - share * caused
+            length = float(np.linalg.norm(change))
+            if length == 0.0:
+                break
+            way, change = way / length, change / length
+            self._directions.append((way, change))
+            share = change @ left
+            total += share * way
+            left = left - share * change
+        if not aim <= max(part, ENOUGH) * size:
+            raise NumericalError(
+                "the pressures of a contact with many unknowns have not been found",
+                "make contact.accuracy larger, which takes fewer unknowns",
+            )
+        return total
+
+
+def _about_inverse(compliance: Compressed, closed: IntArray) -> sparse.csr_array:
+    """A matrix (c, c) whose product with its transpose is about the inverse of the weighted compliance."""
+    count = len(closed)
+    rank = np.arange(1, count + 1)
+    other = rank[:, None] + NEIGHBOURS * (rank & -rank)[:, None]
+    there = (other >= 1) & (other <= count)
+    other = np.where(there, other, rank[:, None]) - 1
+    size = len(NEIGHBOURS)
+    one, two = np.triu_indices(size)
+    entries = compliance.weighted(closed[other[:, one].ravel()], closed[other[:, two].ravel()])
+    local = np.zeros((count, size, size))
+    local[:, one, two] = local[:, two, one] = entries.reshape(count, -1)
+    local = np.where(there[:, :, None] & there[:, None, :], local, 0.0)
+    local[:, np.arange(size), np.arange(size)] += ~there
+    units = np.zeros((count, size, 1))
+    units[:, -1] = 1.0
+    rows = np.linalg.solve(local, units)[:, :, 0]
+    rows = np.where(there, rows / np.sqrt(np.abs(rows[:, -1:])), 0.0)
+    places = np.repeat(np.arange(count), size), other.ravel()
+    return sparse.csr_array((rows.ravel(), places), shape=(count, count))
