@@ -16,22 +16,17 @@ REGULAR = 0.97
 """Displacements r^power with powers above are as good as linear."""
 
 
-APART = 7.0
-"""Corners nearer to each other than so many edges of the outline are none: farther away than the other one,
-fields are those of both together. A slit with two such corners at its root, four edges apart, opened by a
-third less than it should, five or six edges apart too, with polynomials by 0.3 % more; ten edges apart the
-fields serve."""
-
-
 @dataclass(frozen=True)
 class Tips:
     """Corners at ``place`` (t, 2) between free faces, the unit vectors ``axis`` (t, 2) midway between the
-    faces into the material, which takes up the angle ``half`` (t,) on either side. Its material has
-    Muskhelishvili's constant ``kappa``, once it is known."""
+    faces into the material, which takes up the angle ``half`` (t,) on either side. The nearest other one is
+    ``apart`` (t,), in edges of the outline at the corner, twice as far if it is seen across the material. Its
+    material has Muskhelishvili's constant ``kappa``, once it is known."""
 
     place: FloatArray
     axis: FloatArray
     half: FloatArray
+    apart: FloatArray
     kappa: float = math.nan
 
     @cached_property
@@ -44,8 +39,7 @@ class Tips:
 
 def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatArray) -> Tips | None:
     """The corners of an outline of ``edges`` (e, 2), numbers of ``points`` (n, 2), the material on the left,
-    whose surfaces have the nodes ``index`` (b,) with outward ``normal`` (b, 2), as far as they are alone;
-    None where there are none."""
+    whose surfaces have the nodes ``index`` (b,) with outward ``normal`` (b, 2); None where there are none."""
     place, axis, half, edge = [], [], [], []
     before = dict(zip(edges[:, 1].tolist(), edges[:, 0].tolist(), strict=True))
     after = dict(zip(edges[:, 0].tolist(), edges[:, 1].tolist(), strict=True))
@@ -62,11 +56,16 @@ def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatA
             axis.append(one * np.cos(0.5 * turn) + np.array([-one[1], one[0]]) * np.sin(0.5 * turn))
             half.append(0.5 * (np.pi - turn))
             edge.append(max(float(np.hypot(*way)) for way in ways))
-    at = np.array(place).reshape(-1, 2)
-    away = np.hypot(*(at[:, None] - at).T)
+    if not place:
+        return None
+    at, into = np.array(place), -np.array(axis)
+    way = at - at[:, None]
+    away = np.hypot(*way.T)
     np.fill_diagonal(away, np.inf)
-    kept = away.min(axis=1, initial=np.inf) >= APART * np.array(edge)
-    return Tips(at[kept], -np.array(axis)[kept], np.array(half)[kept]) if kept.any() else None
+    # Across the material fields of both add up; along a face one of them is unknown beyond the other's void.
+    across = (way * into[:, None]).sum(axis=2) > np.cos(np.array(half) - SHARP)[:, None] * away
+    counted = np.where(across & across.T, 2.0 * away, away)
+    return Tips(at, into, np.array(half), counted.min(axis=1) / np.array(edge))
 
 
 def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) -> FloatArray:

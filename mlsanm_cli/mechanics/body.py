@@ -38,6 +38,7 @@ from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
+from mlsanm_cli.operators.cornered import far_apart
 from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
@@ -248,7 +249,7 @@ def known_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings
     kernel = kernel_of(material)
     if tips is None or settings.square or not settings.corners or not isinstance(kernel, Isotropic):
         return None
-    return replace(tips, kappa=kernel.kappa)
+    return far_apart(settings, replace(tips, kappa=kernel.kappa))
 
 
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:

@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
-from mlsanm_cli.operators.cornered import sharp_corners, with_corner
+from mlsanm_cli.operators.cornered import sharp_corners, with_corners
 from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
@@ -144,9 +144,8 @@ def _built(
         enlarged,
         worst,
     )
-    for corner in sharp_corners(points, tree, settings, sight, tips):
-        found = with_corner(found, corner, points, centers, targets, orders)
-    return found
+    corners = sharp_corners(points, tree, settings, sight, tips)
+    return with_corners(found, corners, points, centers, targets, orders)
 
 
 def _fit_in_slices(

@@ -111,13 +111,14 @@ def test_only_narrow_parts_are_finer() -> None:
     assert not list(narrow_zones(Outline(("a", "b", "c"), sides), 0.3, 6.0, 0.25))
 
 
-def test_a_thin_slit_opens_as_it_should(tmp_path: Path) -> None:
-    # Quadratic finite elements, 0.03 %; the run was refused, with fine nodes at the root it opened by a third
-    # less: both corners there had fields as if they were alone.
-    summary = solved(SLIT, tmp_path)
+@pytest.mark.parametrize("degree", [2, 4])
+def test_a_thin_slit_opens_as_it_should(tmp_path: Path, degree: int) -> None:
+    # Quadratic finite elements, 0.03 %. Where fits to corners so close to each other knew the fields of both
+    # it opened by up to 31 % less (degree 2, 10 edges apart), with fewer nodes along its root by 4 to 8 %.
+    summary = solved(SLIT.replace("[model]", f"[mls]\ndegree = {degree}\n[model]"), tmp_path)
     above, below = (summary["probes"][name]["displacement"][1] for name in ("above", "below"))
     assert summary["status"] == "done"
-    assert above - below == pytest.approx(0.02487, rel=0.04)
+    assert above - below == pytest.approx(0.02487, rel=0.01)
 
 
 def test_surfaces_in_contact_have_finer_nodes_at_finite_strain() -> None:

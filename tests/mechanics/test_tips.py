@@ -59,7 +59,7 @@ def near_field(cloud: Cloud, tips: Tips, nu: float, mode: int) -> FloatArray:
 def test_powers_are_those_of_williams() -> None:
     # A void of 90 degrees and a slit; mode two is regular where the void is above 103 degrees.
     angles = np.radians([270.0, 359.999, 240.0])
-    tips = Tips(np.zeros((3, 2)), np.tile([1.0, 0.0], (3, 1)), 0.5 * angles)
+    tips = Tips(np.zeros((3, 2)), np.tile([1.0, 0.0], (3, 1)), 0.5 * angles, np.full(3, np.inf))
     powers, opens = zip(*(zip(*modes, strict=True) for modes in tips.modes), strict=True)
     assert powers[0] == pytest.approx([0.5444837, 0.9085292], rel=1e-6)
     assert powers[1] == pytest.approx([0.5, 0.5], rel=1e-4)

@@ -32,10 +32,12 @@ GROWTH = 0.15
 """Increase of the spacing per unit length. At 0.25 rows of fits that are flat and wide see displacements that
 change from node to node too little where spacings grow: pressures at the lip of a keyway were three times too
 high, frames with sharp corners 0.7 % too soft (0.15), for as much CPU time."""
-AT_ROOTS = 8.0
-"""Spacings along sides between two corners that point into the material."""
-SHORTEST = 1.0 / 64.0
-"""Spacings at short sides, over that far away, at least."""
+AT_ROOTS = 20.0
+"""Spacings along sides between two corners that point into the material: fits then know the fields of both. A
+hub on a keyed shaft is within 0.7 %, with 13 it was 4 % off; a slit within 0.7 %, with 8 it was 1.3 %."""
+SHORTEST, SHORTEST_ROOT = 1.0 / 64.0, 1.0 / 256.0
+"""Spacings at short sides, over that far away, at least, and at such roots: with 1/64 a slit opened by 4 to
+8 % too little."""
 SAMPLES, PER_POINT = 200, 4
 LEVELS, FINER = 12, 2.0**-0.5
 """Spacings that are tried on curves are each this part of the one before."""
@@ -116,9 +118,9 @@ def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone
     roots = _roots(outline)
     for number, curve in enumerate(outline.curves):
         if isinstance(curve, Segment):
-            fine = curve.length / (AT_ROOTS if number in roots else 1.0)
-            if fine < far:
-                yield Zone(curve, max(fine, SHORTEST * far), 0.0, GROWTH)
+            parts, least = (AT_ROOTS, SHORTEST_ROOT) if number in roots else (1.0, SHORTEST)
+            if curve.length < parts * far:
+                yield Zone(curve, max(curve.length / parts, least * far), 0.0, GROWTH)
         elif isinstance(curve, Arc):
             fine = curve.radius / (finer * (PER_RADIUS if curve.sweep > 0.0 else IN_HOLLOWS))
             if fine < far:
