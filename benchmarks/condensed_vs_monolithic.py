@@ -62,7 +62,7 @@ def measure(
     formulation: str, overrides: tuple[str, ...], budget: float
 ) -> tuple[dict[str, Any], list[State]]:
     """Times and counts of one path, and the states at common load levels."""
-    loaded = load_case(CASE, (*overrides, f'solver.formulation="{formulation}"'))
+    loaded = load_case(CASE, (*overrides, 'solver.method="anm"', f'solver.formulation="{formulation}"'))
     clock = Clock()
     context = RunContext(clock, Quiet())
     built = condense_scene(loaded.case, build_scene(loaded, context), context)

@@ -46,6 +46,7 @@ from tests.mechanics.bodies import (  # noqa: E402
 from tests.mechanics.waves import Wave  # noqa: E402
 
 EXACT = 'contact.interface.regularization.law="exact"'
+SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
 BODIES = ("cylinder", "block")
 
 
@@ -71,7 +72,7 @@ SERIES: dict[str, list[list[str]]] = {
     "degree 2, even zone": [[*coarse(spacing), EXACT] for spacing in (0.01, 0.005, 0.0025)],
     "ghost, degree 2": [[*cloud(scale), EXACT, 'mls.scheme="ghost"'] for scale in (2.0, 1.4, 1.0)],
     "degree 2, found and refined": [[*coarse(0.01), EXACT, f"adapt.passes={n}"] for n in (1, 2)],
-    "hyperbolic law, whole path": [cloud(scale) for scale in (2.0, 1.0)],
+    "hyperbolic law, whole path": [[*cloud(scale), SMOOTH] for scale in (2.0, 1.0)],
 }
 
 

@@ -18,8 +18,9 @@ SWEEPS = 10
 LOOK = 5
 """Neighbours are looked up anew every so many sweeps."""
 NEIGHBORS = 9
-STEEPNESS = 4
-"""An even power, of which only squares of distances are needed."""
+DOUBLINGS = 3
+"""Neighbours push with the ratio of spacing to distance to the power of 2^3 = 8. With 4 the worst ring of ten
+clouds with 13 nodes across was 1.5 times as far off."""
 STEP = 0.05
 LONGEST = 0.2
 """Longest step, in spacings: a node cannot leap over its neighbours or leave the body."""
@@ -30,9 +31,11 @@ def relax(
 ) -> FloatArray:
     """The nodes ``points`` (n, 2), all but the first ``fixed`` moved a little.
 
-    Each neighbour at distance d pushes with (h/d)^STEEPNESS, h the spacing at the node. With a ``line`` of
-    symmetry the nodes behind the first ``fixed`` are ``upon`` nodes on it and others on one side of it only;
-    the images of these follow them in what is returned.
+    Each neighbour at distance d pushes with (h/d)^8, h the mean spacing of both. With that of the node alone
+    the coarser of two was pushed harder: nodes left refined surfaces, cells there became a quarter too large,
+    and displacements around a hole were three times as far off.
+    With a ``line`` of symmetry the nodes behind the first ``fixed`` are ``upon`` nodes on it and others on
+    one side of it only; the images of these follow them in what is returned.
     """
     end = len(points)
     on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
@@ -40,20 +43,26 @@ def relax(
     count = min(NEIGHBORS, len(points) - 1)
     if end == fixed or count < 1:
         return points
+    h = spacing.at(points)
     for sweep in range(SWEEPS):
         if sweep % LOOK == 0:
             _, found = nearest(cKDTree(points), points[moving], np.arange(2, count + 2))
             neighbour = np.ascontiguousarray(found.T)
-        h = spacing.at(points[moving])
+        h[moving] = own = spacing.at(points[moving])
+        if line is not None:
+            h[end:] = h[adjacent]
         # Coordinates apart, neighbours along the first axis: numpy is slow at axes as short as 2.
         x, y = np.ascontiguousarray(points.T)
         across, along = x[moving] - x[neighbour], y[moving] - y[neighbour]
         distance = np.sqrt(across**2 + along**2)
-        push = (h / distance) ** STEEPNESS / distance
+        push = 0.5 * (own + h[neighbour]) / distance
+        for _ in range(DOUBLINGS):
+            push *= push
+        push /= distance
         force = np.stack([(push * across).sum(axis=0), (push * along).sum(axis=0)], axis=1)
         size = np.sqrt((force**2).sum(axis=1))
         length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
-        points[moving] += (h * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
+        points[moving] += (own * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
         if line is not None:
             points[on, line.axis] = line.at
             points[end:] = line.reflect(points[adjacent])

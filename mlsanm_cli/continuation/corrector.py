@@ -100,7 +100,7 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
         raise NumericalError(
             f"no solution found at load factor {lam:.9g}: residual {found.residual:.3g} after "
             f"{effort.updates} updates, tolerance {options.tolerance:.3g}",
-            "start from a smaller load or a larger contact.regularization.eta",
+            'use contact.regularization.law = "exact", or a larger contact.regularization.eta',
         )
     counts = effort.updates, effort.factorizations, effort.solves
     return Correction(found.x, found.lam, found.residual, *counts)

@@ -42,6 +42,8 @@ RULE = tuple(
     0.5 * (one + shift) for one, shift in zip(np.polynomial.legendre.leggauss(3), (1.0, 0.0), strict=True)
 )
 """Gauss's points and weights between 0 and 1."""
+INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+"""Points of triangles, by their corners' shares, whose mean is exact up to quadratics."""
 
 
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
@@ -135,33 +137,67 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
     there are not linear between nodes.
 
     They are those of fits, at Gauss's points of triangles collapsed to the corner nearest to the tip, where
-    energies per area times the distance are nearly constant. What stress is not that of fits, as of heat, is
-    linear.
+    energies per area times the distance are nearly constant.
     """
-    cloud, c, tips = model.cloud, model.material.stiffness, model.tips
-    if tips is None:
+    if model.tips is None:
         return 0.0
+    around, away = _at_tips(model)
+    own = model.cloud.triangles[around]
+    own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+    shares, weights = [], []
+    for out, weight in zip(*RULE, strict=True):
+        for across, other_weight in zip(*RULE, strict=True):
+            shares.append([1.0 - out, out * (1.0 - across), out * across])
+            weights.append(2.0 * out * weight * other_weight)
+    return _beyond_linear(model, displacement, stress, own, np.array(shares), np.array(weights))
+
+
+def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
+    """The same by all other triangles, with the stress of fits between the nodes. Fits beside the surface are
+    poorer at nodes than between them: with four nodes across, energies were up to 5 % off without."""
+    if len(model.nodes) > len(displacement):
+        return 0.0
+    own = model.cloud.triangles[~_at_tips(model)[0]]
+    return _beyond_linear(model, displacement, stress, own, INNER, np.full(3, 1.0 / 3.0))
+
+
+def _at_tips(model: BodyModel) -> tuple[BoolArray, FloatArray]:
+    """Which triangles (t,) are around sharp corners, and the distance (n,) of the nodes from these."""
+    cloud, tips = model.cloud, model.tips
+    if tips is None:
+        return np.zeros(len(cloud.triangles), dtype=bool), np.full(len(cloud.points), np.inf)
+    near = cloud.tree.query(tips.place)[1]
+    away = np.hypot(*(cloud.points[:, None] - tips.place).transpose(2, 0, 1))
+    around = (away <= AROUND_TIPS * cloud.spacing[near]).any(axis=1)
+    return around[cloud.triangles].any(axis=1), away.min(axis=1)
+
+
+def _beyond_linear(
+    model: BodyModel,
+    displacement: FloatArray,
+    stress: FloatArray,
+    own: IntArray,
+    shares: FloatArray,
+    weights: FloatArray,
+) -> float:
+    """Twice the strain energy of triangles ``own`` (t, 3) with the stress of fits, at points with the
+    ``shares`` (g, 3) of their corners and ``weights`` (g,), less that with linear stress.
+
+    What stress is not that of fits, as of heat, is linear.
+    """
+    cloud, c = model.cloud, model.material.stiffness
     if model.material.nearly_incompressible:
         c = c - model.material.bulk_part
     compliance = np.linalg.inv(model.material.stiffness)
     linear = stress - stress_of(model.stencils.derivatives(displacement), c)
-    near = cloud.tree.query(tips.place)[1]
-    away = np.hypot(*(cloud.points[:, None] - tips.place).transpose(2, 0, 1))
-    tip = (away <= AROUND_TIPS * cloud.spacing[near]).any(axis=1)
-    own = cloud.triangles[tip[cloud.triangles].any(axis=1)]
-    first = away.min(axis=1)[own].argmin(axis=1)
-    own = np.take_along_axis(own, (first[:, None] + np.arange(3)) % 3, axis=1)
     total, areas = 0.0, _areas(cloud, own)
-    for out, weight in zip(*RULE, strict=True):
-        for across, other_weight in zip(*RULE, strict=True):
-            share = np.array([1.0 - out, out * (1.0 - across), out * across])
-            points = np.einsum("k,tkc->tc", share, cloud.points[own])
-            fits = build_stencils(
-                model.nodes, model.tree, points, 1, model.settings, cloud.sight, tips=model.tips
-            )
-            here = stress_of(fits.derivatives(displacement), c) + np.einsum("k,tkc->tc", share, linear[own])
-            density = ((here @ compliance) * here).sum(axis=1)
-            total += 2.0 * out * weight * other_weight * float(areas @ density)
+    for share, weight in zip(shares, weights, strict=True):
+        points = np.einsum("k,tkc->tc", share, cloud.points[own])
+        fits = build_stencils(
+            model.nodes, model.tree, points, 1, model.settings, cloud.sight, tips=model.tips
+        )
+        here = stress_of(fits.derivatives(displacement), c) + np.einsum("k,tkc->tc", share, linear[own])
+        total += weight * float(areas @ ((here @ compliance) * here).sum(axis=1))
     values = stress[own]
     products, sums = (values @ compliance * values).sum(axis=(1, 2)), values.sum(axis=1)
     return total - float(areas @ (products + (sums @ compliance * sums).sum(axis=1))) / 12.0

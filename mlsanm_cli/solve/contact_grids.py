@@ -14,7 +14,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -26,7 +25,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged
+from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, overlapping, passed_beyond, ranged
 from mlsanm_cli.solve.grid_refinement import COMPRESSED, DENSE, refined, sampled
 from mlsanm_cli.solve.rolling import rolls_away
 
@@ -72,7 +71,7 @@ def find_grids(
     resolved: BodyResponses | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
-    passed: dict[str, FloatArray] = {}
+    passed = overlapping(ranges)
     looked = False
     every, turnings = False, TURNINGS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
@@ -90,6 +89,7 @@ def find_grids(
             ranges = {**ranges, **begun}
             grids = grids | {name: first_grid(one) for name, one in begun.items()}
             passed = {name: places for name, places in passed.items() if name not in begun}
+            passed |= overlapping(begun)
             some = _on_grids(pairings, grids, some)
             starts, responses, condensed = [], None, None
             continue

@@ -67,6 +67,16 @@ def first_grid(limits: ContactRange) -> ContactGrid:
     )
 
 
+def overlapping(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
+    """Places where surfaces overlap as drawn, as curves through points of an arc do by a trace: they touch
+    there before any load, wherever they do under it."""
+    found = {}
+    for name, room in ranges.items():
+        places, gaps = (values[1:-1] for values in room.drawn_gaps)
+        found[name] = places[gaps < -FLAT * (room.last - room.first)]
+    return {name: places for name, places in found.items() if len(places)}
+
+
 def _growing(room: float, step: float, widest: float) -> FloatArray:
     """Places between 0 and ``room``, the first intervals as long as ``step``, the last ones ``widest``."""
     if room <= 0.0:
@@ -236,6 +246,7 @@ def passed_beyond(
         closed = grid.hats.place[np.any([state.active[span] for state in states], axis=0)]
         places = np.concatenate([closed, seen, *touched])
         if len(places) and (places.min() < grid.first or places.max() > grid.last):
+            places = np.concatenate([places, passed.get(pairing.name, places)])
             passed[pairing.name] = np.array([places.min(), places.max()])
             beyond = True
     return beyond

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
-from mlsanm_cli.contact.laws.set_search import UnbalancedError
+from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import near_limit
@@ -18,6 +19,8 @@ from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 TOWARDS = (0.5, 0.9, 0.99, 0.999)
 """Parts of a limit load at which the path towards it has states."""
+ROWS = 20
+"""A path without friction has at least so many states, evenly between those that are asked for."""
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
@@ -82,8 +85,8 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """Exact contact at the stages' ends, which are known, and wherever fields are wanted, each from the set
-    before; on the way to a limit load as near to it as there are states."""
+    """Exact contact at the stages' ends, which are known, wherever fields are wanted and evenly in between,
+    each from the set before; on the way to a limit load as near to it as there are states."""
     wanted, positions = output_positions(built), stops(built)
     ends = {
         float(number): one
@@ -95,20 +98,27 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
     state = unloaded_state(built) if start is None else start.state
     if start is None:
         yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
-    for position in sorted({*positions, *towards}):
+    for position in sorted({*positions, *_between(positions), *towards}):
         if position <= state.position:
             continue
         active = state.closed if state.position > 0.0 else None
         factors = factors_at(built.stages, position)
         try:
             exact = ends[position] if position in ends else solve_exact(built.condensed, factors, active)
-        except UnbalancedError:
-            if position in positions:
+        except NumericalError as error:
+            if position in positions or not isinstance(error, UnbalancedError | EndlessError):
                 raise
-            continue
+            continue  # what floats on its way to a contact has no state there
         step = exact_step(exact, position)
         state = step.state
         yield replace(step, saved=(state,) if position in wanted else (), checkpoint=Checkpoint(state))
+
+
+def _between(positions: Sequence[float]) -> Iterator[float]:
+    """Places that divide the ways between ``positions``, so that all have ROWS parts or a few more."""
+    for begin, end in itertools.pairwise(positions):
+        parts = int(np.ceil(ROWS * (end - begin) / positions[-1]))
+        yield from (begin + part / parts * (end - begin) for part in range(1, parts))
 
 
 def _part_of(position: float, share: float) -> float:

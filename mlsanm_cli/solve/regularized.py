@@ -19,7 +19,6 @@ from mlsanm_cli.contact.monolithic.system import SparseCoupling
 from mlsanm_cli.continuation import (
     AnmOptions,
     Branch,
-    Correction,
     Follower,
     NewtonOptions,
     Step,
@@ -41,7 +40,6 @@ from mlsanm_cli.solve.regularized_points import (
     state_of,
 )
 from mlsanm_cli.solve.series import (
-    ContactProblem,
     at,
     at_target,
     coupling_of,
@@ -60,8 +58,6 @@ from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
-WIDER = (1e4, 1e3, 1e2, 1e1, 1.0)
-"""Lengths of the law, in its own, with which a start is looked for that its own does not find."""
 SOFT, SOFTEST = 1e3, 1e9
 """Before the first load asperities are so many times as soft as the bodies at first, and at most."""
 LITTLE, SOME = 0.01, 0.3
@@ -116,33 +112,11 @@ def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) ->
         point = _first(built, options)
         assert point.friction is not None
         return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.taken())
-    problem, found = _started(built, coupling_of(built, regularization(built)), options)
+    problem = problem_of(built, coupling_of(built, regularization(built)), 0)
+    found = correct(problem, start_point(built, problem), 0.0, options)
     # Dissipation is a matter of history, which the holonomic law does not know.
     point = Point(problem, found.x, 0.0, np.full(problem.n, np.nan))
     return point, PathStep(_at_rest(point), (), 0.0, 0, found.updates, found.factorizations, found.solves)
-
-
-def _started(
-    built: CondensedScene, coupling: DenseCoupling | SparseCoupling, options: AnmOptions | NewtonOptions
-) -> tuple[ContactProblem, Correction]:
-    """The state before the first load. Where loose bodies are far from where they float, as surfaces overlap
-    that are drawn touching elsewhere, the law's length is first made longer, then comes back."""
-    problem = problem_of(built, coupling, 0)
-    try:
-        return problem, correct(problem, start_point(built, problem), 0.0, options)
-    except NumericalError as error:
-        failure, x = error, None
-    for wider in WIDER:
-        law = replace(coupling.law, delta=wider * coupling.law.delta)
-        problem = problem_of(built, replace(coupling, law=law), 0)
-        try:
-            found = correct(
-                problem, start_point(built, problem, afloat=True) if x is None else x, 0.0, options
-            )
-        except NumericalError:
-            raise failure from None
-        x = found.x
-    return problem, found
 
 
 def _at_rest(point: Point) -> State:

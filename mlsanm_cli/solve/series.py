@@ -16,7 +16,6 @@ from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import regularize
 from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
-from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.continuation import (
     AnmOptions,
     Branch,
@@ -34,8 +33,6 @@ BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
 )
 UNLIMITED = sys.maxsize
-FLOATING, AFLOAT = 100, 1e-3
-"""So many updates at most put bodies afloat, until gaps change by less than this part of themselves."""
 
 ContactProblem = RegularizedFriction | HolonomicContact
 
@@ -139,41 +136,19 @@ def _with_updates(step: Step, count: int) -> Step:
     )
 
 
-def start_point(built: CondensedScene, problem: ContactProblem, afloat: bool = False) -> FloatArray:
-    """Gaps as drawn, or with loose bodies ``afloat``, closed or overlapping ones opened a little, and the
-    pressures that go with them."""
-    x = drawn(built, problem.coupling, afloat)
+def start_point(built: CondensedScene, problem: ContactProblem) -> FloatArray:
+    """Gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
+    x = drawn(built, problem.coupling)
     if isinstance(problem, HolonomicContact):
         return problem.with_auxiliary(np.concatenate([x, np.zeros(problem.n)]), 0.0)
     return x
 
 
-def drawn(built: CondensedScene, coupling: Coupling, afloat: bool = False) -> FloatArray:
-    """Pressures (m,), gaps (m,) and motions (k,) of the smooth law near the scene as drawn, or with bodies
-    moved to where the pressures of surfaces that do not deform are in balance."""
+def drawn(built: CondensedScene, coupling: Coupling) -> FloatArray:
+    """Pressures (m,), gaps (m,) and motions (k,) of the smooth law near the scene as drawn."""
     law, motion = coupling.law, np.zeros(len(coupling.motion))
     gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
-    if afloat:
-        moved = _afloat(built.condensed, law, gap)
-        motion[: len(moved)], gap = moved, gap + built.condensed.gap.motion @ moved
     return np.concatenate([law.eta * (law.delta / gap - 1.0), gap, motion])
-
-
-def _afloat(condensed: Condensed, law: Regularization, gap: FloatArray) -> FloatArray:
-    """Motions (k,) from where the ``gap`` (m,) is positive to where its potential, h - delta log h summed up,
-    is smallest. Updates are damped as such functions are known to allow."""
-    by, total = condensed.gap.motion * law.motion, np.zeros(len(law.motion))
-    for _ in range(FLOATING):
-        now = gap + by @ total
-        force = condensed.weight * law.eta * (1.0 - law.delta / now)
-        relative = by / now[:, None]
-        stiffness = relative.T @ ((condensed.weight * law.eta * law.delta)[:, None] * relative)
-        update = -np.linalg.lstsq(stiffness, by.T @ force)[0]
-        largest = float(np.abs(relative @ update).max(initial=0.0))
-        total += update / (1.0 + largest)
-        if largest <= AFLOAT:
-            break
-    return np.asarray(law.motion * total)
 
 
 def states_in(

@@ -255,7 +255,9 @@ def reach_error(contact: str, gap: float) -> NumericalError:
     """A node that was left out of a contact overlaps the other surface."""
     return NumericalError(
         f"contact {contact}: a node left out because of its initial gap has come into contact",
-        f'set contact.{contact}.reach above {gap:.3g}, or to "auto"',
+        f'set contact.{contact}.reach above {gap:.3g}, or to "auto"'
+        if gap > 0.0
+        else f"there the surfaces of contact {contact} overlap as drawn, by {-gap:.3g}: draw them touching",
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 from mlsanm_cli.app.scene import assemble as scene
 from mlsanm_cli.cli.settings import THREAD_VARIABLES
 from mlsanm_cli.io.plots import figures
-from tests.app.scenes import BAR, PATCH, PUNCHES, hertz, solve
+from tests.app.scenes import AS_SERIES, BAR, PATCH, PUNCHES, hertz, solve
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +55,7 @@ def by_nodes() -> Iterator[None]:
 def hertz_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Hyperbolic law as it is, fields inside the path and at its end."""
     directory = tmp_path_factory.mktemp("scenes") / "hertz"
-    solve(hertz(), directory, "output.at=[0.3, 0.7, 1.0]", "solver.polish=false")
+    solve(hertz(), directory, "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
     return directory
 
 

@@ -47,6 +47,10 @@ COARSE = tuple(
 FAST = "contact.interface.accuracy=0.1"
 """Makes of ``hertz()`` a scene of 30 places, for what does not look at how good its pressures are."""
 
+ANM = 'solver.method="anm"'
+AS_SERIES = (ANM, "solver.polish=false")
+"""The regularised law as it is, by power series."""
+
 PATCH = (
     head("strain")
     + material("steel", E=210e3, nu=0.3)

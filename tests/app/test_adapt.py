@@ -171,8 +171,8 @@ def test_without_contact_nodes_go_where_the_fits_are_poor(tmp_path: Path) -> Non
 
 def test_the_ghost_scheme_refines_too(tmp_path: Path) -> None:
     ghost = 'mls.scheme="ghost"'
-    _, before = ring_error(tmp_path / "before", ghost, "body.ring.spacing=0.2")
-    nodes, after = ring_error(tmp_path / "after", ghost, "body.ring.spacing=0.2", "adapt.passes=1")
+    _, before = ring_error(tmp_path / "before", ghost, "body.ring.spacing=0.18")
+    nodes, after = ring_error(tmp_path / "after", ghost, "body.ring.spacing=0.18", "adapt.passes=1")
     assert nodes <= 900
     assert after <= 0.5 * before
 

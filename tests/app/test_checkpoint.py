@@ -20,7 +20,7 @@ from mlsanm_cli.io.run_reader import read_origin
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from tests.app.scenes import BAR, COARSE, FAST, Quiet, hertz
+from tests.app.scenes import ANM, BAR, COARSE, FAST, Quiet, hertz
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED, SMOOTH
 
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
@@ -31,7 +31,7 @@ SCENES = {
     "exact": (hertz(), (EXACT, FAST, "output.at=[0.25, 0.5, 1.0]")),
     "series": (
         hertz(),
-        (INSIDE, FAST, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
+        (ANM, FAST, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
     ),
     "newton": (hertz(), (INSIDE, NEWTON, FAST)),
     "monolithic": (hertz(), (INSIDE, MONOLITHIC, FAST, *COARSE)),

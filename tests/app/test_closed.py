@@ -127,3 +127,23 @@ def test_a_pin_drawn_in_the_middle_of_its_hole_may_be_pressed_anywhere(tmp_path:
         summary = solve(text, tmp_path / f"run{number}")
         peaks.append(summary["contacts"]["fit"]["peak_pressure"])
     assert peaks[0] == pytest.approx(peaks[1], rel=0.01)
+
+
+def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) -> None:
+    """The regularised law was refused before the first load to the left, and took 258 steps to the right."""
+    peaks = []
+    for pull in (-10.0, 10.0):
+        text = (
+            head("stress")
+            + material("steel", E=210e3, nu=0.3)
+            + body("eye", "steel", shape=annulus([0.0, 0.0], [8.0, 25.0]))
+            + body("pin", "steel", shape=disk([0.0, 0.0], 7.95))
+            + support("eye.outer", ux=0.0, uy=0.0)
+            + item("load", name="pull", kind="body-force", body="pin", body_force=[pull, 0.0])
+            + contact("fit", "pin.arc", "eye.inner")
+        )
+        summary = solve(text, tmp_path / f"run{pull}")
+        assert summary["status"] == "done", summary
+        assert summary["contacts"]["fit"]["force"][0] == pytest.approx(-pull * np.pi * 7.95**2, rel=1e-3)
+        peaks.append(summary["contacts"]["fit"]["peak_pressure"])
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)

@@ -11,11 +11,13 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.comparison import compare as compare_module
 from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import AMPLIFIED, Difference, other_law_limit
 from mlsanm_cli.app.comparison.methods import chosen_methods, law_of
 from mlsanm_cli.case import Case, Solver, load_case
+from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
@@ -23,7 +25,7 @@ from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from tests.app.scenes import BAR, COARSE, FAST, PATCH, PUNCHES, Quiet, hertz, solve
+from tests.app.scenes import ANM, AS_SERIES, BAR, COARSE, FAST, PATCH, PUNCHES, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
 ONCE = "stage=[{press=1.0},{shear=1.0}]"
@@ -53,13 +55,15 @@ def case_of(directory: Path, text: str, *overrides: str) -> Case:
 def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
     """Counts and differences are those of two runs made by themselves."""
     text = hertz()
-    found = compared(tmp_path, text, replace(QUICK, analytic=True), FAST, "output.at=[0.3, 1.0]")
+    found = compared(
+        tmp_path, text, replace(QUICK, analytic=True), FAST, "output.at=[0.25, 0.3, 0.5, 0.75, 1.0]"
+    )
     assert found["status"] == "agree"
     assert found["levels"] == [0.25, 0.3, 0.5, 0.75, 1.0]
     smooth, exact = found["methods"]
     levels = f"output.at={found['levels']}"
     runs = {
-        "anm": solve(text, tmp_path / "anm", FAST, levels, "solver.polish=false"),
+        "anm": solve(text, tmp_path / "anm", FAST, levels, *AS_SERIES),
         "active-set": solve(text, tmp_path / "exact", FAST, levels, EXACT),
     }
     for row in (smooth, exact):
@@ -215,7 +219,7 @@ def test_exit_codes_and_table(
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     for text, wishes, overrides, words in (
         (BAR, QUICK, (), "no [[contact]]"),
-        (hertz(), CompareOptions(), (), "nothing to compare"),
+        (hertz(), CompareOptions(), (ANM,), "nothing to compare"),
         (SHEARED, CompareOptions(("active-set",), analytic=True), (), "--analytic"),
     ):
         with pytest.raises(RunError) as refused:
@@ -237,6 +241,22 @@ def test_the_case_s_own_method_is_among_them(tmp_path: Path) -> None:
     assert law_of(case_of(tmp_path, hertz(), "solver.polish=true")) == "exact"
     case = case_of(tmp_path, SHEARED, "contact.interface.regularization.eta=1e-6")
     assert other_law_limit(case) == pytest.approx(6e-3 + 1e-3)
+
+
+def test_smooth_laws_that_converge_agree_with_the_exact_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tractions at the corners of a block that slides are far off, and fall with eta and stick."""
+    text = starter("sliding")
+    wishes = replace(QUICK, levels=3)
+    coarse = ("contact.interface.accuracy=0.01", "body.base.spacing=0.2", "load.push.ux=0.0006")
+    found = compared(tmp_path, text, wishes, *coarse)
+    exact = found["methods"][-1]
+    assert found["status"] == "agree"
+    assert found["limits"]["other_law"] < exact["difference"]["traction"] < exact["limit"]
+    # A law that differs from the exact one as much whatever its parameters is another law.
+    monkeypatch.setattr(compare_module, "SOFTER", 1.0)
+    assert compared(tmp_path, text, wishes, *coarse)["status"] == "disagree"
 
 
 @pytest.mark.usefixtures("by_nodes")

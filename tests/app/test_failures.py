@@ -23,7 +23,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
-from tests.app.scenes import BAR, NODAL, PATCH, hertz, solve
+from tests.app.scenes import ANM, BAR, NODAL, PATCH, hertz, solve
 from tests.app.test_friction import EXACT, SHEARED
 
 BAD = [1e3, float("nan")]
@@ -180,7 +180,7 @@ def test_a_ratio_of_spacings(bad: float, tmp_path: Path, afterwards: pytest.Monk
 
 
 def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
-    summary = solve(NODAL, tmp_path / "run", "solver.max_steps=9")
+    summary = solve(NODAL, tmp_path / "run", ANM, "solver.max_steps=9")
     assert summary["status"] == "failed"
     failure = read_json(tmp_path / "run" / "summary.json")["failure"]
     assert failure["position"] == summary["position"] > 0.0

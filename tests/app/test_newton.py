@@ -21,7 +21,7 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import State
-from tests.app.scenes import NODAL, Quiet, hertz, solve
+from tests.app.scenes import ANM, NODAL, Quiet, hertz, solve
 from tests.app.test_friction import HOLONOMIC, SHEARED
 
 NEWTON = 'solver.method="newton"'
@@ -80,7 +80,7 @@ def test_friction_without_memory(tmp_path: Path) -> None:
 
 
 def test_what_is_stored(tmp_path: Path) -> None:
-    solve(NODAL, tmp_path / "series", "output.at=[0.3, 0.7, 1.0]")
+    solve(NODAL, tmp_path / "series", "output.at=[0.3, 0.7, 1.0]", ANM)
     summary = solve(NODAL, tmp_path / "run", "output.at=[0.3, 0.7, 1.0]", NEWTON)
     assert summary["status"] == "done"
     assert 0 < summary["steps"] < summary["iterations"] <= summary["factorizations"]
@@ -108,7 +108,7 @@ def test_a_path_cut_short_says_so(tmp_path: Path) -> None:
 
 def test_eta_lowered_at_full_load(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
-    case.write_text(NODAL)
+    case.write_text(NODAL + '[solver]\nmethod = "newton"\n')
     built = built_of(case)
     (end,) = saved(built, method="newton", tolerance=1e-10, polish=False)
     *_, last = lowered(built, (1.0, 1e-1, 1e-2, 1e-3, 1e-4))

@@ -30,7 +30,11 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(case: Path) -> mlsanm.Run:
-    return mlsanm.run(case, {"solver.polish": False, "output.at": [0.5, 1.0]}, out=case.parent / "run")
+    return mlsanm.run(
+        case,
+        {"solver.method": "anm", "solver.polish": False, "output.at": [0.5, 1.0]},
+        out=case.parent / "run",
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -122,7 +126,7 @@ def test_errors_are_those_of_the_commands(case: Path) -> None:
 def test_a_failed_and_a_stopped_run_raise_and_can_be_opened(tmp_path: Path) -> None:
     path = tmp_path / "press.toml"
     path.write_text(hertz())
-    changes = {"contact.interface.accuracy": 0.1, "solver.max_steps": 1, "solver.polish": False}
+    changes = {"contact.interface.accuracy": 0.1, "solver.max_steps": 1, "solver.method": "anm"}
     with pytest.raises(mlsanm.NumericalError, match=r"kept in results/press") as failed:
         mlsanm.run(path, changes)
     assert "solver.max_steps" in failed.value.hint

@@ -15,7 +15,7 @@ from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
-from tests.app.scenes import BAR, FAST, Quiet, hertz, solve
+from tests.app.scenes import ANM, BAR, FAST, Quiet, hertz, solve
 from tests.case_text import body, box, head, load, material, support
 
 VOID = {"meta", "img", "br", "link"}
@@ -111,7 +111,7 @@ def test_a_run_has_its_report_beside_it_and_loses_it_with_force(tmp_path: Path) 
     text = " ".join(page.text)
     assert "peak pressure [MPa]" in text
     assert "hertz-line" in text
-    short = ("solver.max_steps=1",)
+    short = ("solver.max_steps=1", ANM)
     run_case(tmp_path / "run.toml", overrides=short, out=tmp_path / "run", force=True, console=Quiet())
     assert not path.exists()
 
@@ -125,7 +125,7 @@ def test_what_stands_in_a_case_is_no_html(tmp_path: Path) -> None:
 
 
 def test_a_failed_run_says_so(tmp_path: Path) -> None:
-    summary = solve(hertz(), tmp_path / "run", "solver.max_steps=2", "solver.polish=false")
+    summary = solve(hertz(), tmp_path / "run", "solver.max_steps=2", ANM)
     assert summary["status"] == "failed"
     page = read(report([tmp_path / "run"]))
     assert_accessible(page)

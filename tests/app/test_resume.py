@@ -21,7 +21,7 @@ from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.vtu import StateWriter
 from tests.app.runs import resumed_differences
-from tests.app.scenes import BAR, FAST, Quiet, hertz, solve
+from tests.app.scenes import ANM, BAR, FAST, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, SHEARED
 
 
@@ -163,7 +163,7 @@ def test_nothing_is_resumed_that_is_done_failed_or_held(hertz_run: Path, tmp_pat
     assert resume(hertz_run, console=console)["status"] == "done"
     assert "nothing to resume" in console.notes[0]
     assert (hertz_run / "run.h5").read_bytes() == before
-    assert solve(hertz(), tmp_path / "failed", "solver.max_steps=3")["status"] == "failed"
+    assert solve(hertz(), tmp_path / "failed", "solver.max_steps=3", ANM)["status"] == "failed"
     with pytest.raises(RunError, match="repeat the failure"):
         resume(tmp_path / "failed", console=console)
     with locked(hertz_run), pytest.raises(RunError, match=f"process {os.getpid()} on"):

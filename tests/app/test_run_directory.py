@@ -17,7 +17,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.memo import Memo
-from tests.app.scenes import BAR, FAST, NODAL, Quiet, assert_same_results, hertz, solve
+from tests.app.scenes import AS_SERIES, BAR, FAST, NODAL, Quiet, assert_same_results, hertz, solve
 
 SUMMARY_KEYS = {
     "status", "stop_reason", "position", "steps", "factorizations", "solves", "nodes", "unknowns",
@@ -226,9 +226,9 @@ def test_units_do_not_matter(tmp_path: Path) -> None:
 
 def test_fields_inside_a_step_come_from_the_series(tmp_path: Path) -> None:
     """The state at 0.7 is what a path that stops there finds; the law keeps the scale of the whole path."""
-    solve(NODAL, tmp_path / "inside", "output.at=[0.3, 0.7, 1.0]", "solver.polish=false")
+    solve(NODAL, tmp_path / "inside", "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
     text = NODAL + "\n[[stage]]\npress = 0.7\n[[stage]]\npress = 1.0\n"
-    solve(text, tmp_path / "stops", "output.at=[1.0]", "solver.polish=false")
+    solve(text, tmp_path / "stops", "output.at=[1.0]", *AS_SERIES)
     inside, stops = numbers(tmp_path / "inside"), numbers(tmp_path / "stops")
     assert 0.7 not in inside["path/position"]
     assert 1.0 in stops["path/position"]

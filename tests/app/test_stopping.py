@@ -17,7 +17,7 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.state import PathStep, State
 from mlsanm_cli.solve.stop_events import turning
 from tests.app.runs import resumed_differences
-from tests.app.scenes import BAR, FAST, PATCH, Quiet, hertz, solve
+from tests.app.scenes import ANM, AS_SERIES, BAR, FAST, PATCH, Quiet, hertz, solve
 from tests.case_text import item, load
 
 HERTZ_STOP = item("stop", what="pressure", of="interface", above=1500.0)
@@ -33,7 +33,7 @@ def stopped(summary: Any, by: str) -> float:
 
 @pytest.mark.parametrize(
     "changes",
-    [("solver.polish=false",), (), ("solver.method=newton",), ("contact.*.regularization.law=exact",)],
+    [AS_SERIES, (ANM,), ("solver.method=newton",), ("contact.*.regularization.law=exact",)],
     ids=["series", "polished", "newton", "exact"],
 )
 def test_the_peak_pressure_asked_for_is_reached_by_every_method(
@@ -128,7 +128,7 @@ def test_a_limit_has_to_be_come_to_from_the_other_side(tmp_path: Path) -> None:
 
 def test_a_stop_that_is_never_reached_changes_nothing(hertz_run: Path, tmp_path: Path) -> None:
     text = hertz() + HERTZ_STOP.replace("1500.0", "1e6")
-    summary = solve(text, tmp_path / "run", "output.at=[0.3, 0.7, 1.0]", "solver.polish=false")
+    summary = solve(text, tmp_path / "run", "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
     plain = json.loads((hertz_run / "summary.json").read_text())
     assert summary["stop_reason"] == plain["stop_reason"]
     assert "stopped_by" not in summary

@@ -24,7 +24,7 @@ from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.mechanics.body import BodyModel
-from tests.app.scenes import BAR, Quiet, assert_same_results, hertz
+from tests.app.scenes import ANM, BAR, Quiet, assert_same_results, hertz
 from tests.case_text import item, table
 
 ETA = "contact.interface.regularization.eta"
@@ -140,7 +140,7 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, bar: Path) -> None:
 
 def test_a_point_that_fails_is_told_and_the_others_go_on(tmp_path: Path, case: Path) -> None:
     arguments = ["sweep", str(case), "--vary", "solver.max_steps=1,2000", "--out", str(tmp_path / "all")]
-    assert main([*arguments, "--quiet"]) == 3
+    assert main([*arguments, "--quiet", "--set", ANM]) == 3
     rows = collect([tmp_path / "all" / f"solver.max_steps={n}" for n in (1, 2000)])
     assert [row["status"] for row in rows] == ["failed", "done"]
     assert [row["solver.max_steps"] for row in rows] == [1, 2000]

@@ -29,7 +29,7 @@ def test_values_and_defaults() -> None:
     assert case.stage == ({"press": 1.0},)
     contact = case.contact[0]
     assert (contact.friction, contact.reach) == (0.0, "auto")
-    assert (contact.regularization.law, contact.regularization.eta) == ("hyperbolic", 1e-4)
+    assert (contact.regularization.law, contact.regularization.eta) == ("exact", 1e-4)
     assert (case.mls.degree, case.mls.scheme, case.mls.neighbors) == ("auto", "least-squares", "auto")
     solver = case.solver
     assert (solver.method, solver.formulation, solver.order) == ("auto", "condensed", 20)
@@ -40,28 +40,7 @@ def test_values_and_defaults() -> None:
 
 
 RUBS = "contact.interface.friction=0.3"
-
-
-@pytest.mark.parametrize(
-    ("chosen", "law"),
-    [
-        ((RUBS,), "exact"),
-        (('contact.interface.friction="bonded"',), "hyperbolic"),
-        ((RUBS, "contact.interface.regularization.eta=1e-5"), "hyperbolic"),
-        ((RUBS, 'contact.interface.regularization.friction_law="holonomic"'), "hyperbolic"),
-        ((RUBS, 'solver.method="newton"'), "hyperbolic"),
-        ((RUBS, 'solver.formulation="monolithic"'), "hyperbolic"),
-        ((RUBS, "solver.polish=true"), "hyperbolic"),
-    ],
-)
-def test_friction_with_a_history_is_exact_unless_the_regularised_law_is_chosen(
-    chosen: tuple[str, ...], law: str
-) -> None:
-    assert parse(HERTZ, chosen).case.contact[0].regularization.law == law
-
-
-def test_bodies_that_nothing_but_contacts_acts_on_have_the_exact_law() -> None:
-    roller = """
+ROLLER = """
 [[body]]
 name = "roller"
 material = "steel"
@@ -71,32 +50,36 @@ name = "rolling"
 slave = "roller.arc"
 master = "block.top"
 """
-    text = HERTZ + roller
-    weight = '[[load]]\nname = "weight"\nkind = "body-force"\nbody = "roller"\nbody-force = [0.0, -1.0]\n'
-    held = '[[support]]\nbody = "roller"\nnear = [0.0, 5.0]\nux = 0.0\n'
-    laws = [parse(given).case.contact[0].regularization.law for given in (text, text + weight, text + held)]
-    assert laws == ["exact", "hyperbolic", "hyperbolic"]
 
 
-def test_bonds_have_no_law_where_other_contacts_have_the_exact_one() -> None:
-    # A tyre bonded on a wheel, with friction on its rail or without loads of its own, was refused for a law
-    # that the case does not name.
-    tyre = """
-[[body]]
-name = "tyre"
-material = "steel"
-shape = {kind = "disk", center = [0.0, 5.0], radius = 1.0}
-[[contact]]
-name = "glue"
-slave = "tyre.arc"
-master = "block.left"
-friction = "bonded"
-"""
-    laws = [one.regularization.law for one in parse(HERTZ + tyre, (RUBS,)).case.contact]
-    assert laws == ["exact", "hyperbolic"]
-    # What is bonded to a held body is not loose.
-    laws = [one.regularization.law for one in parse(HERTZ + tyre).case.contact]
-    assert laws == ["hyperbolic", "hyperbolic"]
+@pytest.mark.parametrize(
+    ("chosen", "law"),
+    [
+        ((), "exact"),
+        ((RUBS,), "exact"),
+        (('contact.interface.regularization.law="hyperbolic"',), "hyperbolic"),
+        (("contact.interface.regularization.eta=1e-5",), "hyperbolic"),
+        ((RUBS, "contact.interface.regularization.stick=1e-5"), "hyperbolic"),
+        ((RUBS, 'contact.interface.regularization.friction_law="holonomic"'), "hyperbolic"),
+        (('solver.method="anm"',), "hyperbolic"),
+        ((RUBS, 'solver.method="newton"'), "hyperbolic"),
+        ((RUBS, 'solver.formulation="monolithic"'), "hyperbolic"),
+        (("solver.polish=true",), "hyperbolic"),
+    ],
+)
+def test_contacts_are_exact_unless_the_regularised_law_is_chosen(chosen: tuple[str, ...], law: str) -> None:
+    assert [one.regularization.law for one in parse(HERTZ + ROLLER, chosen).case.contact] == [law, law]
+
+
+def test_a_contact_that_names_the_exact_law_asks_for_no_other() -> None:
+    named = 'contact.interface.regularization={law="exact", eta=1e-5}'
+    assert {one.regularization.law for one in parse(HERTZ + ROLLER, (named,)).case.contact} == {"exact"}
+
+
+def test_bonds_keep_their_law_where_other_contacts_have_the_regularised_one() -> None:
+    bonded = ('contact.rolling.friction="bonded"', "contact.interface.regularization.eta=1e-5")
+    laws = [one.regularization.law for one in parse(HERTZ + ROLLER, bonded).case.contact]
+    assert laws == ["hyperbolic", "exact"]
 
 
 def test_whole_numbers_are_numbers_and_become_floats() -> None:

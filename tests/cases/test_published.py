@@ -15,10 +15,9 @@ from benchmarks.formulas.persson import PinInHole
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
-from tests.app.scenes import Quiet
+from tests.app.scenes import AS_SERIES, Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
-EXACT = 'contact.interface.regularization.law="exact"'
 
 
 def solve(name: str, directory: Path, *overrides: str) -> tuple[Mapping[str, Any], RunData]:
@@ -31,12 +30,12 @@ def solve(name: str, directory: Path, *overrides: str) -> tuple[Mapping[str, Any
 
 @pytest.fixture(scope="module")
 def exact(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, Any], RunData]:
-    return solve("hertz", tmp_path_factory.mktemp("published") / "exact", EXACT)
+    return solve("hertz", tmp_path_factory.mktemp("published") / "exact")
 
 
 @pytest.fixture(scope="module")
 def regularised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, Any], RunData]:
-    return solve("hertz", tmp_path_factory.mktemp("published") / "regularised", "solver.polish=false")
+    return solve("hertz", tmp_path_factory.mktemp("published") / "regularised", *AS_SERIES)
 
 
 def deviations(summary: Mapping[str, Any]) -> tuple[float, float, float]:

@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
-from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.cloud.relax import LONGEST, LOOK, NEIGHBORS, STEEPNESS, STEP, SWEEPS, relax
+from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
+from mlsanm_cli.cloud.relax import DOUBLINGS, LONGEST, LOOK, NEIGHBORS, STEP, SWEEPS, relax
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 BLOCK = rectangle((0.0, 2.0), (0.0, 1.0))
@@ -57,11 +57,23 @@ def test_nodes_are_pushed_as_told() -> None:
             h = float(spacing.at(points[node : node + 1])[0])
             away = points[node] - points[near[node]]
             distance = np.hypot(*away.T)
-            force = ((h / distance) ** STEEPNESS / distance) @ away
+            mean = 0.5 * (h + spacing.at(points[near[node]]))
+            force = ((mean / distance) ** 2**DOUBLINGS / distance) @ away
             size = float(np.hypot(*force))
             moved[node] += h * min(STEP * size / (1.0 + 0.25 * size), LONGEST) / size * force
         points = moved
     assert np.abs(relax(cloud.points, fixed, spacing) - points).max() <= 1e-13
+
+
+def test_nodes_stay_where_they_are_wanted() -> None:
+    plate, hole = rectangle((-5.0, 5.0), (-5.0, 5.0)), Arc((0.0, 0.0), 1.0, 0.0, -2.0 * np.pi)
+    outline = Outline((*plate.names, "hole"), (*plate.curves, hole), (0, 4))
+    for seed in range(3):
+        cloud = build_cloud(outline, Spacing(0.25, (Zone(hole, 0.1, 0.0, 0.25),)), seed)
+        away = np.hypot(*cloud.points.T) - 1.0
+        next_to_it = (away > 0.01) & (away < 0.15)
+        size = cloud.areas[next_to_it] / cloud.spacing[next_to_it] ** 2
+        assert 0.85 <= size.mean() <= 1.1
 
 
 def test_nothing_to_move() -> None:

@@ -8,8 +8,10 @@ import pytest
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.energy import (
     along_surface,
+    energy_between_nodes,
     extended,
     inner_work,
     over_body,
@@ -17,6 +19,7 @@ from mlsanm_cli.mechanics.energy import (
     twice_strain_energy,
 )
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic
+from mlsanm_cli.operators.settings import MlsSettings
 
 LENGTH, HEIGHT = 4.0, 1.0
 STEEL = isotropic(200.0, 0.3, "stress")
@@ -46,6 +49,19 @@ def test_bending_stress(cloud: Cloud) -> None:
     assert twice_strain_energy(cloud, STEEL, stress) == pytest.approx(exact, rel=1e-12)
     strain = stress @ np.linalg.inv(STEEL.stiffness)
     assert abs(cloud.areas @ (stress * strain).sum(axis=1) / exact - 1.0) > 0.05
+
+
+def test_energy_between_nodes(cloud: Cloud) -> None:
+    # u = (x y^2, 0), which fits of degree 3 have as it is.
+    model = BodyModel.build("body", cloud, STEEL, MlsSettings(3))
+    (x, y), c = cloud.points.T, STEEL.stiffness
+    u = np.stack([x * y**2, 0.0 * x], axis=1)
+    stress = model.stress(u)
+    exact = c[0, 0] * LENGTH * HEIGHT**5 / 5.0 + c[2, 2] * 4.0 * LENGTH**3 * HEIGHT**3 / 9.0
+    linear = twice_strain_energy(cloud, STEEL, stress) - exact
+    more = energy_between_nodes(model, u, stress)
+    assert abs(linear) > 2e-3 * exact
+    assert abs(linear + more) < 0.1 * abs(linear)
 
 
 def test_products_of_linear_fields(cloud: Cloud) -> None:

@@ -97,7 +97,8 @@ def force_balance(built: CondensedScene, state: State) -> Verdict:
 def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArray]) -> float:
     """The largest force on a body in a state f, q, p, t.
 
-    Of a contact all pressures count, also those that balance each other around a fit.
+    Of a contact all pressures count, also those that balance each other around a fit, and of a load all
+    tractions and body forces, also those that only twist.
     """
     condensed, (factors, _, pressure, _) = built.condensed, unknowns
     sizes = [
@@ -110,8 +111,20 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
             size = np.hypot(*condensed.bonds.values(pairing.name, unknowns))
             sizes.append(float(pairing.weight[pairing.candidate] @ size))
     maps = [condensed.forces[load.name] for load in built.case.load if body in load.owners]
-    heat = built.scene.heat_force(body, factors)
-    return float(np.max([heat, *sizes, *(np.hypot(*force(*unknowns)) for force in maps)]))
+    sizes += [built.scene.heat_force(body, factors), *_sums_of_sizes(built, body, factors)]
+    return float(np.max([*sizes, *(np.hypot(*force(*unknowns)) for force in maps)]))
+
+
+def _sums_of_sizes(built: CondensedScene, body: str, factors: FloatArray) -> Iterator[float]:
+    """What the sizes of each traction and body force on a body add up to, whatever their directions."""
+    scene, own = built.scene, built.scene.bodies[body]
+    sources = [
+        (one.number, one.source(own)) for one in scene.surface_loads if one.body == body and not one.held
+    ]
+    sources += [(one.number, own.force_source(one.values)) for one in scene.body_forces if one.body == body]
+    sums = abs(own.resultants())[:2]
+    for number, source in sources:
+        yield float(np.hypot(*(sums @ np.abs(source * factors[number]))))
 
 
 def check_state(built: CondensedScene, state: State) -> None:

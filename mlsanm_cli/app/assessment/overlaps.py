@@ -190,7 +190,9 @@ def _with_obstacles(
                 closest, outward = shape.closest(own.drawn, own.normal)
                 if (((own.drawn - closest) * outward).sum(axis=1) < -ROUND_OFF * own.size).any():
                     continue
+            # At a corner of the body it is the side that faces the obstacle.
             at = np.flatnonzero(deep)
+            at = at[np.argsort((own.normal[at] * normal[at]).sum(axis=1), kind="stable")]
             yield from _deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
 
 

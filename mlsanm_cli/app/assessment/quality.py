@@ -89,8 +89,11 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     }
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
+    graded = {body.name for body in case.body if body.refine}
     warnings = [
-        text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
+        text
+        for name, cloud in bodies.items()
+        for text in _cloud_warnings(name, cloud, name in brought, name in graded)
     ]
     warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.ranges])
     if any(model.settings.degree == 1 for model in prepared.models.values()):
@@ -148,15 +151,16 @@ def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
         )
 
 
-def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool) -> Iterator[str]:
+def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool, graded: bool) -> Iterator[str]:
     grade = f"body.{name}.refine growth"
+    lower = f"lower {grade}, or " if graded else ""
     found = []
     if cloud.closest < CLOSEST:
         message = f"two nodes are only {cloud.closest:.2g} of the local spacing apart"
-        found.append((message, f"lower {grade}, or try another body.{name}.seed"))
+        found.append((message, f"{lower}try another body.{name}.seed"))
     if cloud.hole > HOLE:
         message = f"the largest gap between nodes has a radius of {cloud.hole:.3g} spacings"
-        found.append((message, f"lower {grade}, or make body.{name}.spacing smaller"))
+        found.append((message, f"{lower}make body.{name}.spacing smaller"))
     if cloud.growth > (GROWTH_BROUGHT if brought else GROWTH) * (1.0 + ROUND_OFF):
         message = f"the spacing grows by {cloud.growth:.3g} per unit length"
         found.append((message, f"lower {grade} to {GROWTH:g} or less"))

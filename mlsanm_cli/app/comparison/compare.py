@@ -5,7 +5,7 @@ The rules that make it fair are in docs/methods-compared.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,16 @@ from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.quality import announce, factor_notes
 from mlsanm_cli.app.assessment.references import check_reference, reference_profile
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.comparison.differences import Difference, difference, other_law_limit, same_law_limit
+from mlsanm_cli.app.comparison.differences import (
+    CONVERGING,
+    SOFTER,
+    Difference,
+    difference,
+    other_law_limit,
+    same_law_limit,
+)
 from mlsanm_cli.app.comparison.measure import Measured, measure
-from mlsanm_cli.app.comparison.methods import Method, chosen_methods
+from mlsanm_cli.app.comparison.methods import Method, chosen_methods, method_of
 from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
@@ -75,7 +82,7 @@ def compare(
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
     if loaded.case.model.strain == "finite":
-        from mlsanm_cli.app.finite.compare import compare_finite, refuse
+        from mlsanm_cli.app.comparison.finite_strain import compare_finite, refuse
 
         refuse(bool(loaded.case.contact) or len(loaded.case.body) > 1, options.methods, options.analytic)
         return compare_finite(
@@ -105,7 +112,8 @@ def compare(
     run_dir.check_comparison(directory, force)
     # Equations of all bodies together have nodal pressures, and all methods need the same ones.
     whole = (WHOLE,) if any(method.is_monolithic for method in methods) else ()
-    shared = load_with_files(case_path, (*overrides, levels, *whole))
+    # Grids are as fine as the case's own levels need: laws between two of them are compared on one grid.
+    shared = load_with_files(case_path, (*overrides, *whole))
     warnings: list[str] = []
     prepared = build_scene(shared, context)
     announce(shared.case, prepared, context, warnings.append)
@@ -115,7 +123,7 @@ def compare(
         console.phase(f"following the path: {method.name}")
         rows.append(measure(built, method, case, options.repeat))
     warnings += [*factor_notes(built.scene), *_judged(built, rows[0])]
-    result = _result(built, loaded, rows, options, clock) | {
+    result = _result(built, loaded, rows, options, clock, case_of) | {
         "provenance": attributes(loaded, argv, threads),
         "warnings": warnings,
     }
@@ -170,14 +178,19 @@ def _judged(built: CondensedScene, base: Measured) -> list[str]:
 
 
 def _result(
-    built: CondensedScene, loaded: LoadedCase, rows: Sequence[Measured], options: CompareOptions, clock: Clock
+    built: CondensedScene,
+    loaded: LoadedCase,
+    rows: Sequence[Measured],
+    options: CompareOptions,
+    clock: Clock,
+    case_of: Callable[[Method], Case],
 ) -> dict[str, Any]:
     case = loaded.case
     limits = {
         "same_law": same_law_limit(case) if options.tolerance is None else options.tolerance,
         "other_law": other_law_limit(case),
     }
-    table = [_figures(built, row, rows, limits, clock, options.analytic) for row in rows]
+    table = [_figures(built, row, rows, limits, clock, options.analytic, case_of) for row in rows]
     return {
         "status": _status(table),
         "case": str(loaded.path),
@@ -200,6 +213,7 @@ def _figures(
     limits: Mapping[str, float],
     clock: Clock,
     analytic: bool,
+    case_of: Callable[[Method], Case],
 ) -> dict[str, Any]:
     """One method as in comparison.json."""
     phases = SHARED if row.method.is_monolithic else (*SHARED, *CONDENSED)
@@ -225,6 +239,8 @@ def _figures(
     if against is not None:
         limit = limits["same_law" if against.law == row.law else "other_law"]
         apart: Difference = difference(built, row.states, against.states)
+        if against.law != row.law and not apart.within(limit):
+            limit = max(limit, _converging_limit(built, row, against, case_of))
         found |= {
             "against": against.method.name,
             "difference": asdict(apart),
@@ -232,6 +248,16 @@ def _figures(
             "agrees": apart.within(limit),
         }
     return found
+
+
+def _converging_limit(
+    built: CondensedScene, row: Measured, against: Measured, case_of: Callable[[Method], Case]
+) -> float:
+    """How far a smooth law that converges is from the exact one at most; 0 where that is not known."""
+    smooth, exact = (against, row) if row.law.startswith("exact") else (row, against)
+    method = method_of(built.case, smooth.method.name, SOFTER)
+    softer = measure(built, method, case_of(method))
+    return CONVERGING * difference(built, softer.states, exact.states).largest if softer.done else 0.0
 
 
 def _against(row: Measured, rows: Sequence[Measured]) -> Measured | None:

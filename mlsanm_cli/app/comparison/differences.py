@@ -18,6 +18,11 @@ ROUNDED_EDGE, SOFT_STICK = 6.0, 10.0
 """Largest differences of pressures and tractions that the smooth law may make, over the root of eta and over
 ``stick``: at the edge of a contact it rounds the pressure off by up to 4.3 times the root of eta."""
 
+SOFTER, CONVERGING = 10.0, 0.75
+"""Where surfaces end in corners, pressures have no bound, and the limits above may not hold. The smooth law
+agrees with the exact one as well if its difference is at most this part of that with so many times eta and
+stick."""
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -31,6 +36,11 @@ class Difference:
     def within(self, limit: float) -> bool:
         """Whether all are at most ``limit``; what is no number is not."""
         return all(value <= limit for value in asdict(self).values())
+
+    @property
+    def largest(self) -> float:
+        """The largest of the three."""
+        return float(max(asdict(self).values()))
 
 
 def difference(

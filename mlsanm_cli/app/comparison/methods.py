@@ -24,14 +24,15 @@ class Method:
         return self.name.endswith(MONOLITHIC)
 
 
-def method_of(case: Case, name: str, eta_factor: float = 1.0) -> Method:
-    """A method for the case's scene, with every contact's eta multiplied."""
+def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
+    """A method for the case's scene, with every contact's eta and stick so many times as large."""
     law = "exact" if name == ACTIVE_SET else "hyperbolic"
     changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.touching]
-    if eta_factor != 1.0:
+    if softer != 1.0:
         changes += [
-            f"contact.{contact.name}.regularization.eta={eta_factor * contact.regularization.eta!r}"
+            f"contact.{contact.name}.regularization.{key}={softer * getattr(contact.regularization, key)!r}"
             for contact in case.touching
+            for key in (("eta", "stick") if contact.friction else ("eta",))
         ]
     formulation = "monolithic" if name.endswith(MONOLITHIC) else "condensed"
     solver = name.removesuffix(MONOLITHIC)

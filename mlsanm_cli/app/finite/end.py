@@ -9,11 +9,13 @@ import numpy as np
 from mlsanm_cli.app.assessment.checks import ENERGY_WARNING
 from mlsanm_cli.app.assessment.energy import SHIFTED
 from mlsanm_cli.app.finite.fields import SceneForces
+from mlsanm_cli.app.finite.patches import between_nodes
 from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.sides import Side
 
 FEWEST = 4
 """Nodes over a contact below which its pressures are hardly known."""
@@ -32,19 +34,31 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
         near = int(np.argmin(gap))
         spacing = float(side.weight[near])
         if not closed.any():
-            turned = np.abs(np.diff(side.outward[max(near - 1, 0) : near + 2], axis=0)).max(initial=0.0)
-            if gap[near] < turned * spacing / 8.0:
+            if between_nodes(side, pressed, here):
                 yield (
                     f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
         elif closed.sum() < FEWEST:
+            lean = _lean(side, closed, pressed.normal[here])
             yield (
                 f"contact {contact.name}: too few nodes of {name} in contact for accurate pressures "
-                f"({closed.sum()}, {spacing:.3g} apart): use finer nodes there"
+                f"({closed.sum()}, {spacing:.3g} apart), and its force leans by up to {100.0 * lean:.2g} %: "
+                'use finer nodes there, or leave the spacing to "auto"'
             )
         elif isinstance(contact, BodyContact) and closed.sum() < SHARP:
             yield from _ends(contact, closed, pressed.place[here])
+
+
+def _lean(side: Side, closed: BoolArray, normal: FloatArray) -> float:
+    """By what part of itself the force on few ``closed`` nodes (c,) may lean: its place is known to half of
+    their distance, over which the ``normal`` (c, 2) turns."""
+    numbers = np.flatnonzero(closed)
+    beside = (numbers[:, None] + np.array([-1, 1])) % side.count
+    turned = np.hypot(*(normal[beside] - normal[numbers, None]).T)
+    if side.around is None:
+        turned = turned[(np.abs(beside - numbers[:, None]) == 1).T]
+    return float(0.5 * turned.max(initial=0.0) / len(numbers))
 
 
 def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterator[str]:

@@ -3,8 +3,9 @@ deforms."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,6 +33,8 @@ UNLIMITED = 1_000_000
 PARTS = 8
 """Parts of a step of power series over which work is added up: by its ends alone it was 0.7 % off where a
 column with two spacings across, bent beyond a right angle, was 9 % too stiff."""
+SAME_LEVEL, SAME_STATE = 1e-12, 1e-3
+"""Load factors, and displacements over the scene's length, of one state as two paths find it."""
 SAMPLES = 65
 """Places of a step at which the slope of the load factor is looked at, to find where it turns."""
 
@@ -128,9 +131,14 @@ class FiniteMark:
         return Branch(x, np.array([self.lam, self.direction[-1]]), self.pace)
 
 
-def finite_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
-    """All steps, the start first, or those behind a ``mark``. Raises NumericalError where the path breaks
-    off, or where a state has no sense: det F <= 0, or a law that has lost ellipticity."""
+def finite_path(
+    scene: FiniteScene, mark: FiniteMark | None = None, renewals: Sequence[FiniteState] | None = None
+) -> Iterator[FiniteStep]:
+    """All steps, the start first, or those behind a ``mark``. The equations are renewed in the states of
+    another path (``renewals_of``), or where the deformation asks for it.
+
+    Raises NumericalError where the path breaks off, or where a state has no sense: det F <= 0, or a law that
+    has lost ellipticity."""
     stages, case = scene.stages, scene.case
     wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
     problem, x = _first_problem(scene), np.zeros(scene.unknowns)
@@ -144,7 +152,7 @@ def finite_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[
     for stage in range(begun, len(stages) - 1):
         problem = replace(problem, start=stages[stage], end=stages[stage + 1])
         levels = [position - stage for position in wanted if stage < position <= stage + 1]
-        path = _Stage(scene, problem, stage, levels)
+        path = _Stage(scene, problem, stage, levels, renewals)
         if mark is not None and stage == begun and mark.direction.size:
             path.take_up(mark)
         for step in path.steps(x):
@@ -154,6 +162,15 @@ def finite_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[
                 raise NumericalError(f"the path stopped: {message}", "raise solver.max_steps")
             yield step
         x, problem = path.x, path.problem
+
+
+def renewals_of(steps: Sequence[FiniteStep]) -> tuple[FiniteState, ...]:
+    """The states in which a path has renewed its equations, in their order."""
+    return tuple(
+        before.state
+        for before, after in pairwise(steps)
+        if before.mark and after.mark and not np.array_equal(before.mark.station, after.mark.station)
+    )
 
 
 def _first_problem(scene: FiniteScene) -> FiniteProblem:
@@ -187,9 +204,19 @@ def _taken_up(scene: FiniteScene, problem: FiniteProblem, mark: FiniteMark) -> F
 class _Stage:
     """The way through one stage."""
 
-    def __init__(self, scene: FiniteScene, problem: FiniteProblem, stage: int, levels: list[float]) -> None:
+    def __init__(
+        self,
+        scene: FiniteScene,
+        problem: FiniteProblem,
+        stage: int,
+        levels: list[float],
+        renewals: Sequence[FiniteState] | None,
+    ) -> None:
         self._scene, self.problem, self._stage = scene, problem, stage
         self._levels = list(levels)
+        self._renewals = (
+            None if renewals is None else [one for one in renewals if stage < one.position < stage + 1]
+        )
         self.x = np.zeros(0)
         self._lam = 0.0
         self._station, self._acting = problem.projector.station, problem.start
@@ -214,7 +241,7 @@ class _Stage:
                 1.0,
                 _options(self._scene),
                 self._previous,
-                levels=self._levels,
+                levels=[*self._levels, *self._renewal_level()],
             )
             moved = 0
             for step in follower.steps():
@@ -222,8 +249,7 @@ class _Stage:
                 self._check(step)
                 finished = self._finished(step)
                 self.x, self._lam, self._previous = step.x, step.lam, step.branch
-                body = self.problem.body
-                if step.lam != 1.0 and far_from(body, step.x, self._station):
+                if step.lam != 1.0 and self._is_renewed_behind(step):
                     follower.stop()
                     finished = replace(finished, renewed=True, factorizations=finished.factorizations + 1)
                 yield replace(finished, mark=self._mark(finished, step))
@@ -236,6 +262,22 @@ class _Stage:
                     raise path_failure(self._scene, *where, self.x, outcome)
                 fresh = True
             self._renew()
+
+    def _renewal_level(self) -> list[float]:
+        """The load factor of the next of the given renewals, if there is one."""
+        return [one.position - self._stage for one in (self._renewals or ())[:1]]
+
+    def _is_renewed_behind(self, step: Step) -> bool:
+        if self._renewals is None:
+            return far_from(self.problem.body, step.x, self._station)
+        if not self._renewals or abs(step.lam - self._renewal_level()[0]) > SAME_LEVEL:
+            return False
+        # A path that turns back passes a load factor more than once.
+        apart = np.abs(step.x - self._renewals[0].displacement).max()
+        if apart > SAME_STATE * self.problem.length:
+            return False
+        self._renewals.pop(0)
+        return True
 
     def _check(self, step: Step) -> None:
         position = self._stage + step.lam

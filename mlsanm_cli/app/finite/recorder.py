@@ -25,7 +25,9 @@ from mlsanm_cli.app.finite.fields import (
     resultants,
 )
 from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
+from mlsanm_cli.app.finite.patches import Touched
 from mlsanm_cli.app.finite.path import FiniteMark, FiniteState, FiniteStep, Turn
+from mlsanm_cli.app.finite.refinement import Refinement
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.recording import body_part, vtu_data
 from mlsanm_cli.app.output.writer import RunWriter, body_datasets
@@ -67,12 +69,13 @@ class FiniteRecorder(RunWriter):
         loaded: LoadedCase,
         attributes: Mapping[str, str | int | float],
         context: RunContext,
+        refinement: Refinement,
         earlier: FiniteEarlier | None = None,
     ) -> None:
         attributes = {**attributes, "strain": "finite"}
         super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
         self._started -= earlier.seconds if earlier else 0.0
-        self._earlier = earlier
+        self._earlier, self.refinement, self.touched = earlier, refinement, Touched()
         self._lines = LinesWriter(directory)
         self.steps = self._saved = self.renewed = self._rows = 0
         self.last: FiniteState | None = None
@@ -111,6 +114,7 @@ class FiniteRecorder(RunWriter):
             setattr(self, name, before.figures.get(name, 0.0))
         self.turns += [Turn(**one) for one in before.figures["turns"]]
         self.warnings += before.figures["warnings"]
+        self.touched = Touched.read(before.figures)
         positions = self._file.saved_positions()
         self._saved = len(positions)
         for position in positions if scene.case.output.vtu else ():
@@ -141,6 +145,7 @@ class FiniteRecorder(RunWriter):
             self._rows += 1 + len(between)
             figures = {name: getattr(self, name) for name in TALLIES}
             more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
+            more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
             assert step.mark is not None
             latest = partial(plain_mark, step.mark, figures | more)
             # Before the rows: a resumed run drops the events of steps that are not in its file.
@@ -165,6 +170,7 @@ class FiniteRecorder(RunWriter):
 
     def _count(self, scene: FiniteScene, step: FiniteStep) -> None:
         self.steps += self.last is not None
+        self.touched.add(scene, step)
         before, self.last = self.last, step.state
         self.count(step, [step.state.residual, *(one.residual for one in step.saved), 0.0])
         self.renewed += step.renewed

@@ -26,12 +26,15 @@ from mlsanm_cli.app.finite.fields import (
 )
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
+from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.verdict import FEW_WAVES
 from mlsanm_cli.app.output.summary import Ending, head, probe_figures
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_reader import RunOrigin
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.system import peak_memory_mb
@@ -47,19 +50,34 @@ def run_finite(
 ) -> Mapping[str, Any]:
     """Follow the path and write the run directory, or continue with a run of that ``origin``; the mapping of
     summary.json."""
-    earlier = interrupted_run(origin) if origin is not None else None
-    with context.phase("operators"):
-        scene = finite_scene(loaded.case, prepared)
-    with FiniteRecorder(directory, loaded, provenance, context, earlier) as recorder:
-        quality = announce(loaded.case, prepared, context, recorder.warn)
-        ending = _followed(scene, recorder, context)
-        summary = _summary(scene, recorder, ending, quality, context.clock)
-        recorder.finish(summary)
-    return summary
+    case, earlier = loaded.case, interrupted_run(origin) if origin is not None else None
+    refinement = Refinement.read(earlier.figures) if earlier else Refinement()
+    if len(refinement.zones):
+        prepared = place(case, context, refinement.asked)
+    while True:
+        with context.phase("operators"):
+            scene = finite_scene(case, prepared)
+        with FiniteRecorder(directory, loaded, provenance, context, refinement, earlier) as recorder:
+            quality = announce(case, prepared, context, recorder.warn)
+            failure, stop = _followed(scene, recorder, context)
+            finer = None
+            if stop is None:
+                finer = refined(scene, recorder.touched, refinement, failure, context)
+            if finer is None:
+                ending = _ending(scene, recorder, context, failure, stop)
+                summary = _summary(scene, recorder, ending, quality, context.clock)
+                recorder.finish(summary)
+                return summary
+        refinement, prepared = finer
+        earlier = None
+        run_dir.prepare(directory, force=True)
+        context.console.note("again, with finer nodes in contact")
 
 
-def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext) -> Ending:
-    """Go along the path; how it ended."""
+def _followed(
+    scene: FiniteScene, recorder: FiniteRecorder, context: RunContext
+) -> tuple[NumericalError | None, KeyboardInterrupt | None]:
+    """Go along the path; what failed, or has stopped it."""
     try:
         mark = recorder.start(scene)
         context.stop_gently()
@@ -69,17 +87,34 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
             with context.phase("continuation"):
                 step = next(steps, None)
             if step is None:
-                break
+                return None, None
             recorder.step(scene, step)
+    except NumericalError as error:
+        return error, None
+    except KeyboardInterrupt as stop:
+        return None, stop
+
+
+def _ending(
+    scene: FiniteScene,
+    recorder: FiniteRecorder,
+    context: RunContext,
+    failure: NumericalError | None,
+    stop: KeyboardInterrupt | None,
+) -> Ending:
+    """How the path ended."""
+    if stop is not None:
+        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
+        context.console.note(ending.hint)
+        return ending
+    try:
+        if failure is not None:
+            raise failure
         _check_end(scene, recorder)
     except NumericalError as error:
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, scene)
         return Ending("failed", error.message, error.hint)
-    except KeyboardInterrupt as stop:
-        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
-        context.console.note(ending.hint)
-        return ending
     return Ending("done", "end of the last stage")
 
 
@@ -94,6 +129,8 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
     if recorder.estimate > ESTIMATE_WARNING:
         recorder.warn(EnergyError.of(scene, recorder.last).warning(scene, recorder.estimate))
     if text := check_work(scene, recorder.missing, recorder.energy_error):
+        recorder.warn(text)
+    for text in recorder.refinement.warnings:
         recorder.warn(text)
     if recorder.last.pressed is not None:
         for text in few_nodes(scene, recorder.last.pressed):
@@ -135,6 +172,8 @@ def _summary(
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability
         summary["error_estimate"] = {"energy": recorder.estimate}
+        if errors := contact_errors(scene.case, recorder.refinement, recorder.touched):
+            summary["error_estimate"]["contacts"] = errors
         summary["energy_error"] = recorder.energy_error
         summary["finite_strain"] = {
             "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),

@@ -140,7 +140,7 @@ def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
         "energy_error": ENERGY_LIMIT,
         "error_estimate": LARGE_ERROR,
     }
-    return found if built is None else found | {"stability": stability_limit(built.ends)}
+    return found if built is None else found | {"stability": stability_limit(built.case, built.ends)}
 
 
 def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:

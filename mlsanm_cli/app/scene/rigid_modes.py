@@ -118,15 +118,16 @@ def sliding_resistance(
     """Mean squares (k, k) of what the motions do across the surfaces they move, with friction in all.
 
     Where one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that turns about
-    a point above the plane it rests on: what holds it is the width of the contact alone.
+    a point above the plane it rests on: what holds it is the width of the contact alone. Two straight ones
+    meet in all of their length or at a corner, which crosses the other one.
     """
     total = _elastic(unknown)
     for pairing in pairings:
         frame = _Frame.of(pairing, clouds)
         sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
         free = [directions[:, sizes <= SLIDES**2] for sizes, directions in sides]
-        straight = any(one.shape[1] and np.abs(one[2]).max() <= SLIDES for one in free)
-        if at_once and straight and not pairing.friction:
+        straight = [bool(one.shape[1] and np.abs(one[2]).max() <= SLIDES) for one in free]
+        if at_once and sum(straight) == 1 and not pairing.friction:
             along = np.linalg.svd(np.hstack(free))
             crossing = along[0][:, int((along[1] > SLIDES).sum()) :]
             relative = crossing.T @ frame.relative(unknown)

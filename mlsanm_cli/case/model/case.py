@@ -122,11 +122,11 @@ class Support(Stretch):
 class Regularization(Section):
     """The contact and friction law."""
 
-    law: Literal["hyperbolic", "exact"] = "hyperbolic"
-    """Regularised contact law (a smooth hyperbola, required by power series) or exact Signorini and Coulomb
-    conditions; the same in all contacts. Exact by default where contacts have friction or bodies have
-    neither supports nor loads, and no other parameter or method asks for the regularised law; always exact at
-    finite strain."""
+    law: Literal["exact", "hyperbolic"] = "exact"
+    """Exact Signorini and Coulomb conditions, or the regularised contact law (a smooth hyperbola), required
+    by power series; the same in all contacts. Hyperbolic by default where another parameter of this table,
+    `solver.method` `"anm"` or `"newton"`, the monolithic formulation or `solver.polish = true` asks for it;
+    always exact at finite strain."""
     eta: Annotated[Positive, NUMBER] = 1e-4
     """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
     stick: Annotated[Positive, NUMBER] = 1e-4
@@ -158,7 +158,8 @@ class Contact(Stretch):
     """Coulomb's coefficient of friction, or `"bonded"`: touching surfaces are tied together and carry tension
     as well."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
-    """Tolerance of the contact grid: error of the pressures relative to the largest."""
+    """Tolerance of the contact grid: error of the pressures relative to the largest. At finite strain that of
+    the force, relative to itself: bodies of automatic spacing get nodes for it after a first run."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes."""
     regularization: Regularization = Regularization()

@@ -28,6 +28,8 @@ MOST_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""
 LARGEST = 16 * MB
 """Largest case file, in bytes."""
+REGULARIZED = "hyperbolic"
+"""The law of contacts that ask for parameters or methods which the exact law does not have."""
 
 
 @dataclass(frozen=True)
@@ -161,61 +163,33 @@ def _anchored_body(body: Any, folder: Path) -> Any:
 
 
 def _with_law(data: dict[str, Any]) -> dict[str, Any]:
-    """The content with the exact law in contacts that name none, at finite strain, where friction depends on
-    the history, and where bodies have neither supports nor loads.
-
-    With friction saved levels cannot be polished, and bodies that bend would float on the regularised law's
-    gaps where little presses them. Rollers and the like would be driven to where these gaps are widest.
-    Whoever gives parameters of that law, or a method that needs it, has chosen it.
-    """
+    """The content with the regularised law in contacts that name none, where a parameter or a contact of that
+    law, a method that needs it or polishing asks for it; at finite strain there is none."""
     model, contacts, solver = data.get("model"), data.get("contact"), data.get("solver", {})
     if not (isinstance(model, Mapping) and isinstance(contacts, tuple) and isinstance(solver, Mapping)):
         return data
-    if model.get("strain") != "finite":
-        regularized = (
-            solver.get("method") in ("anm", "newton")
-            or solver.get("formulation") == "monolithic"
-            or solver.get("polish") is True
-            or any(isinstance(one, Mapping) and one.get("regularization") for one in contacts)
-        )
-        if regularized or not (any(map(_rubs, contacts)) or _has_loose_bodies(data)):
-            return data
-    return {**data, "contact": tuple(_exact(one) for one in contacts)}
+    asked = (
+        solver.get("method") in ("anm", "newton")
+        or solver.get("formulation") == "monolithic"
+        or solver.get("polish") is True
+        or any(map(_is_regularized, contacts))
+    )
+    if model.get("strain") == "finite" or not asked:
+        return data
+    return {**data, "contact": tuple(_regularized(one) for one in contacts)}
 
 
-def _has_loose_bodies(data: Mapping[str, Any]) -> bool:
-    """Whether some body has neither supports nor loads, nor a bond to one that has."""
-    acting = [*_tables(data, "support"), *_tables(data, "load")]
-    named = {one.get("body") for one in acting}
-    for one in acting:
-        named |= _bodies_of(one.get("boundary"))
-    bonds = [one for one in _tables(data, "contact") if one.get("friction") == "bonded"]
-    joined = [_bodies_of(one.get("slave")) | _bodies_of(one.get("master")) for one in bonds]
-    for _ in joined:
-        named |= {body for bodies in joined if bodies & named for body in bodies}
-    return any(body.get("name") not in named for body in _tables(data, "body"))
+def _is_regularized(contact: Any) -> bool:
+    """Whether a contact names the regularised law, or no law but parameters of that one."""
+    given = contact.get("regularization") if isinstance(contact, Mapping) else None
+    return bool(given) and isinstance(given, Mapping) and given.get("law", REGULARIZED) == REGULARIZED
 
 
-def _bodies_of(boundaries: Any) -> set[Any]:
-    sides = boundaries if isinstance(boundaries, tuple) else (boundaries,)
-    return {side.split(".")[0] for side in sides if isinstance(side, str)}
-
-
-def _tables(data: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
-    given = data.get(name)
-    return [one for one in given if isinstance(one, Mapping)] if isinstance(given, tuple) else []
-
-
-def _rubs(contact: Any) -> bool:
-    friction = contact.get("friction") if isinstance(contact, Mapping) else None
-    return isinstance(friction, int | float) and friction > 0.0
-
-
-def _exact(contact: Any) -> Any:
+def _regularized(contact: Any) -> Any:
     given = contact.get("regularization", {}) if isinstance(contact, Mapping) else None
     if not isinstance(given, Mapping) or contact.get("friction") == "bonded":
         return contact
-    return {**contact, "regularization": {"law": "exact", **given}}
+    return {**contact, "regularization": {"law": REGULARIZED, **given}}
 
 
 def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:

@@ -12,12 +12,17 @@ SHARE, TIMES = 0.02, 3.0
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
-    """Half the distance between the outermost crossings of 1 % of the peak.
+    """Half the distance between the outermost crossings of 1 % of the regular peak: those at singular
+    ends depend on the grid.
 
     ``arc_length`` (m,) increasing, ``pressure`` (m,) joined linearly. A profile that does not fall below the
     threshold before the last node ends there.
+
+    >>> place = np.array([0.0, 1.0, 2.0, 2.999, 3.0])
+    >>> float(round(half_width(place, np.array([0.0, 1.0, 1.0, 1.0, 1e6])), 3))
+    1.495
     """
-    level = THRESHOLD * float(pressure.max(initial=0.0))
+    level = THRESHOLD * regular_peak(arc_length, pressure)
     above = np.flatnonzero(pressure > level)
     if level <= 0.0 or not len(above):
         return 0.0

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.comparison.differences import same_law_limit
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, finite_path
+from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, finite_path, renewals_of
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.output.provenance import attributes
 from mlsanm_cli.app.scene.build import build_scene
@@ -25,9 +26,9 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
 
 METHODS = ("anm", "newton")
-SAME = 1e-2
-"""Largest difference between states of the two methods, over the largest displacement. Both have the same
-equations, but renew them at different places; what that changes is part of the discretisation error."""
+RENEWED_ELSEWHERE = 1e-2
+"""Largest difference, over the largest displacement, where Newton's method could not follow with the
+equations of the power series and renewed them in other states: a part of the discretisation error."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +68,14 @@ def compare_finite(
     with clock.phase("operators"):
         scene = finite_scene(wanted.case, prepared)
     rows = []
+    renewals: tuple[FiniteState, ...] | None = None
     for method in METHODS:
         console.phase(f"following the path: {method}")
-        rows.append(_followed(scene, method, repeat))
-    limit = SAME if tolerance is None else tolerance
+        rows.append(_followed(scene, method, repeat, renewals))
+        renewals = renewals_of(rows[0].steps)
+    shared = all(len(renewals_of(row.steps)) == len(renewals or ()) for row in rows)
+    limit = same_law_limit(wanted.case) if shared else RENEWED_ELSEWHERE
+    limit = limit if tolerance is None else tolerance
     table = [_figures(row, rows, limit, clock) for row in rows]
     if table[0]["status"] == "failed":
         status = "failed"
@@ -111,8 +116,10 @@ def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
         raise RunError("nothing to compare ANM with", "add --newton")
 
 
-def _followed(scene: FiniteScene, method: str, repeat: int) -> MethodPath:
-    """The path by one method; the median time counts."""
+def _followed(
+    scene: FiniteScene, method: str, repeat: int, renewals: tuple[FiniteState, ...] | None
+) -> MethodPath:
+    """The path by one method, with equations renewed as another did; the median time counts."""
     changes = {"method": method}
     solver = scene.case.solver.model_copy(update=changes)
     chosen = replace(scene, case=scene.case.model_copy(update={"solver": solver}))
@@ -122,7 +129,7 @@ def _followed(scene: FiniteScene, method: str, repeat: int) -> MethodPath:
     for _ in range(repeat):
         begun, steps, failure = time.process_time(), [], None
         try:
-            steps.extend(finite_path(chosen))
+            steps.extend(finite_path(chosen, renewals=renewals))
         except NumericalError as error:
             failure = error
         times.append(time.process_time() - begun)
