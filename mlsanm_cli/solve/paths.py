@@ -22,8 +22,8 @@ TOWARDS = (0.5, 0.9, 0.99, 0.999)
 """Parts of a limit load at which the path towards it has states."""
 ROWS = 20
 """A path without friction has at least so many states, evenly between those that are asked for."""
-FEW_ROWS = 3
-"""The same of contacts with many unknowns, whose states take seconds."""
+FEW_ROWS = 1
+"""The same of contacts with many unknowns, whose states take seconds each."""
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
