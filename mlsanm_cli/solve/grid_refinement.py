@@ -11,6 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.response.compressed import MANY
 from mlsanm_cli.contact.response.condensation import BodyResponses
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
@@ -35,8 +36,9 @@ NOTHING = 1e-6
 AT_ENDS = 0.3
 """Intervals at a grid's ends with this part of the largest error are halved once more at once; two and
 three more save nothing further."""
-SHARE, WORST = 0.7, 0.1
-"""Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
+SHARE, WORST, WORST_OF_MANY = 0.7, 0.1, 0.02
+"""Intervals are halved that have more than this part of an equal share of the error, and of the largest: of
+grids with many intervals more at once, as each round takes long."""
 
 
 def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
@@ -80,7 +82,8 @@ def refined(
         chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
         aim = accuracy[name] * max(1.0, len(errors) / limits[0]) ** 3
         if float(np.sqrt((errors**2).sum())) > aim:
-            chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
+            part = (WORST if len(errors) <= MANY else WORST_OF_MANY) * float(errors.max())
+            chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), part)
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
             result[name] = _halved(grid, chosen, errors)

@@ -11,7 +11,7 @@ import numpy as np
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError
-from mlsanm_cli.contact.response.compressed import MANY
+from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import near_limit
@@ -21,8 +21,9 @@ from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 TOWARDS = (0.5, 0.9, 0.99, 0.999)
 """Parts of a limit load at which the path towards it has states."""
 ROWS = 20
-"""A path without friction has at least so many states, evenly between those that are asked for; contacts of
-MANY unknowns, whose states take seconds each, have only these."""
+"""A path without friction has at least so many states, evenly between those that are asked for."""
+FEW_ROWS = 1
+"""The same of contacts with many unknowns, whose states take seconds each."""
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
@@ -97,11 +98,11 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
     }
     near = near_limit(built.condensed, built.stages) if built.ends_early else None
     towards = [] if near is None else [_part_of(near[1], share) for share in TOWARDS]
+    rows = ROWS if compressed(built.condensed.gap.pressure) is None else FEW_ROWS
     state = unloaded_state(built) if start is None else start.state
     if start is None:
         yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
-    rows = _between(positions) if len(built.condensed.weight) <= MANY else ()
-    for position in sorted({*positions, *rows, *towards}):
+    for position in sorted({*positions, *_between(positions, rows), *towards}):
         if position <= state.position:
             continue
         active = state.closed if state.position > 0.0 else None
@@ -117,10 +118,10 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
         yield replace(step, saved=(state,) if position in wanted else (), checkpoint=Checkpoint(state))
 
 
-def _between(positions: Sequence[float]) -> Iterator[float]:
-    """Places that divide the ways between ``positions``, so that all have ROWS parts or a few more."""
+def _between(positions: Sequence[float], rows: int) -> Iterator[float]:
+    """Places that divide the ways between ``positions``, so that all have so many ``rows`` or a few more."""
     for begin, end in itertools.pairwise(positions):
-        parts = int(np.ceil(ROWS * (end - begin) / positions[-1]))
+        parts = int(np.ceil(rows * (end - begin) / positions[-1]))
         yield from (begin + part / parts * (end - begin) for part in range(1, parts))
 
 

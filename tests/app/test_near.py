@@ -13,7 +13,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import load_case
-from mlsanm_cli.contact.response import contact_fields
+from mlsanm_cli.contact.response import condensation, contact_fields
 from mlsanm_cli.contact.response.functionals import changes, gap_rows, slip_rows
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
@@ -227,3 +227,27 @@ def test_changes_of_gaps_and_slips_are_those_of_their_rows(tmp_path: Path) -> No
         expected = [(one @ moved.ravel())[: len(gap)] for one in rows]
         assert gap == pytest.approx(expected[0], abs=1e-12)
         assert slip == pytest.approx(expected[1], abs=1e-12)
+
+
+def test_compressed_compliances_change_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A body up to two of its corners, and one pressed by a rigid wave between walls: few unknowns here.
+    x = np.linspace(0.0, 2.0, 61)
+    wave = {"kind": "polyline", "points": np.column_stack([x, 1e-3 * (1.0 + np.cos(np.pi * x))]).tolist()}
+    walls = "".join(support(f"block.{name}", ux=0.0) for name in ("left", "right"))
+    common = head("strain") + material("steel", E=210e3, nu=0.3)
+    waves = (
+        common
+        + body("block", "steel", shape=box([0.0, 2.0], [-2.0, 0.0]))
+        + walls
+        + support("block.bottom", uy=0.0)
+        + pushed("press", "interface", fy=-100.0)
+        + contact("interface", "block.top", None, obstacle=wave, regularization=EXACT)
+    )
+    for number, text in enumerate((waves, pressed(0.05)[0])):
+        found = []
+        for many in (20, 10_000):
+            monkeypatch.setattr(condensation, "MANY", many)
+            done(text, tmp_path / f"{number}-{many}", "contact.interface.accuracy=0.01", "output.fields=[]")
+            found.append(pressures(tmp_path / f"{number}-{many}")[1])
+        assert len(found[0]) == len(found[1])
+        assert np.abs(found[0] - found[1]).max() <= 1e-7 * found[1].max()

@@ -137,3 +137,17 @@ def test_few_of_many_sides_are_looked_at_and_none_is_missed() -> None:
     share = np.clip(((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
     every = np.linalg.norm(points[:, None] - start - share[:, :, None] * along, axis=2)
     assert away == pytest.approx(every.min(axis=1), abs=1e-12)
+
+
+def test_places_beside_long_sides_are_found_among_many() -> None:
+    # A fine profile between long flanks: few middles alone would not tell which side is closest.
+    x = np.linspace(0.0, 1.0, 301)
+    fine = np.column_stack([x, 0.02 * np.cos(40.0 * x)])
+    points = np.concatenate([[(-30.0, 9.0)], fine, [(40.0, 11.0)]])
+    seen = np.random.default_rng(1).uniform((-8.0, -3.0), (9.0, 0.5), (400, 2))
+    partner = Chain(points)._on_sides(seen, np.tile((0.0, 1.0), (400, 1)))[0]
+    along = np.diff(points, axis=0)
+    share = ((seen[:, None] - points[:-1]) * along).sum(axis=2) / (along**2).sum(axis=1)
+    closest = points[:-1] + np.clip(share, 0.0, 1.0)[..., None] * along
+    least = np.linalg.norm(seen[:, None] - closest, axis=2).min(axis=1)
+    assert np.linalg.norm(seen - partner, axis=1) == pytest.approx(least, rel=1e-12)

@@ -24,10 +24,11 @@ MOST: Mapping[str, int] = {
     "probe": 1000,
     "stage": 5000,
     "stop": 100,
-    "points": 20_000,
+    "points": 2000,
+    "obstacle.points": 20_000,
     "at": 10_000,
 }
-"""Largest number of items by the key of their list or table."""
+"""Largest number of items by the key of their list or table, or by the last two keys."""
 SMALLEST, LARGEST = 1e-60, 1e60
 """Magnitudes of numbers: products of a few of them must not overflow or underflow."""
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
@@ -61,9 +62,9 @@ def size_problems(content: Mapping[str, Any]) -> list[Problem]:
         path, value = waiting.pop()
         if len(path) > DEEPEST:
             return [(path[:1], f"is nested more than {DEEPEST} levels deep", "")]
-        named = next((step for step in reversed(path) if isinstance(step, str)), "")
+        named, owner, *_ = [step for step in reversed(path) if isinstance(step, str)] + ["", ""]
         counted = isinstance(value, list | tuple) or path == ("material",)
-        most = MOST.get(named)
+        most = MOST.get(f"{owner}.{named}", MOST.get(named))
         if counted and path[-1:] == (named,) and most is not None and len(value) > most:
             problems.append((path, f"has {len(value)} items", f"{most} at most"))
             continue

@@ -25,6 +25,8 @@ ALIKE, NEIGHBORS = 0.6, 2
 among so many on either side. A corner alone among straight sides differs by all of it."""
 CANDIDATES = 8
 """So many sides are looked at closely, where there are more than twice as many."""
+PARTED = 4.0
+"""Sides longer than this many times most are looked at in parts."""
 AT_ONCE = 200_000
 """Pairs of points and sides worked on together, for the sake of memory."""
 RUN = 3
@@ -116,8 +118,17 @@ class Chain:
         return result
 
     @cached_property
-    def _middles(self) -> cKDTree:
-        return cKDTree(0.5 * (self.points[:-1] + self.points[1:]))
+    def _middles(self) -> tuple[cKDTree, IntArray, float]:
+        """The middles of all sides, of long ones those of parts; whose side each is; and how far the farthest
+        place is from the middle of its part."""
+        along = np.diff(self.points, axis=0)
+        length = np.hypot(along[:, 0], along[:, 1])
+        parts = np.ceil(length / max(PARTED * np.median(length), length.mean())).astype(np.int64)
+        side = np.repeat(np.arange(len(length)), parts)
+        number = np.arange(len(side)) - np.repeat(np.cumsum(parts) - parts, parts)
+        share = (number + 0.5) / parts[side]
+        reach = 0.5 * float((length / parts).max())
+        return cKDTree(self.points[:-1][side] + share[:, None] * along[side]), side, reach
 
     @cached_property
     def _curves(self) -> tuple[tuple[int, int, SplinePart], ...]:
@@ -191,8 +202,9 @@ class Chain:
         nearest middles where that is certain, all where not."""
         count, rows = len(self.points) - 1, np.arange(len(points))
         if count > 2 * CANDIDATES:
-            reach = 0.5 * np.hypot(*np.diff(self.points, axis=0).T).max()
-            distance, chosen = nearest(self._middles, points, CANDIDATES)
+            tree, side, reach = self._middles
+            distance, chosen = nearest(tree, points, CANDIDATES)
+            chosen = side[chosen]
             # No side beyond the last of these comes nearer than the first does.
             certain = distance[:, -1] - reach > distance[:, 0]
             if certain.any():

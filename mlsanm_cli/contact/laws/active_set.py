@@ -22,6 +22,8 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 
 ROUND_OFF = 1e-11
+NOISE, MOST_OF_MANY = 1000.0, 300
+"""So many times what is left of right-hand sides by products tells nothing; and passes there at most."""
 MOST, FEW = 50, 1
 """Passes of a search for every node: at most, and where others are at hand if it comes to nothing."""
 
@@ -121,21 +123,27 @@ def _searched(
     leaves bodies loose that nothing holds."""
     gap_map, m = condensed.gap, len(condensed.weight)
     seen: set[bytes] = set()
-    one_by_one = False
-    limit = held.passes * (m + 1)
+    many = compressed(gap_map.pressure) is not None
+    roughly, one_by_one = many, False
+    limit = MOST_OF_MANY if many else held.passes * (m + 1)
     pressure = np.zeros(m)
     for count in range(1, limit + 1):
         closed = _Closed(condensed, free_gap, factors, active, held)
-        for part in closed.parts:
+        for part in (ROUGH, EXACT) if roughly else (EXACT,):
             pressure, motion = closed.solve(pressure, part)
             gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
             gap[active] = 0.0
-            wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion))
+            tolerance = max(ROUND_OFF, NOISE * part) if many else ROUND_OFF
+            wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion), tolerance)
             if wrong.any():
                 break
         if not wrong.any():
             return _Solved(active, pressure, motion, count)
-        one_by_one |= active.tobytes() in seen
+        if active.tobytes() in seen:
+            # What is left of rough solutions may do it, too.
+            one_by_one |= not roughly
+            roughly = False
+            seen.clear()
         if one_by_one:
             wrong[np.flatnonzero(wrong)[0] + 1 :] = False
         seen.add(active.tobytes())
@@ -199,11 +207,6 @@ class _Closed:
             matrix[:a, a:], matrix[a:, :a], matrix[a:, a:] = moved, forces, stiffness
             self._dense = DenseSystem(matrix, a)
 
-    @property
-    def parts(self) -> tuple[float, ...]:
-        """What parts of the right-hand sides are to be left: first a larger one where it saves anything."""
-        return (EXACT,) if self._many is None else (ROUGH, EXACT)
-
     def solve(self, near: FloatArray, part: float) -> tuple[FloatArray, FloatArray]:
         """Pressures (m,) and motions (k,), from pressures ``near`` them; a ``part`` may be left."""
         pressure, closed = np.zeros(self._count), self._closed
@@ -227,12 +230,17 @@ def _unbalanced() -> UnbalancedError:
 
 
 def _violations(
-    condensed: Condensed, active: BoolArray, pressure: FloatArray, gap: FloatArray, least: float
+    condensed: Condensed,
+    active: BoolArray,
+    pressure: FloatArray,
+    gap: FloatArray,
+    least: float,
+    tolerance: float,
 ) -> BoolArray:
-    """Closed nodes in tension and open nodes that overlap, beyond the round-off of the pressures, and of
+    """Closed nodes in tension and open nodes that overlap, beyond a ``tolerance`` of the pressures, and of
     ``least``, which counts where nothing is loaded."""
     typical = max(float(np.abs(pressure).max(initial=0.0)), least)
     elastic = condensed.largest_compliance * typical
-    tension = active & (pressure < -ROUND_OFF * typical)
-    overlap = ~active & (gap < -ROUND_OFF * elastic)
+    tension = active & (pressure < -tolerance * typical)
+    overlap = ~active & (gap < -tolerance * elastic)
     return np.asarray(tension | overlap, dtype=bool)

@@ -123,10 +123,7 @@ def _about_inverse(compliance: Compressed, closed: IntArray) -> sparse.csr_array
     there = (other >= 1) & (other <= count)
     other = np.where(there, other, rank[:, None]) - 1
     size = len(NEIGHBOURS)
-    one, two = np.triu_indices(size)
-    entries = compliance.weighted(closed[other[:, one].ravel()], closed[other[:, two].ravel()])
-    local = np.zeros((count, size, size))
-    local[:, one, two] = local[:, two, one] = entries.reshape(count, -1)
+    local = compliance.weighted(closed[other])
     local = np.where(there[:, :, None] & there[:, None, :], local, 0.0)
     local[:, np.arange(size), np.arange(size)] += ~there
     units = np.zeros((count, size, 1))

@@ -151,19 +151,24 @@ class Compressed:
         parts = [reduce(lambda left, one: left @ one, chain, basis.T) for chain in self.smooth]
         return basis, np.sum(parts, axis=0)
 
-    def weighted(self, one: IntArray, other: IntArray) -> FloatArray:
-        """About the entries (e,) in rows ``one`` and columns ``other``, times the rows' weights."""
+    def weighted(self, places: IntArray) -> FloatArray:
+        """About the symmetric entries (n, q, q) among rows of ``places`` (n, q), times the weights."""
         left, right = self._about
-        found = np.einsum("ek,ek->e", left[one], right.T[other])
+        smooth = (self.weight[:, None] * left)[places] @ right.T[places].transpose(0, 2, 1)
+        found = 0.5 * (smooth + smooth.transpose(0, 2, 1))
+        a, b = np.triu_indices(places.shape[1])
+        one, other = places[:, a], places[:, b]
         keys = one * self.shape[1] + other
         place = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
         near = self._keys[place] == keys
-        found[near] += self.near.data[place[near]]
-        found *= self.weight[one]
+        values = np.where(near, self.weight[one] * self.near.data[place], 0.0)
         for contact in self.singular:
             first, last = contact.first, contact.first + len(contact.place)
             far = ~near & (one >= first) & (one < last) & (other >= first) & (other < last)
-            found[far] += contact.between(one[far] - first, other[far] - first)
+            values[far] = contact.between(one[far] - first, other[far] - first)
+        found[:, a, b] += values
+        beside = a < b
+        found[:, b[beside], a[beside]] += values[:, beside]
         return np.asarray(found)
 
 
