@@ -22,7 +22,7 @@ SMALL = 1e-9
 
 
 @dataclass(frozen=True)
-class Marks:
+class EdgeNames:
     """What names the boundary's edges.
 
     ``lines`` (l, 2) of nodes have ``names`` (l,), empty for none. A set of nodes names the edges between its
@@ -34,7 +34,7 @@ class Marks:
     node_sets: Mapping[str, IntArray]
 
 
-def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: Marks) -> tuple[Loop, ...]:
+def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: EdgeNames) -> tuple[Loop, ...]:
     """The boundary of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use.
 
     Raises GeometryError for coincident nodes, degenerate or overlapping elements, edges of three elements,
@@ -132,7 +132,7 @@ def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
         )
 
 
-def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: Marks) -> tuple[str, ...]:
+def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: EdgeNames) -> tuple[str, ...]:
     """Names (b,) of the boundary's edges."""
     count = len(points)
     place = {int(k): number for number, k in enumerate(_key(np.sort(boundary, axis=1), count))}

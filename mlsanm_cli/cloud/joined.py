@@ -23,7 +23,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class CurvePart:
     """The part of a ``whole`` curve from arc length ``first`` over ``length``, on a closed one past its start
     if need be."""
 
@@ -164,7 +164,7 @@ def points_of(curve: Curve) -> int:
     """How many points a curve is given by, as far as it is a curve through points."""
     if isinstance(curve, Joined):
         return sum(map(points_of, curve.pieces))
-    if isinstance(curve, Part):
+    if isinstance(curve, CurvePart):
         return math.ceil(points_of(curve.whole) * curve.length / curve.whole.length)
     return len(curve.node_arcs) if isinstance(curve, SplinePart) else 0
 
@@ -199,10 +199,10 @@ def _merged(one: Curve, other: Curve) -> Curve | None:
         if abs(abs(sweep) - 2.0 * math.pi) <= SAME:
             sweep = math.copysign(2.0 * math.pi, sweep)
         return Arc(one.center, one.radius, one.start, sweep)
-    if isinstance(one, Part) and isinstance(other, Part) and one.whole is other.whole:
+    if isinstance(one, CurvePart) and isinstance(other, CurvePart) and one.whole is other.whole:
         whole, length = one.whole, one.length + other.length
         if abs(length - whole.length) > SAME * whole.length:
-            return Part(whole, one.first, length)
+            return CurvePart(whole, one.first, length)
         # All of a closed curve would begin where it does itself, and not where the first part does.
         return whole if not whole.closed or one.first == 0.0 else None
     return None
@@ -216,9 +216,9 @@ def part_of(curve: Curve, first: float, last: float) -> Curve:
     if isinstance(curve, Arc):
         sign = math.copysign(1.0, curve.sweep) / curve.radius
         return Arc(curve.center, curve.radius, curve.start + sign * first, sign * (last - first))
-    if isinstance(curve, Part):
-        return Part(curve.whole, curve.first + first, last - first)
-    return Part(curve, first, last - first)
+    if isinstance(curve, CurvePart):
+        return CurvePart(curve.whole, curve.first + first, last - first)
+    return CurvePart(curve, first, last - first)
 
 
 def cut(outline: Outline, cuts: Mapping[int, Sequence[float]]) -> Outline:

@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Part:
+class VtuPart:
     """A body, a surface or an obstacle at one load level.
 
     ``points`` (n, 2) in the reference configuration; ``cells`` are pairs (c, 2) or triangles (c, 3) of them,
@@ -62,7 +62,7 @@ class _Collection:
 class StateWriter(_Collection):
     """Writes one VTU per saved state and body, fields_0000.vtu onwards, and fields.pvd that lists them."""
 
-    def write(self, position: float, bodies: Mapping[str, Part]) -> None:
+    def write(self, position: float, bodies: Mapping[str, VtuPart]) -> None:
         """Write one state; fields.pvd then lists it too. RunError if a file cannot be written."""
         files = self._files(list(bodies))
         for name, body in bodies.items():
@@ -91,7 +91,9 @@ class LinesWriter(_Collection):
 
     _states = 0
 
-    def write(self, position: float, contacts: Mapping[str, Part], obstacles: Mapping[str, Part]) -> None:
+    def write(
+        self, position: float, contacts: Mapping[str, VtuPart], obstacles: Mapping[str, VtuPart]
+    ) -> None:
         """Write one state; contacts.pvd then lists it too. Nothing is written of no contacts.
 
         Raises RunError if a file cannot be written.
@@ -113,7 +115,7 @@ class LinesWriter(_Collection):
         self._states += 1
 
 
-def write_parts(path: Path, number: str, parts: Sequence[Part]) -> None:
+def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
     """Write parts as one grid, with the data that all of them have, and integers that count them from 0 under
     the name ``number``, if it is one. RunError if the file cannot be written."""
     counts = [len(part.points) for part in parts]

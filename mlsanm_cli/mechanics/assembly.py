@@ -24,7 +24,7 @@ from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.corners import corner_weight, inward_corners, inward_weight
-from mlsanm_cli.mechanics.deferred import Equations, Timed
+from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.pieces import SOFTEST, Pieces
@@ -93,7 +93,7 @@ def assemble(
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
     chosen = [held, held_nodes, springs, solver.name, sorted(touching), unloaded]
     content = digest(model.rows_content, weight, curves, chosen)
-    equations = Equations(content, factorise)
+    equations = BodyEquations(content, factorise)
     single_held = tuple(held_nodes)
     body = ElasticBody(
         model, held, springs, free, first_row, count, pieces, loads, equations, timed, single_held
@@ -101,7 +101,7 @@ def assemble(
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)
-    return replace(body, equations=Equations(content, partial(_freed, pinned, single[len(held_nodes) :])))
+    return replace(body, equations=BodyEquations(content, partial(_freed, pinned, single[len(held_nodes) :])))
 
 
 def _strong(

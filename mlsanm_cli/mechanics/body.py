@@ -20,7 +20,7 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.deferred import Equations, Timed
+from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import (
     divergence_of,
     divergence_of_stress,
@@ -33,7 +33,7 @@ from mlsanm_cli.mechanics.elasticity import (
 )
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.near_field import Isotropic, Kernel, kernel_of
+from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
@@ -124,7 +124,7 @@ class BodyModel:
         return known_tips(self.cloud.tips, self.material, self.settings)
 
     @cached_property
-    def kernel(self) -> Kernel:
+    def kernel(self) -> PointForceField:
         """The field of forces on the surface in closed form."""
         return kernel_of(self.material)
 
@@ -309,7 +309,7 @@ class ElasticBody:
     rows: int
     pieces: Pieces
     loads_on_pieces: Callable[[], sparse.csr_array]
-    equations: Equations
+    equations: BodyEquations
     timed: Timed = nullcontext
     held_nodes: tuple[tuple[int, int], ...] = ()
 

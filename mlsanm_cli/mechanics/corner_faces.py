@@ -15,7 +15,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
-    Kernel,
+    PointForceField,
     SurfaceForces,
     as_complex,
     as_real,
@@ -73,7 +73,7 @@ class Line:
     """Forces ``density`` (p, 2, c) at distances of even ``logarithm`` (p,) along a ``face``, which stand for
     ones that are spread over it; their fields end at a ``center`` if there is one."""
 
-    kernel: Kernel
+    kernel: PointForceField
     face: Face
     logarithm: FloatArray
     density: FloatArray

@@ -12,7 +12,7 @@ Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 """Makes the context in which something that takes time is done."""
 
 
-class Equations:
+class BodyEquations:
     """A body's equations: what ``factorise`` makes a system of when it is first asked for.
 
     It is let go then: large as its rows are, the system has all that it needs. ``content`` is a digest of all

@@ -34,7 +34,7 @@ ALIKE = 1e-8
 isotropic materials are nearly equal, and their fields differences of large numbers."""
 
 
-class Kernel(Protocol):
+class PointForceField(Protocol):
     """The field of a unit force at the origin on the surface of a body of one material."""
 
     def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
@@ -129,7 +129,7 @@ class Anisotropic:
         return traction(self.stress(tangent), tangent) - 0.5 * traction(steeper, normal)
 
 
-def kernel_of(material: PlaneMaterial) -> Kernel:
+def kernel_of(material: PlaneMaterial) -> PointForceField:
     """The kernel of a material."""
     c = material.stiffness
     shear, first = c[2, 2], c[0, 1]
@@ -192,7 +192,7 @@ class SurfaceForces:
     which displacements jump. Elsewhere the cut runs outwards along the normal.
     """
 
-    kernel: Kernel
+    kernel: PointForceField
     place: ComplexArray
     inward: ComplexArray
     center: complex | None = None

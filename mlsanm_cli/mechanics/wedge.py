@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.cubic import cubic_rows
-from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, traction
+from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, traction
 
 STEP, COUNT = 0.02, 4096
 """The grid of ln(x / x')."""
@@ -55,7 +55,7 @@ class Wedge:
     outwards.
     """
 
-    kernel: Kernel
+    kernel: PointForceField
     along: complex
     other: complex
     turn: complex

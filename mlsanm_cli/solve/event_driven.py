@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mlsanm_cli.contact.laws.contact_status import ContactState
+from mlsanm_cli.contact.laws.contact_status import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
 from mlsanm_cli.contact.laws.event_driven import Event, event_driven_path
 from mlsanm_cli.contact.laws.event_driven import start as first_event
@@ -99,7 +99,7 @@ def _restored(start: Checkpoint) -> CoulombState:
     """The exact state of a checkpoint."""
     state, history = start.state, start.history
     assert history is not None
-    values = ContactState(state.pressure, state.traction, state.motion, state.gap, state.slip)
+    values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
     return CoulombState(state.factors, values, history.sets, history.stick_reference, state.work)
 
 

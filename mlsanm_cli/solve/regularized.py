@@ -30,7 +30,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
 from mlsanm_cli.solve.regularized_points import (
-    Point,
+    PathPoint,
     between,
     checkpoint_at,
     inside,
@@ -105,7 +105,7 @@ def _slides(stage: int, lam: float) -> SlidingError:
     return SlidingError(lam, f" at position {stage + lam:.9g}")
 
 
-def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) -> tuple[Point, PathStep]:
+def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) -> tuple[PathPoint, PathStep]:
     """The point before the first load and the path's first row. Raises NumericalError where nothing holds a
     body or platen."""
     if len(built.condensed.friction_nodes) and not built.is_holonomic:
@@ -115,15 +115,15 @@ def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) ->
     problem = problem_of(built, coupling_of(built, regularization(built)), 0)
     found = correct(problem, start_point(built, problem), 0.0, options)
     # Dissipation is a matter of history, which the holonomic law does not know.
-    point = Point(problem, found.x, 0.0, np.full(problem.n, np.nan))
+    point = PathPoint(problem, found.x, 0.0, np.full(problem.n, np.nan))
     return point, PathStep(_at_rest(point), (), 0.0, 0, found.updates, found.factorizations, found.solves)
 
 
-def _at_rest(point: Point) -> State:
+def _at_rest(point: PathPoint) -> State:
     return state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
 
 
-def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
+def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPoint:
     """The state before the first load: normals carry what the law's small pressures need.
 
     Very soft asperities keep motions as drawn that normals hardly resist, as a disk in a groove that would
@@ -174,21 +174,21 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
         rest = c.slip(begin, bare.split_motions(motion)[0], pressure, nothing)
         traction[:] = 0.0
     problem = sticking(bare.with_stick_compliance(), x, nothing)
-    return inside(Point(problem.rested(x, 0.0), x, 0.0, nothing), options.goal)
+    return inside(PathPoint(problem.rested(x, 0.0), x, 0.0, nothing), options.goal)
 
 
 class _StagePath:
     """One stage: one piece of path, or, where friction has a memory, pieces between events."""
 
     def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
-        self.point: Point
+        self.point: PathPoint
         self._stage, self._wanted, self._options = stage, wanted, options
         self._levels = levels_in(wanted, stage)
         self._began, self._standing = 0.0, 0
         self._held: ContactStatus | None = None
         self._previous: Branch | None = None
 
-    def steps(self, point: Point) -> Iterator[PathStep]:
+    def steps(self, point: PathPoint) -> Iterator[PathStep]:
         """Steps from the start of the stage to its end. Raises NoStateError, NumericalError."""
         self.point = point
         if not point.problem.change.any():
@@ -198,7 +198,7 @@ class _StagePath:
             self._put_on(point, point.friction, EventFlags.none(point.problem.n))
         yield from self._pieces()
 
-    def continue_stage(self, point: Point, previous: Branch | None) -> Iterator[PathStep]:
+    def continue_stage(self, point: PathPoint, previous: Branch | None) -> Iterator[PathStep]:
         """Steps from a point within the stage to its end, the first ones of the ``previous`` piece of path if
         no event has ended that. Raises as `steps` does."""
         self.point, self._began = point, point.lam
@@ -263,7 +263,7 @@ class _StagePath:
         limit = limit_load(friction.condensed, friction.start, friction.change)
         return limit is None or not limit.whole
 
-    def _put_on(self, point: Point, problem: RegularizedFriction, hits: EventFlags) -> None:
+    def _put_on(self, point: PathPoint, problem: RegularizedFriction, hits: EventFlags) -> None:
         """Put the path on the sets that hold beyond a point."""
         problem, x = continued(problem.by_pressure_alone(point.x), point.x, point.lam, hits)
         # The event's place, known to the series' tolerance, and the new sets disagree by a little.
@@ -284,7 +284,7 @@ class _StagePath:
         if failure is not None:
             raise failure
 
-    def _finished(self, before: Point, step: Step, follower: Follower | None = None) -> PathStep:
+    def _finished(self, before: PathPoint, step: Step, follower: Follower | None = None) -> PathStep:
         """The step from ``before`` to where the path is now, of a piece that continues by a follower."""
         stage = self._stage
         end = state_of(self.point, stage, step.residual)

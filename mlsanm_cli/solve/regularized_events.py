@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, exchange
 from mlsanm_cli.contact.response.dense import SingularSystemError
@@ -186,7 +186,7 @@ def continued(
             return system, system.on_limits(x)
     softened, known = problem.softened(x), None
 
-    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
         nonlocal known
         known, rates = problem.rates(softened, sets, known)
         return known, rates, rates.slip

@@ -28,7 +28,7 @@ UPDATES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class PathPoint:
     """Where the path is: its problem, unknowns, fraction of the stage, work dissipated (n,) so far."""
 
     problem: ContactProblem
@@ -43,7 +43,7 @@ class Point:
         return problem if isinstance(problem, RegularizedFriction) and problem.n else None
 
 
-def checkpoint_at(point: Point, state: State, follower: Follower | None = None) -> Checkpoint:
+def checkpoint_at(point: PathPoint, state: State, follower: Follower | None = None) -> Checkpoint:
     """What the path continues from at a point, whose state is given; a piece begins anew without a
     follower."""
     checkpoint = Checkpoint(state) if follower is None else checkpoint_of(state, follower)
@@ -54,7 +54,7 @@ def checkpoint_at(point: Point, state: State, follower: Follower | None = None) 
     return replace(checkpoint, history=history)
 
 
-def restored(built: CondensedScene, start: Checkpoint) -> Point:
+def restored(built: CondensedScene, start: Checkpoint) -> PathPoint:
     """The point where a checkpoint was made."""
     stage = min(start.stage, len(built.stages) - 2)
     coupling = coupling_of(built, regularization(built))
@@ -64,14 +64,14 @@ def restored(built: CondensedScene, start: Checkpoint) -> Point:
         problem = problem_of(built, coupling, stage)
         if isinstance(problem, HolonomicContact):
             x = problem.with_auxiliary(x, lam)
-        return Point(problem, x, lam, start.state.work)
+        return PathPoint(problem, x, lam, start.state.work)
     base = coupling.with_stick_compliance().with_thresholds(history.threshold)
     begin, end = built.stages[stage], built.stages[stage + 1]
     friction = RegularizedFriction(base, begin, end, history.sets, history.stick_reference)
-    return Point(friction, x, lam, start.state.work)
+    return PathPoint(friction, x, lam, start.state.work)
 
 
-def inside(point: Point, goal: float) -> Point:
+def inside(point: PathPoint, goal: float) -> PathPoint:
     """The point with a residual below ``goal``, if updates bring it there, and no sticking node beyond its
     limit: such nodes stay at their limits while all others are updated, then rest where they have come to."""
     problem = point.friction
@@ -102,7 +102,7 @@ def _updated(problem: RegularizedFriction, x: FloatArray, lam: float, goal: floa
     return x
 
 
-def moved(point: Point, x: FloatArray, lam: float) -> Point:
+def moved(point: PathPoint, x: FloatArray, lam: float) -> PathPoint:
     """A later point of the same piece of path; slipping nodes have dissipated the work of their tractions."""
     problem = point.friction
     if problem is None:
@@ -110,10 +110,10 @@ def moved(point: Point, x: FloatArray, lam: float) -> Point:
     mean = 0.5 * (problem.split(point.x)[3] + problem.split(x)[3])
     slipped = problem.stick_coordinate(x, lam) - problem.stick_coordinate(point.x, point.lam)
     work = point.work - np.where(problem.sets.slip_sign != 0.0, mean * slipped, 0.0)
-    return Point(problem, x, lam, work)
+    return PathPoint(problem, x, lam, work)
 
 
-def between(point: Point, x: FloatArray, lam: float) -> Point:
+def between(point: PathPoint, x: FloatArray, lam: float) -> PathPoint:
     """The same within a step, where the series may leave the friction cone by its residual."""
     return moved(point, x if point.friction is None else point.friction.within_cone(x), lam)
 
@@ -125,7 +125,7 @@ def series_of(problem: ContactProblem, branch: Branch, stage: int) -> dict[str, 
     return series_arrays(branch, stage, parts | {"traction": traction} if problem.n else parts)
 
 
-def state_of(point: Point, stage: int, residual: float) -> State:
+def state_of(point: PathPoint, stage: int, residual: float) -> State:
     """The state at a point of a stage."""
     problem, x, lam = point.problem, point.x, point.lam
     pressure, gap, motion, traction, *_ = problem.split(x)

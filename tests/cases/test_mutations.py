@@ -19,7 +19,7 @@ from mlsanm_cli.contact.response import load_vectors as sources
 from mlsanm_cli.mechanics import assembly, body
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.equations import RowTable
-from mlsanm_cli.mechanics.near_field import Kernel
+from mlsanm_cli.mechanics.near_field import PointForceField
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.springs import Held
@@ -121,7 +121,7 @@ def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path
 def test_half_of_a_contact_s_singular_field(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     proper = ContactGrid.singular
 
-    def faulty(near: ContactGrid, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
+    def faulty(near: ContactGrid, kernel: PointForceField, slave: bool) -> tuple[FloatArray, FloatArray]:
         log, turn = proper(near, kernel, slave)
         return 0.5 * log, 0.5 * turn
 

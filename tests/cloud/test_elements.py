@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.elements import Marks, boundary_loops
+from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops
 from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.errors import GeometryError
 
-NONE = Marks(np.zeros((0, 2), dtype=np.int64), (), {})
+NONE = EdgeNames(np.zeros((0, 2), dtype=np.int64), (), {})
 
 
 def grid(nx: int, ny: int) -> tuple[FloatArray, IntArray]:
@@ -33,7 +33,7 @@ def test_the_boundary_runs_around_the_material_whatever_the_elements_orientation
 
 def test_lines_and_node_sets_name_edges() -> None:
     points, quads = grid(3, 2)
-    marks = Marks(
+    marks = EdgeNames(
         np.array([[0, 1], [2, 1], [5, 1]]),
         ("floor", "floor", "inside"),
         {"left": np.array([0, 4, 8]), "all": np.arange(12), "point": np.array([3])},
@@ -102,6 +102,6 @@ def test_elements_that_are_no_body_are_refused(
 def test_marks_that_do_not_fit_are_refused() -> None:
     points, quads = grid(2, 1)
     with pytest.raises(GeometryError, match=r"line element near \(0.5, 0.5\) is not an edge"):
-        boundary_loops(points, (quads,), Marks(np.array([[0, 4]]), ("a",), {}))
+        boundary_loops(points, (quads,), EdgeNames(np.array([[0, 4]]), ("a",), {}))
     with pytest.raises(GeometryError, match=r'groups "a" and "b" share the edge near \(0.5, 0\)'):
-        boundary_loops(points, (quads,), Marks(np.array([[0, 1], [1, 0]]), ("a", "b"), {}))
+        boundary_loops(points, (quads,), EdgeNames(np.array([[0, 1], [1, 0]]), ("a", "b"), {}))

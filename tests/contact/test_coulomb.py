@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.contact.laws import contact_status
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
@@ -42,7 +42,7 @@ def random_problem(m: int, seed: int, friction: float) -> Condensed:
     )
 
 
-def every_state(c: Condensed, before: np.ndarray) -> list[ContactState]:
+def every_state(c: Condensed, before: np.ndarray) -> list[ContactSolution]:
     """All states that obey the law, found by trying open, sticking and slipping both ways at every node."""
     found = []
     for choice in product(range(4), repeat=len(c.weight)):

@@ -11,18 +11,18 @@ from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
 NO_PLANE = (None, None)
 
 
-def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) -> Side:
+def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) -> ContactSide:
     steps = np.diff(arc)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     free = np.zeros(len(arc), dtype=bool)
-    return Side(
+    return ContactSide(
         body,
         (("side", np.arange(len(arc))),),
         np.arange(len(arc)),

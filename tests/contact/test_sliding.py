@@ -9,7 +9,7 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.event_driven import event_driven_path, start
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
@@ -105,7 +105,7 @@ def test_a_body_that_slips_both_ways_rests_somewhere() -> None:
     slip_sign, never = np.where(np.arange(20) < 9, 1.0, -1.0), np.zeros(20, dtype=bool)
     watch = AdmissibleChanges(never, never, ~never, slip_sign.copy())
 
-    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
         system = SetSystem(c, sets)
         rates = system.rate(np.array([1.0, 0.0]))
         return system, rates, rates.slip

@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.vtk_xml import VERTEX, write_grid
-from mlsanm_cli.io.vtu import Part, StateWriter, write_parts
+from mlsanm_cli.io.vtu import StateWriter, VtuPart, write_parts
 
 RNG = np.random.default_rng(3)
 
@@ -20,14 +20,14 @@ RNG = np.random.default_rng(3)
 NONE = np.zeros((0, 3), dtype=np.int64)
 
 
-def part(count: int, cells: np.ndarray = NONE, **changes: Any) -> Part:
+def part(count: int, cells: np.ndarray = NONE, **changes: Any) -> VtuPart:
     data: dict[str, Any] = {
         "boundary_tag": np.arange(count, dtype=np.int32) % 3,
         "displacement": RNG.random((count, 2)),
         "stress": RNG.random((count, 4)),
         "von_mises": RNG.random(count),
     }
-    return Part(RNG.random((count, 2)), cells, data | changes)
+    return VtuPart(RNG.random((count, 2)), cells, data | changes)
 
 
 def read(path: Path) -> meshio.Mesh:

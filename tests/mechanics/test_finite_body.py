@@ -11,7 +11,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Kind, Law
-from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, cofactor_normal
+from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, cofactor_normal
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from tests.mechanics.bodies import jittered_square, with_body_force
 from tests.mechanics.finite_bodies import (
@@ -61,7 +61,9 @@ def mixed(elastic: ElasticBody) -> Loads:
     force[:, 1, 1], force[:, 0, 0] = 0.2, cloud.points[:, 0]
     sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, 2)
     sources[elastic.condition_rows("top", 0), 0] = 0.3
-    pressing = Pressing(1, "right", np.full(len(cloud.surfaces["right"].index), 0.2), np.full(len(arc), 0.2))
+    pressing = FollowerPressure(
+        1, "right", np.full(len(cloud.surfaces["right"].index), 0.2), np.full(len(arc), 0.2)
+    )
     return Loads(2, sources, {"top": tractions}, force, [pressing])
 
 

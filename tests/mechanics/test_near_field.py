@@ -12,7 +12,7 @@ from mlsanm_cli.mechanics.near_field import (
     Anisotropic,
     ComplexArray,
     Isotropic,
-    Kernel,
+    PointForceField,
     SurfaceForces,
     as_complex,
     as_real,
@@ -35,7 +35,7 @@ def at(*places: complex) -> ComplexArray:
 
 
 def around(
-    kernel: Kernel, first: float, last: float, radius: float = 1.0, center: complex = 0j
+    kernel: PointForceField, first: float, last: float, radius: float = 1.0, center: complex = 0j
 ) -> FloatArray:
     """Force (2, 2) out through an arc about a ``center``, by Gauss's points."""
     places, weights = np.polynomial.legendre.leggauss(80)

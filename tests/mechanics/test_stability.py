@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import disk, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.mechanics.deferred import Equations
+from mlsanm_cli.mechanics.deferred import BodyEquations
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.operators import least_squares
@@ -71,5 +71,5 @@ def test_equations_that_hardly_know_a_mode_are_found_out() -> None:
     weight[np.concatenate([dropped, nodes + dropped])] *= 1e-3
     rows = sparse.csr_array(system.rows.multiply((weight / system.weight)[:, None]))
     weak = least_squares.factorise(rows, weight, body.model.nodes, CholeskySolver(), system.strong)
-    spoilt = replace(body, equations=Equations("weak", lambda: weak))
+    spoilt = replace(body, equations=BodyEquations("weak", lambda: weak))
     assert bulk_stability(spoilt) <= 0.5 * bulk_stability(body)

@@ -10,7 +10,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces
 from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
-from mlsanm_cli.mechanics.near_field import Kernel, SurfaceForces, kernel_of, traction
+from mlsanm_cli.mechanics.near_field import PointForceField, SurfaceForces, kernel_of, traction
 from mlsanm_cli.mechanics.wedge import STEP, Wedge
 
 WOOD = kernel_of(orthotropic((12.0, 0.6, 0.6), (0.4, 0.4, 0.3), 0.7, 0.5, "strain"))
@@ -18,7 +18,7 @@ STEEL = kernel_of(isotropic(1.0, 0.3, "strain"))
 SOURCES = np.array([0.05, 0.3, 1.0])
 
 
-def corner(kernel: Kernel, angle: float, sliding: bool = False) -> Corner:
+def corner(kernel: PointForceField, angle: float, sliding: bool = False) -> Corner:
     """A corner at the origin, its first face along x, with material below."""
     other = complex(np.exp(-1j * np.radians(angle)))
     return Corner(Wedge(kernel, 1.0 + 0.0j, other, -1j, sliding), 0.0j, 1.0, 1.0)
@@ -37,7 +37,7 @@ def forces(at: Corner) -> CorneredForces:
         (WOOD, 214.0),
     ],
 )
-def test_both_faces_are_free(kernel: Kernel, angle: float) -> None:
+def test_both_faces_are_free(kernel: PointForceField, angle: float) -> None:
     at, own_forces = corner(kernel, angle), forces(corner(kernel, angle)).own
     force = np.eye(6).reshape(3, 2, 6)
     x = np.array([0.02, 0.15, 0.7, 3.0])
@@ -58,7 +58,7 @@ def test_both_faces_are_free(kernel: Kernel, angle: float) -> None:
 
 @pytest.mark.parametrize("kernel", [STEEL, WOOD])
 @pytest.mark.parametrize("angle", [45.0, 90.0, 150.0, 180.0, 214.0])
-def test_a_clamped_face_moves_as_one(kernel: Kernel, angle: float) -> None:
+def test_a_clamped_face_moves_as_one(kernel: PointForceField, angle: float) -> None:
     """No deformation along it, nothing left of all forces together, and no traction on the other face."""
     other, x = complex(np.exp(-1j * np.radians(angle))), np.array([1e-3, 0.02, 0.15, 0.7, 3.0])
     at = Corner(Wedge(kernel, 1.0 + 0.0j, other, -1j, clamped=True), 0.0j, 1.0, 1.0)
@@ -78,7 +78,7 @@ def test_a_clamped_face_moves_as_one(kernel: Kernel, angle: float) -> None:
 
 
 @pytest.mark.parametrize("kernel", [STEEL, WOOD])
-def test_reciprocity(kernel: Kernel) -> None:
+def test_reciprocity(kernel: PointForceField) -> None:
     """A force here moves there as one there does here: what is added to the two half-planes, too."""
     at = corner(kernel, 90.0)
     for component in (0, 1):

@@ -11,7 +11,7 @@ from mlsanm_cli.app.assessment.accuracy import Accuracy, distance
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.contact_status import STICK, ContactState, ContactStatus
+from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
 from mlsanm_cli.contact.laws.frozen import frozen_change
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -74,7 +74,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
     )
 
 
-def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactState:
+def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactSolution:
     """How the contact answers to the bodies' corrections."""
     condensed = built.condensed
     by = changes_of(condensed, built.scene, {name: one.change for name, one in bodies.items()})
@@ -84,7 +84,7 @@ def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corre
     return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
 
 
-def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: ContactState) -> float:
+def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: ContactSolution) -> float:
     """Sum of squares of what the corrections and the contact's answer change of all displacements."""
     condensed, scene, error = built.condensed, built.scene, 0.0
     moved = (np.zeros(len(built.stages[-1])), change.motion, change.pressure, change.traction)
@@ -104,7 +104,7 @@ def _smoothed(built: CondensedScene, state: State) -> float:
     stuck = state.status[condensed.friction_nodes] == STICK
     slides = state.closed[condensed.friction_nodes] & ~stuck
     sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
-    values = ContactState(state.pressure, state.traction, state.motion, state.gap, state.slip)
+    values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
     before = CoulombState(state.factors, values, sets, state.slip, state.work)
     try:
         exact = increment(condensed, before, state.factors)[0].values

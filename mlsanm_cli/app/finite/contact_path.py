@@ -14,7 +14,7 @@ from mlsanm_cli.app.finite.verdict import check_deformation
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
-from mlsanm_cli.contact.finite.exact import Pressed, Pressing, unpressed
+from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, unpressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.contact.laws.contact_status import SLIP
@@ -253,7 +253,7 @@ class _Path:
         factors = factors_at(self._scene.stages, position)
         scene = self._scene
         args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
-        pressing = Pressing(self._projectors, *args, self._sides)
+        pressing = ExactContact(self._projectors, *args, self._sides)
         tolerance = self._scene.case.solver.tolerance
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):

@@ -15,7 +15,7 @@ from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 
 FEWEST = 4
 """Nodes over a contact below which its pressures are hardly known."""
@@ -50,7 +50,7 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
             yield from _ends(contact, closed, pressed.place[here])
 
 
-def _lean(side: Side, closed: BoolArray, normal: FloatArray) -> float:
+def _lean(side: ContactSide, closed: BoolArray, normal: FloatArray) -> float:
     """By what part of itself the force on few ``closed`` nodes (c,) may lean: its place is known to half of
     their distance, over which the ``normal`` (c, 2) turns."""
     numbers = np.flatnonzero(closed)

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
 from mlsanm_cli.contact.finite.meeting import NOWHERE
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -180,7 +180,7 @@ def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, Contact
     return records
 
 
-def stretch_along(scene: FiniteScene, side: Side, displacement: FloatArray) -> FloatArray:
+def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArray) -> FloatArray:
     """Stretches (c,) along a side of a body whose nodes are displaced by (2n,)."""
     xx, xy, yx, yy = scene.bodies[side.body].gradient(displacement)[:, side.nodes]
     x, y = -side.outward[:, 1], side.outward[:, 0]

@@ -13,13 +13,13 @@ from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.app.output.lines import obstacles
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.io.vtu import Part
+from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 
 def contact_lines(
     scene: FiniteScene, state: FiniteState, fields: Mapping[str, FiniteFields]
-) -> dict[str, Part]:
+) -> dict[str, VtuPart]:
     """The sides that carry the pressures of all contacts in one state; stresses act on the case's slave."""
     records, parts = contact_records(scene, state), scene.parts(state.displacement)
     lines, first = {}, 0
@@ -46,11 +46,11 @@ def contact_lines(
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
         edges = edges if side.around is not None else edges[:-1]
         data |= {"displacement": moved, "normal": normal, "contact_stress": stress}
-        lines[contact.name] = Part(side.places, edges, data)
+        lines[contact.name] = VtuPart(side.places, edges, data)
     return lines
 
 
-def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, Part]:
+def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, VtuPart]:
     """The rigid obstacles in one state, by the contact that they belong to."""
     points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
     drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
@@ -60,5 +60,5 @@ def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, Part]:
             places, edges = drawn[contact.name]
             turned = (places - contact.pivot) @ contact.turn(state.whole).T
             moved = contact.pivot + contact.motion @ state.whole + turned - places
-            lines[contact.name] = Part(places, edges, {"displacement": moved})
+            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
     return lines

@@ -15,7 +15,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.exact import AnyContact, Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 
 ACROSS, AT = 14.0, 1e-3
 """Nodes over the width of a contact at this accuracy; errors decrease with their square. Forces of half a
@@ -143,7 +143,7 @@ def patches(contact: AnyContact, pressed: Pressed, here: slice) -> Iterator[Patc
             yield Patch(part, float(slave.weight[part].sum()))
 
 
-def between_nodes(side: Side, pressed: Pressed, here: slice) -> bool:
+def between_nodes(side: ContactSide, pressed: Pressed, here: slice) -> bool:
     """Whether a side none of whose nodes, ``here`` among all slaves', is closed may touch between them: by
     how it and what it faces turn against each other from the nearest node to the next."""
     gap, near = pressed.gap[here], int(np.argmin(pressed.gap[here]))
@@ -153,7 +153,7 @@ def between_nodes(side: Side, pressed: Pressed, here: slice) -> bool:
     return bool(gap[near] < turned * side.weight[near] / 8.0)
 
 
-def _widened(side: Side, numbers: IntArray) -> BoolArray:
+def _widened(side: ContactSide, numbers: IntArray) -> BoolArray:
     """The nodes (c,) of a side that are ``numbers`` or next to them."""
     found = np.zeros(side.count, dtype=bool)
     for step in (-1, 0, 1):
@@ -162,7 +162,7 @@ def _widened(side: Side, numbers: IntArray) -> BoolArray:
     return found
 
 
-def _faced(side: Side, places: FloatArray, width: float) -> BoolArray:
+def _faced(side: ContactSide, places: FloatArray, width: float) -> BoolArray:
     """The nodes (c,) of a master within the ``places`` along it that a patch of a ``width`` faces, and next
     to them."""
     middle = float(places[len(places) // 2])

@@ -36,7 +36,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.vtu import LinesWriter, Part, write_parts
+from mlsanm_cli.io.vtu import LinesWriter, VtuPart, write_parts
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
@@ -229,7 +229,7 @@ def _stored(scene: FiniteScene, fields: Mapping[str, FiniteFields], number: int)
     }
 
 
-def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, Part]:
+def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, VtuPart]:
     """The same as VTU files take them."""
     wanted, parts = scene.case.output.fields, {}
     for name, found in fields.items():

@@ -26,7 +26,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.finite.exact import AnyContact
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.errors import CaseError, NumericalError
 
 MOST = 3
@@ -149,7 +149,7 @@ def _left_to_us(case: Case, contact: AnyContact) -> bool:
     return all(one.spacing == "auto" and not one.has_nodes for one in case.body if one.name in names)
 
 
-def _segments(side: Side, spacing: FloatArray) -> Iterator[FloatArray]:
+def _segments(side: ContactSide, spacing: FloatArray) -> Iterator[FloatArray]:
     """Rows (5,) of segments between nodes (c,) with finite ``spacing``; straight ones of one spacing are
     taken together."""
     last: FloatArray | None = None

@@ -23,14 +23,14 @@ from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sides import Side, with_more, with_sides
+from mlsanm_cli.contact.finite.sides import ContactSide, with_more, with_sides
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, Warming
+from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, Warming
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
@@ -139,10 +139,10 @@ class FiniteScene:
         return found
 
     @cached_property
-    def upright(self) -> Mapping[str, list[Side]]:
+    def upright(self) -> Mapping[str, list[ContactSide]]:
         """Sides that touch an obstacle with friction up to both of their corners, as they are drawn, by their
         bodies, those that are not loose."""
-        found: dict[str, list[Side]] = {}
+        found: dict[str, list[ContactSide]] = {}
         loose = {one.body for one in self.loose if one.count}
         for contact in self.contacts:
             side = contact.slave
@@ -220,11 +220,11 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
     return RigidContact(pairing.name, slave, shape_of(found.obstacle), *moved)
 
 
-def _side(prepared: SceneModel, body: str, surface: Surface) -> Side:
+def _side(prepared: SceneModel, body: str, surface: Surface) -> ContactSide:
     nodes = [node for node, _ in prepared.held_nodes[body]]
     model, held = prepared.models[body], prepared.held[body]
     wedges = ends_of(model, surface, {**held, **dict.fromkeys(prepared.acting.springs[body])})
-    return Side.of(body, model.cloud, surface, held, nodes, wedges)
+    return ContactSide.of(body, model.cloud, surface, held, nodes, wedges)
 
 
 def material_of(case: Case, body: str) -> Material:
@@ -259,7 +259,7 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
     count = len(case.moved)
     sources = np.zeros((body.rows, count))
     tractions: dict[str, FloatArray] = {}
-    pressing: list[Pressing] = []
+    pressing: list[FollowerPressure] = []
     for load in prepared.acting.surface_loads:
         if load.body != name:
             continue
@@ -269,7 +269,7 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
             normals = surface.curve.normals(Halves.of(surface, FINE).arc)
             nodal = -(load.values * surface.normal).sum(axis=1)
             between = -(load.between * normals).sum(axis=1)
-            pressing.append(Pressing(load.number, load.surface, nodal, between))
+            pressing.append(FollowerPressure(load.number, load.surface, nodal, between))
             continue
         sources[:, load.number] += body.source(load.surface, load.values, load.held)
         if load.between is not None:

@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.io.vtu import Part
+from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import platen_displacements, slave_arc, slave_points
@@ -31,7 +31,7 @@ NEAREST = 8
 
 def contact_lines(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], shown: Mapping[str, Fields]
-) -> dict[str, Part]:
+) -> dict[str, VtuPart]:
     """The slave surfaces of all contacts in one state, moved as the bodies are ``shown`` on ``clouds``."""
     return {
         pairing.name: _contact(built, pairing, state, clouds[pairing.slave_body], shown)
@@ -39,14 +39,14 @@ def contact_lines(
     }
 
 
-def obstacle_lines(built: CondensedScene, state: State) -> dict[str, Part]:
+def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
     """The rigid obstacles in one state, by the contact that they belong to."""
     moved = platen_displacements(built, state)
     points = np.concatenate([body.model.cloud.points for body in built.scene.bodies.values()])
     lines = {}
     for name, (places, edges) in obstacles(built.case, points.min(axis=0), points.max(axis=0)).items():
         shift = obstacle_shift(built.case, name, moved)
-        lines[name] = Part(places, edges, {"displacement": np.tile(shift, (len(places), 1))})
+        lines[name] = VtuPart(places, edges, {"displacement": np.tile(shift, (len(places), 1))})
     return lines
 
 
@@ -70,7 +70,7 @@ def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) ->
 
 def _contact(
     built: CondensedScene, pairing: Pairing, state: State, cloud: Cloud, shown: Mapping[str, Fields]
-) -> Part:
+) -> VtuPart:
     record = recording.contact_record(built, pairing, state)
     chosen = pairing.candidate
     points = slave_points(built, pairing)
@@ -88,7 +88,7 @@ def _contact(
     load = record.pressure[:, None] * normal + record.traction[:, None] * tangent
     moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
     data |= {"displacement": moved, "normal": normal, "contact_stress": load}
-    return Part(points, _neighbours(pairing), data)
+    return VtuPart(points, _neighbours(pairing), data)
 
 
 def _neighbours(pairing: Pairing) -> IntArray:

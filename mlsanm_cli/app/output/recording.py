@@ -19,7 +19,7 @@ from mlsanm_cli.contact.geometry.profile import half_width, is_singular
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, place, row
 from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.vtu import Part
+from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.memo import digest
@@ -204,7 +204,7 @@ def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, 
 
 def vtu_states(
     clouds: Mapping[str, Cloud], fields: Mapping[str, Fields], wanted: tuple[str, ...]
-) -> dict[str, Part]:
+) -> dict[str, VtuPart]:
     """The fields asked for at the points of ``clouds``, as VTU files take them."""
     return {name: body_part(clouds[name], vtu_data(values, wanted)) for name, values in fields.items()}
 
@@ -218,9 +218,9 @@ def vtu_data(fields: Any, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
     }
 
 
-def body_part(cloud: Cloud, data: Mapping[str, NDArray[Any]]) -> Part:
+def body_part(cloud: Cloud, data: Mapping[str, NDArray[Any]]) -> VtuPart:
     """A body as VTU files take it, with the ``data`` of its nodes and the numbers of its boundaries."""
-    return Part(cloud.points, cloud.triangles, {"boundary_tag": boundary_tags(cloud), **data})
+    return VtuPart(cloud.points, cloud.triangles, {"boundary_tag": boundary_tags(cloud), **data})
 
 
 def boundary_tags(cloud: Cloud) -> NDArray[np.int32]:
@@ -233,7 +233,7 @@ def boundary_tags(cloud: Cloud) -> NDArray[np.int32]:
     return tags
 
 
-def model_bodies(prepared: SceneModel) -> list[Part]:
+def model_bodies(prepared: SceneModel) -> list[VtuPart]:
     """The nodes of all bodies with tags, spacings, outward normals (zero inside) and, for contact candidates,
     the way to their virtual nodes."""
     bodies = []

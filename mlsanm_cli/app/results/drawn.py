@@ -22,7 +22,7 @@ from mlsanm_cli.case import (
     value_at,
 )
 from mlsanm_cli.case.checks.finite import pivot_of
-from mlsanm_cli.io.plots.marks import Marks
+from mlsanm_cli.io.plots.marks import ConditionMarks
 from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
 
 TICKS, ARROWS = 40, 7
@@ -40,7 +40,7 @@ def marks_of(
     scale: float = 1.0,
     factors: Mapping[str, float] = NO_FACTORS,
     displaced: Mapping[str, FloatArray] = UNMOVED,
-) -> Marks:
+) -> ConditionMarks:
     """The signs of a case's supports, loads and obstacles.
 
     ``touching`` are points (m, 2) of the contacts, where the loads of obstacles are drawn; ``moved`` how far
@@ -62,7 +62,7 @@ def marks_of(
         elif support.body is not None and support.near is not None:
             near = bodies[support.body].points
             nodes.append(shown[support.body][np.hypot(*(near - np.array(support.near)).T).argmin()])
-    return Marks(
+    return ConditionMarks(
         held=tuple(held),
         nodes=tuple(nodes),
         arrows=tuple(
@@ -77,7 +77,7 @@ def marks_of(
     )
 
 
-def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> Marks:
+def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> ConditionMarks:
     """The signs in a saved state of a run, whose displacements are drawn ``scale`` times as large."""
     row = int(np.abs(run.path.position - state.position).argmin())
     moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}

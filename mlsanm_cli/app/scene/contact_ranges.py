@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
-from mlsanm_cli.app.scene.corners import CLEAR, Restraints, Stretch, stretches_of
+from mlsanm_cli.app.scene.corners import CLEAR, Restraints, SmoothPart, stretches_of
 from mlsanm_cli.app.scene.default_spacing import valleys
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
@@ -205,7 +205,7 @@ class _Side:
     not know."""
 
     curve: Curve
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[SmoothPart, ...]
     number: IntArray
     off: BoolArray
 
@@ -215,7 +215,7 @@ class _Side:
         model: BodyModel,
         pairing: Pairing,
         slave: bool,
-        stretches: tuple[Stretch, ...],
+        stretches: tuple[SmoothPart, ...],
         points: FloatArray,
     ) -> _Side:
         """The slave's or the master's side, at ``points`` (e, 2) on it."""
@@ -237,7 +237,7 @@ class _Side:
                     off[np.argmin(np.abs(arc - end))] = False  # or ranges would go on around it
         return cls(curve, stretches, number, off)
 
-    def ends_of(self, stretch: Stretch) -> list[complex]:
+    def ends_of(self, stretch: SmoothPart) -> list[complex]:
         """The ends of a stretch that pressures may reach."""
         ends = np.array([stretch.first, stretch.last])[list(stretch.ended)]
         if self.curve.closed:

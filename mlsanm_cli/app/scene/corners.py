@@ -44,7 +44,7 @@ Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
 
 
 @dataclass(frozen=True)
-class Stretch:
+class SmoothPart:
     """A stretch of a surface without a corner, from arc length ``first`` to ``last``: at both of its ends the
     corner, where fields know it, and whether the outline ``continues`` there without one.
 
@@ -61,11 +61,11 @@ class Stretch:
 
 def stretches_of(
     model: BodyModel, surface: Surface, held: Restraints, touching: Collection[str]
-) -> tuple[Stretch, ...]:
+) -> tuple[SmoothPart, ...]:
     """The stretches of a surface between its corners; ``touching`` are the body's surfaces in contact."""
     curve = surface.curve
     if curve.closed and not len(corners_of(curve)):
-        return (Stretch(0.0, curve.length, continues=(True, True)),)
+        return (SmoothPart(0.0, curve.length, continues=(True, True)),)
     found = []
     for parts, first in _between_corners(surface):
         own = joined_surface(surface.name, parts, False)
@@ -80,7 +80,7 @@ def stretches_of(
             continues.append(smooth)
             ended.append(corner is not None or (smooth and beyond[place] not in touching))
         found.append(
-            Stretch(
+            SmoothPart(
                 first,
                 first + own.curve.length,
                 (corners[0], corners[1]),

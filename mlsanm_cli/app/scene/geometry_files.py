@@ -14,7 +14,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case.model.files import FileShape, Mesh
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.crossings import first_crossing
-from mlsanm_cli.cloud.elements import Marks, boundary_loops
+from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops
 from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
 from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
 from mlsanm_cli.errors import GeometryError, RunError
@@ -67,7 +67,7 @@ def _read(shape: FileShape) -> ImportedGeometry:
     if isinstance(shape, Mesh):
         mesh = read_mesh(path, shape.group)
         points = mesh.points
-        loops = boundary_loops(points, mesh.rings, Marks(mesh.lines, mesh.names, mesh.node_sets))
+        loops = boundary_loops(points, mesh.rings, EdgeNames(mesh.lines, mesh.names, mesh.node_sets))
     else:
         table = read_points(path)
         points, normals = table.points, table.normals

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mlsanm_cli.case.checks.sound import Sound
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
-from mlsanm_cli.case.model.places import Stretch
+from mlsanm_cli.case.model.places import BoundaryPart
 from mlsanm_cli.case.report import Report, suggestion
 
 
@@ -15,7 +15,7 @@ def check_loads(sound: Sound, report: Report) -> None:
         _check_support(sound, report, index)
     for index, load in sound.loads.items():
         path: KeyPath = ("load", index)
-        if isinstance(load, Stretch):
+        if isinstance(load, BoundaryPart):
             check_ends(load, path, report)
         if isinstance(load, Platen | ObstacleMotion):
             _check_moving(sound, load, path, report)
@@ -30,7 +30,7 @@ def check_loads(sound: Sound, report: Report) -> None:
     _check_obstacle_names(sound, report)
 
 
-def check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
+def check_ends(part: BoundaryPart, path: KeyPath, report: Report) -> None:
     """Both ends of a part are given, or none."""
     if (part.start is None) != (part.to is None):
         key, other = ("from", "to") if part.to is None else ("to", "from")

@@ -28,7 +28,7 @@ from mlsanm_cli.case.model.files import Mesh, Points
 from mlsanm_cli.case.model.loads import Load
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.obstacles import Obstacle
-from mlsanm_cli.case.model.places import Boundaries, Place, Stretch, listed
+from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
 from mlsanm_cli.case.model.shapes import Shape
 from mlsanm_cli.case.model.solver import Adapt, Mls, Solver
 from mlsanm_cli.case.model.stop import Stop
@@ -90,7 +90,7 @@ class Body(Section):
         return isinstance(self.shape, Mesh | Points) and self.shape.has_nodes
 
 
-class Support(Stretch):
+class Support(BoundaryPart):
     """Displacements fixed at zero on a boundary or at a point of a body, or elastic
     springs on a boundary."""
 
@@ -136,7 +136,7 @@ class Regularization(Section):
     monotonic loading); the same in all contacts."""
 
 
-class Contact(Stretch):
+class Contact(BoundaryPart):
     """A possible contact between two boundaries, or between a boundary and a rigid obstacle. ``from`` and
     ``to`` restrict it to a part of the slave."""
 

@@ -23,7 +23,7 @@ from mlsanm_cli.case.model.base import (
     Vector,
     split_boundary,
 )
-from mlsanm_cli.case.model.places import Boundaries, Place, PlateBoundaries, Stretch, listed
+from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, PlateBoundaries, listed
 from mlsanm_cli.case.model.tables import row_problem
 
 Control = Literal["force", "displacement"]
@@ -37,7 +37,7 @@ def _sound(rows: Rows) -> Rows:
     return rows
 
 
-class _OnBoundary(Stretch):
+class _OnBoundary(BoundaryPart):
     name: Name
     """Name of the load, used by stages."""
     boundary: Boundaries

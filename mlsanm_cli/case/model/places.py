@@ -99,7 +99,7 @@ class Place:
         return f"{label_of(self.boundaries)} from ({a:g}, {b:g}) to ({c:g}, {d:g})"
 
 
-class Stretch(Section):
+class BoundaryPart(Section):
     """A part of a boundary; all of it by default."""
 
     start: Annotated[Vector, LENGTH] | None = Field(default=None, alias="from")

@@ -23,7 +23,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.near_field import exact_compliance
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
@@ -43,7 +43,7 @@ class Answer:
     missing: FloatArray
 
     @classmethod
-    def of(cls, side: Side, projector: Projector, first: int, center: complex | None) -> Answer:
+    def of(cls, side: ContactSide, projector: Projector, first: int, center: complex | None) -> Answer:
         """By a body's equations of the undeformed state, whose loads from the number ``first`` on are the
         unit tractions; fields end at a ``center`` in hollows."""
         body = projector.body.elastic
@@ -58,7 +58,7 @@ class Answer:
         return cls(fit, _uneven(side, both[:, None] * (exact - own) * both, share))
 
     @classmethod
-    def plain(cls, side: Side) -> Answer:
+    def plain(cls, side: ContactSide) -> Answer:
         """Where no field in closed form is known: the cloud's."""
         return cls(np.eye(2 * side.count), np.zeros((2 * side.count,) * 2))
 
@@ -74,7 +74,11 @@ class Closer:
 
     @classmethod
     def of(
-        cls, sides: Sequence[Side], answers: Sequence[Answer], displacement: FloatArray, traction: FloatArray
+        cls,
+        sides: Sequence[ContactSide],
+        answers: Sequence[Answer],
+        displacement: FloatArray,
+        traction: FloatArray,
     ) -> Closer:
         """By the sides' answers, the cloud's ``displacement`` (2s,) of their nodes and their ``traction``."""
         fits = [one.fit for one in answers] or [np.zeros((0, 0))]
@@ -118,7 +122,7 @@ def _across(values: FloatArray) -> sparse.csr_array:
     return sparse.csr_array(entries, shape=(len(values), len(x)))
 
 
-def _uneven(side: Side, missing: FloatArray, share: FloatArray) -> FloatArray:
+def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatArray:
     """What is ``missing`` (2c, 2c) of tractions that are no constant: to one all along the cloud answers
     exactly. Where fields have a ``share`` (c,) below 1, near corners, only some of a node's neighbours
     count, and what cancels elsewhere would be left: there it is of differences from the node's own."""
@@ -130,7 +134,7 @@ def _uneven(side: Side, missing: FloatArray, share: FloatArray) -> FloatArray:
     return blocks.reshape(missing.shape)
 
 
-def _fit(side: Side) -> FloatArray:
+def _fit(side: ContactSide) -> FloatArray:
     """Values at the nodes (2c, 2c) of local cubic fits along the side, which continue behind planes of
     symmetry."""
     count, number = side.count, np.arange(side.count)
@@ -163,7 +167,7 @@ def _fit(side: Side) -> FloatArray:
     return fit.reshape(2 * count, 2 * count)
 
 
-def _share(side: Side) -> FloatArray:
+def _share(side: ContactSide) -> FloatArray:
     """How much (c,) fields in closed form have to say: nothing where nodes are held, but for planes of
     symmetry, and near corners that they do not know."""
     number = np.arange(side.count)

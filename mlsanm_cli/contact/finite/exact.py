@@ -27,7 +27,7 @@ from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.update import Done, Used
 from mlsanm_cli.mechanics.finite.projector import Projector
 
@@ -73,7 +73,7 @@ class Pressed:
 
 
 @dataclass(frozen=True)
-class Pressing:
+class ExactContact:
     """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
     node of their sides in turn, in the order of the contacts. ``length`` is the typical displacement;
     ``stiffness`` turns gaps into pressures, to guess what touches. The motions of ``loose`` bodies and of
@@ -132,7 +132,7 @@ class Pressing:
         return np.concatenate([*found, np.zeros(0)])
 
     @cached_property
-    def sides(self) -> list[Side]:
+    def sides(self) -> list[ContactSide]:
         """The sides of all contacts in turn."""
         return [side for contact in self.contacts for side in contact.sides]
 

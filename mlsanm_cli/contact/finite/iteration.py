@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 
 if TYPE_CHECKING:
-    from mlsanm_cli.contact.finite.exact import Pressing
+    from mlsanm_cli.contact.finite.exact import ExactContact
 
 NEIGHBORS = 3
 """So many nodes next to those that touch may come to touch within an iteration."""
@@ -38,7 +38,7 @@ class Iteration:
     """Newton's steps at load ``factors`` (L,), with slips from the places ``before`` (c,); derivatives of the
     bodies ``used`` before serve again, where there are any."""
 
-    pressing: Pressing
+    pressing: ExactContact
     factors: FloatArray
     before: FloatArray | None
     closer: Closer

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
@@ -34,7 +34,9 @@ AT_ONCE = 64
 """Nodes whose remainders are worked on together, for the sake of memory."""
 
 
-def exact_compliance(side: Side, body: ElasticBody, center: complex | None, nodes: IntArray) -> FloatArray:
+def exact_compliance(
+    side: ContactSide, body: ElasticBody, center: complex | None, nodes: IntArray
+) -> FloatArray:
     """Displacements (2c, 2c), x and y of every node in turn, by unit tractions at some ``nodes`` (k,) of a
     side of an undeformed body; fields end at a ``center`` in hollows. Nothing for other nodes."""
     near, rows = _Near(side, body, center), (2 * nodes[:, None] + np.arange(2)).ravel()
@@ -57,7 +59,7 @@ def exact_compliance(side: Side, body: ElasticBody, center: complex | None, node
 class _Near:
     """The fields of a ``side``'s tractions, with their images behind planes of symmetry at its ends."""
 
-    side: Side
+    side: ContactSide
     body: ElasticBody
     center: complex | None
 
@@ -220,7 +222,7 @@ SIGN: tuple[_Table, _Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
 """Second and first integrals of ln|t| and of sgn(t)."""
 
 
-def _integrals(side: Side, arc: FloatArray, second: _Table, first: _Table) -> FloatArray:
+def _integrals(side: ContactSide, arc: FloatArray, second: _Table, first: _Table) -> FloatArray:
     """Integrals (c, c), seen from the nodes, with the linear functions of the nodes at ``arc`` (c,) along the
     side or its image, of a kernel of the distance."""
     steps = np.diff(arc if side.around is None else np.append(arc, arc[0] + side.around))

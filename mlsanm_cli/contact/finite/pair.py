@@ -17,7 +17,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.transfer import Transfer
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import OPPOSED
@@ -36,13 +36,13 @@ class BodyContact:
     reported as they act on the slave of the case."""
 
     name: str
-    slave: Side
-    master: Side
+    slave: ContactSide
+    master: ContactSide
     friction: float = 0.0
     exchanged: bool = False
 
     @property
-    def sides(self) -> tuple[Side, ...]:
+    def sides(self) -> tuple[ContactSide, ...]:
         """Slave and master."""
         return self.slave, self.master
 

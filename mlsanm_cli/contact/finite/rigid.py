@@ -14,7 +14,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.meeting import Meeting, by_component
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 
@@ -29,7 +29,7 @@ class RigidContact:
     them; ``friction`` is Coulomb's coefficient."""
 
     name: str
-    slave: Side
+    slave: ContactSide
     shape: Shape
     motion: FloatArray
     friction: float
@@ -37,7 +37,7 @@ class RigidContact:
     pivot: FloatArray
 
     @property
-    def sides(self) -> tuple[Side, ...]:
+    def sides(self) -> tuple[ContactSide, ...]:
         """The slave alone."""
         return (self.slave,)
 

@@ -30,7 +30,7 @@ SQUARE = 1e-6
 
 
 @dataclass(frozen=True)
-class Side:
+class ContactSide:
     """The ``nodes`` (c,) of surfaces of a ``body`` that follow each other, at ``places`` (c, 2) before
     loading, there with outward normals ``outward`` (c, 2), at ``arc`` (c,) along them; ``weight`` (c,) is the
     length each stands for. ``members`` are the surfaces' names with the numbers of their nodes among these.
@@ -61,7 +61,7 @@ class Side:
         held: Restraints,
         nodes: Sequence[int] = (),
         wedges: Wedges = (None, None),
-    ) -> Side:
+    ) -> ContactSide:
         """By a body's ``cloud``, of whose surfaces some have components ``held``, and single ``nodes``, and
         the surface, near whose ends fields know the ``wedges``."""
         around = surface.curve.length if surface.curve.closed else None
@@ -143,7 +143,7 @@ def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int |
     return None
 
 
-def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[Side]) -> Loads:
+def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[ContactSide]) -> Loads:
     """The ``loads`` and, behind them, unit tractions x and y at every node of the body's ``sides`` in turn,
     per length before loading and linear between the nodes."""
     more = 2 * sum(one.count for one in sides)

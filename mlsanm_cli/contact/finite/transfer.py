@@ -19,7 +19,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
-from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.sides import ContactSide
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
@@ -38,7 +38,7 @@ class Transfer:
 
     @classmethod
     def of(
-        cls, slave: Side, master: Side, curve: NodeCurve, place: FloatArray, facing: BoolArray
+        cls, slave: ContactSide, master: ContactSide, curve: NodeCurve, place: FloatArray, facing: BoolArray
     ) -> Transfer:
         """By where on the master the slave's nodes meet it, ``place`` (c,); those around nodes ``facing``
         (c,) count."""
@@ -79,7 +79,7 @@ class Transfer:
         return sparse.csr_array(both[np.arange(2 * count).reshape(2, count).T.ravel()])
 
 
-def _stretches(side: Side) -> tuple[IntArray, IntArray, FloatArray]:
+def _stretches(side: ContactSide) -> tuple[IntArray, IntArray, FloatArray]:
     """First and second node and length of the stretches between neighbours."""
     first = np.arange(side.count)
     if side.around is None:

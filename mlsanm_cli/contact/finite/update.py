@@ -16,7 +16,7 @@ from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.projector import Factorised
 
 if TYPE_CHECKING:
-    from mlsanm_cli.contact.finite.exact import Pressing
+    from mlsanm_cli.contact.finite.exact import ExactContact
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Done:
     settled: bool
     used: Used
 
-    def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
+    def stability(self, pressing: ExactContact, met: Sequence[Meeting]) -> float:
         """The least resistance of a contact with closed nodes, on those between two others, to pressures that
         change from node to node; of what is held nothing is known."""
         least = np.inf

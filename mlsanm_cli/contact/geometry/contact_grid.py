@@ -27,7 +27,7 @@ from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
-    Kernel,
+    PointForceField,
     SurfaceForces,
     as_complex,
     by_component,
@@ -74,12 +74,12 @@ class ContactGrid:
         """Arc lengths (k,) of the samples."""
         return chebyshev(self.first, self.last, self.count)
 
-    def own_forces(self, kernel: Kernel, slave: bool) -> SurfaceForces:
+    def own_forces(self, kernel: PointForceField, slave: bool) -> SurfaceForces:
         """Unit forces at the samples on one of the two bodies."""
         place, inward = self.facing.side(self.samples, slave)
         return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
 
-    def forces(self, kernel: Kernel, slave: bool) -> Forces:
+    def forces(self, kernel: PointForceField, slave: bool) -> Forces:
         """The same with what they need near corners."""
         if slave not in self._forces:
             own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
@@ -206,7 +206,7 @@ class ContactGrid:
         normal, tangent = self.spreads
         return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
 
-    def smooth(self, kernel: Kernel, slave: bool) -> FloatArray:
+    def smooth(self, kernel: PointForceField, slave: bool) -> FloatArray:
         """What the closed-form field has of S (2k, 2k) at the samples, for one of the two bodies: components
         x of all and y of all, by forces x of all and y of all."""
         z, inward = self.facing.side(self.samples, slave)
@@ -276,7 +276,7 @@ class ContactGrid:
             for c, d in product(present[which], present[by]):
                 yield parts[which, c], corner.wedge.compliance(x, x, c, d), parts[by, d]
 
-    def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
+    def singular(self, kernel: PointForceField, slave: bool) -> tuple[FloatArray, FloatArray]:
         """The tensors L and T (2, 2) of one of the two bodies."""
         way, inward = self._way(slave)[0], self.facing.side(self.samples[:1], slave)[1][0]
         tangent: ComplexArray = np.array([way / np.abs(way)])

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.set_search import (
     AdmissibleChanges,
     EndlessError,
@@ -51,9 +51,9 @@ def admissible_sets(
     condensed: Condensed,
     first: ContactStatus,
     watch: AdmissibleChanges,
-    solve: Callable[[ContactStatus], tuple[SetSystem, ContactState, FloatArray]],
+    solve: Callable[[ContactStatus], tuple[SetSystem, ContactSolution, FloatArray]],
     softened: Condensed | None = None,
-) -> tuple[ContactStatus, SetSystem, ContactState, int]:
+) -> tuple[ContactStatus, SetSystem, ContactSolution, int]:
     """Sets that obey every watched rule, their system and values, and how many systems it took.
 
     ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
@@ -63,7 +63,7 @@ def admissible_sets(
     without friction, whose pressure falls; their values are given as gaps. Raises NoStateError.
     """
     sets, last, seen, count = first, first, set[bytes](), 0
-    starts = list[tuple[int, ContactStatus, ContactState, FloatArray]]()
+    starts = list[tuple[int, ContactStatus, ContactSolution, FloatArray]]()
     while sets.key not in seen and count < QUICK:
         seen.add(sets.key)
         count += 1
@@ -126,7 +126,7 @@ class _Rules:
         """The sets whose equations hold: those of gaps at all nodes of smooth laws."""
         return replace(sets, closed=np.ones_like(sets.closed)) if self.smooth else sets
 
-    def left(self, sets: ContactStatus, v: ContactState) -> FloatArray:
+    def left(self, sets: ContactStatus, v: ContactSolution) -> FloatArray:
         """In a state, or the rates of it with a reference of zero."""
         c, w = self.condensed, self.watch
         nodes, m = c.friction_nodes, len(sets.closed)
@@ -143,7 +143,7 @@ class _Rules:
         found[RESTS, nodes[slides]] = (-sets.slip_sign * (v.slip - self.reference))[slides]
         return found
 
-    def obeying(self, sets: ContactStatus, v: ContactState) -> ContactState:
+    def obeying(self, sets: ContactStatus, v: ContactSolution) -> ContactSolution:
         """A state near ``v`` that obeys the rules of the sets."""
         c, w = self.condensed, self.watch
         nodes, m = c.friction_nodes, len(sets.closed)
@@ -168,7 +168,7 @@ class _Rules:
         return replace(v, pressure=pressure, traction=traction, gap=gap, slip=slip)
 
     def next_event(
-        self, sets: ContactStatus, v: ContactState, rates: ContactState
+        self, sets: ContactStatus, v: ContactSolution, rates: ContactSolution
     ) -> tuple[float, _Event | None]:
         """How far it is at these ``rates`` until a rule is at its limit, and what comes then."""
         left = self.left(sets, v)
@@ -184,7 +184,7 @@ class _Rules:
         step = float(steps[kind, node])
         return step, _Event(int(kind), int(node)) if np.isfinite(step) else None
 
-    def after(self, sets: ContactStatus, at: _Event, v: ContactState) -> ContactStatus:
+    def after(self, sets: ContactStatus, at: _Event, v: ContactSolution) -> ContactStatus:
         """The sets beyond an event."""
         event, node = at.kind, at.node
         closed, stuck, slip_sign = sets.closed.copy(), sets.stuck.copy(), sets.slip_sign.copy()
@@ -204,7 +204,7 @@ def complementary_path(
     condensed: Condensed,
     sets: ContactStatus,
     watch: AdmissibleChanges,
-    values: ContactState,
+    values: ContactSolution,
     slipped: FloatArray,
     most: int,
     softened: Condensed | None = None,
@@ -253,7 +253,7 @@ def complementary_path(
 
 
 def _rest(
-    condensed: Condensed, v: ContactState, values: ContactState
+    condensed: Condensed, v: ContactSolution, values: ContactSolution
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What the equations lack in a state v near the ``values`` that obey them."""
     m, n = len(v.pressure), len(v.traction)
@@ -271,7 +271,7 @@ def _by_itself(
     sets: ContactStatus,
     event: _Event,
     smooth: bool,
-) -> ContactState:
+) -> ContactSolution:
     """Rates of a state in which only what a node has come to, beyond its event, drives the others."""
     node, m, n = event.node, len(sets.closed), len(sets.stuck)
     own = np.flatnonzero(condensed.friction_nodes == node)
@@ -299,7 +299,7 @@ def _by_itself(
 
 def _onward(
     condensed: Condensed,
-    rates: ContactState,
+    rates: ContactSolution,
     event: _Event,
     before: ContactStatus,
     sets: ContactStatus,

@@ -52,7 +52,7 @@ class ContactStatus:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactState:
+class ContactSolution:
     """Pressures (m,), tractions (n,), motions (k,), gaps (m,) and slips (n,), or rates of them."""
 
     pressure: FloatArray
@@ -61,17 +61,19 @@ class ContactState:
     gap: FloatArray
     slip: FloatArray
 
-    def times(self, factor: float) -> ContactState:
+    def times(self, factor: float) -> ContactSolution:
         """All of it by a ``factor``."""
-        return ContactState(*(factor * getattr(self, one.name) for one in fields(self)))
+        return ContactSolution(*(factor * getattr(self, one.name) for one in fields(self)))
 
-    def advanced(self, step: float, rates: ContactState) -> ContactState:
+    def advanced(self, step: float, rates: ContactSolution) -> ContactSolution:
         """The state a ``step`` further along its ``rates``."""
-        return ContactState(
+        return ContactSolution(
             *(getattr(self, one.name) + step * getattr(rates, one.name) for one in fields(self))
         )
 
-    def obeying(self, condensed: Condensed, sets: ContactStatus, stick_reference: FloatArray) -> ContactState:
+    def obeying(
+        self, condensed: Condensed, sets: ContactStatus, stick_reference: FloatArray
+    ) -> ContactSolution:
         """The state with what ``sets`` prescribe exact to the last digit: no pressure where nodes are open,
         no gap where they are closed, sticking ones at their ``stick_reference`` (n,), slipping ones at the
         limit."""
@@ -120,7 +122,7 @@ class SetSystem:
             matrix[place] += self._slope[:, None] * whole.take(self._sliding, axis=0).take(kept, axis=1)
         return ScaledFactor(matrix.T) if len(kept) else None
 
-    def state(self, factors: FloatArray, stick_reference: FloatArray) -> ContactState:
+    def state(self, factors: FloatArray, stick_reference: FloatArray) -> ContactSolution:
         """The state at load ``factors`` (L,) with sticking nodes held at their ``stick_reference`` (n,)."""
         c = self._condensed
         free_gap = c.gap.constant + c.gap.load @ factors
@@ -128,19 +130,19 @@ class SetSystem:
         imbalance = c.balance.constant + c.balance.load @ factors
         return self._solve(free_gap, free_slip, imbalance, stick_reference)
 
-    def rate(self, change: FloatArray) -> ContactState:
+    def rate(self, change: FloatArray) -> ContactSolution:
         """The rates when the load factors move by ``change`` (L,)."""
         c = self._condensed
         still = np.zeros(len(c.slip.constant))
         return self._solve(c.gap.load @ change, c.slip.load @ change, c.balance.load @ change, still)
 
-    def response(self, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactState:
+    def response(self, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactSolution:
         """What gaps (m,), slips (n,) and an imbalance (k,) bring about."""
         return self._solve(gap, slip, imbalance, np.zeros(len(slip)))
 
     def _solve(
         self, free_gap: FloatArray, free_slip: FloatArray, imbalance: FloatArray, stick_reference: FloatArray
-    ) -> ContactState:
+    ) -> ContactSolution:
         closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
         rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
@@ -152,7 +154,7 @@ class SetSystem:
             caused = self._condensed.blocks @ unknowns
         gap, slip = free_gap + caused[:m], free_slip + caused[m : m + n]
         gap[closed], slip[stuck] = 0.0, stick_reference[stuck]
-        return ContactState(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)
+        return ContactSolution(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)
 
     def _spread(self, rhs: FloatArray) -> FloatArray:
         """All pressures, tractions and motions for the right-hand sides of the equations that hold."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.set_search import (
     AdmissibleChanges,
@@ -30,13 +30,13 @@ class CoulombState:
     nodes rest, and the work (n,) that friction has dissipated per length of surface so far."""
 
     factors: FloatArray
-    values: ContactState
+    values: ContactSolution
     sets: ContactStatus
     stick_reference: FloatArray
     work: FloatArray
 
     def moved(
-        self, factors: FloatArray, values: ContactState, sets: ContactStatus, stick_reference: FloatArray
+        self, factors: FloatArray, values: ContactSolution, sets: ContactStatus, stick_reference: FloatArray
     ) -> CoulombState:
         """The next state; between the two, tractions and slips go straight."""
         return self._next(
@@ -44,7 +44,7 @@ class CoulombState:
         )
 
     def jumped(
-        self, factors: FloatArray, values: ContactState, sets: ContactStatus, stick_reference: FloatArray
+        self, factors: FloatArray, values: ContactSolution, sets: ContactStatus, stick_reference: FloatArray
     ) -> CoulombState:
         """The next state after a finite increment, over which friction acts as at its end."""
         return self._next(factors, values, sets, stick_reference, values.traction)
@@ -52,7 +52,7 @@ class CoulombState:
     def _next(
         self,
         factors: FloatArray,
-        values: ContactState,
+        values: ContactSolution,
         sets: ContactStatus,
         stick_reference: FloatArray,
         traction: FloatArray,
@@ -65,7 +65,7 @@ def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
     """Before the first load: nothing touches, no slip; surfaces that overlap as drawn are seen by the first
     increment."""
     m, n = len(condensed.weight), len(condensed.friction_nodes)
-    values = ContactState(
+    values = ContactSolution(
         np.zeros(m),
         np.zeros(n),
         np.zeros(len(condensed.balance.constant)),
@@ -102,7 +102,7 @@ def increment(
     both = np.ones(len(condensed.weight), dtype=bool)
     watch = AdmissibleChanges(both, both, np.full(len(before), slipping), np.zeros(len(before)))
 
-    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
         system = SetSystem(condensed, sets)
         values = system.state(factors, before)
         return system, values, values.slip - before

@@ -15,7 +15,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
@@ -54,7 +54,7 @@ class _Course:
 
     sets: ContactStatus
     system: SetSystem
-    rates: ContactState
+    rates: ContactSolution
 
 
 def _course_of(
@@ -198,7 +198,7 @@ def _moved(
     return min(straight, anew, key=lambda one: residual(condensed, one))
 
 
-def _limits(condensed: Condensed, values: ContactState) -> tuple[float, FloatArray]:
+def _limits(condensed: Condensed, values: ContactSolution) -> tuple[float, FloatArray]:
     """Pressure, and gaps (m,), that count as nothing: those that such a pressure opens at a node by itself,
     as closing one over more than that would pull at it, or what round-off leaves."""
     force = NEAR * float(values.pressure.max(initial=0.0))
@@ -207,7 +207,7 @@ def _limits(condensed: Condensed, values: ContactState) -> tuple[float, FloatArr
     return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), NEAR * elastic)
 
 
-def _slack(condensed: Condensed, values: ContactState, side: float) -> FloatArray:
+def _slack(condensed: Condensed, values: ContactSolution, side: float) -> FloatArray:
     """What is left of friction (n,) on one side."""
     result: FloatArray = (
         condensed.friction * values.pressure[condensed.friction_nodes] - side * values.traction
@@ -240,7 +240,7 @@ def _course(
 
     made, known = 0, last.system if last is not None else None
 
-    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
         nonlocal made, known
         if last is not None and sets.key == last.sets.key:
             return last.system, last.rates, last.rates.slip

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.errors import NumericalError
@@ -24,7 +24,7 @@ def frozen_change(
     closed: BoolArray,
     stuck: BoolArray,
     by: tuple[FloatArray, FloatArray, FloatArray],
-) -> ContactState:
+) -> ContactSolution:
     """How a state with ``pressure`` (m,), ``traction`` (n,) and ``gaps`` (m,) changes when gaps (m,), slips
     (n,) and the force imbalance of the rigid constraints (k,) change ``by`` so much.
 

@@ -28,7 +28,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling
 from mlsanm_cli.contact.laws.friction_tangents import CoupledFrictionTangent, FrictionTangent
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -186,7 +186,7 @@ class RegularizedFriction:
         moved = self.coupling.load[rows] @ self.change + self.coupling.slips @ np.concatenate([p, t, q])
         return np.asarray(moved * self.law.slip)
 
-    def slope(self, x: FloatArray, lam: float) -> ContactState:
+    def slope(self, x: FloatArray, lam: float) -> ContactSolution:
         """The same as :meth:`rates` of the own sets, by the tangent that the path goes on with.
 
         Raises SingularSystemError."""
@@ -201,7 +201,7 @@ class RegularizedFriction:
             raise SingularSystemError
         gap = np.where(self.sets.closed, 0.0, -p * self.condensed.own[0])
         motion = base.split_motions(q)[0]
-        return ContactState(np.where(self.sets.closed, p, 0.0), t, motion, gap, slipped * self.law.slip)
+        return ContactSolution(np.where(self.sets.closed, p, 0.0), t, motion, gap, slipped * self.law.slip)
 
     def softened(self, x: FloatArray) -> Condensed:
         """The compliance that rates at x know: hyperbola and asperities give way too."""
@@ -213,7 +213,7 @@ class RegularizedFriction:
 
     def rates(
         self, softened: Condensed, sets: ContactStatus, near: SetSystem | None = None
-    ) -> tuple[SetSystem, ContactState]:
+    ) -> tuple[SetSystem, ContactSolution]:
         """A system of some ``sets``, and the rates of the state and of s + c t, in the form in which
         :func:`admissible_sets` judges them.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
@@ -74,7 +74,7 @@ def exchange(
     condensed: Condensed,
     sets: ContactStatus,
     watch: AdmissibleChanges,
-    values: ContactState,
+    values: ContactSolution,
     slipped: FloatArray,
 ) -> tuple[ContactStatus, BoolArray]:
     """The sets with every node that breaks its rule exchanged, and which nodes (m,) these are.

@@ -27,7 +27,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.coupling import Local, row_scales, slip_places
 from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.monolithic.elimination import Elimination, plan_elimination
-from mlsanm_cli.contact.response.balance import Forces, balance_of_constraints
+from mlsanm_cli.contact.response.balance import CondensedForces, balance_of_constraints
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows, slip_rows, spring_rows
@@ -245,7 +245,7 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
         for name, own in condensed.sources.items()
     }
     drivers = Drivers(len(scene.loads), columns.motions, condensed.pairings)
-    return balance_of_constraints(Forces(scene, drivers, sources, measured, springs))
+    return balance_of_constraints(CondensedForces(scene, drivers, sources, measured, springs))
 
 
 def _entries(

@@ -20,7 +20,7 @@ Held = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Forces:
+class CondensedForces:
     """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
 
     ``sources[body]`` (r, drivers) are the bodies' right-hand sides, of which what acts on their pieces is
@@ -117,7 +117,7 @@ class Forces:
         return sum(parts[1:], parts[0])
 
 
-def balance_of_constraints(forces: Forces) -> LinearMap:
+def balance_of_constraints(forces: CondensedForces) -> LinearMap:
     """One row per unknown motion: the force the mover must exert less the force applied to it.
 
     Nothing exerts a force on a loose body but its contacts and tractions, which must so balance.
@@ -128,7 +128,7 @@ def balance_of_constraints(forces: Forces) -> LinearMap:
     return stack(rows, forces.columns)
 
 
-def reported_forces(forces: Forces) -> dict[str, LinearMap]:
+def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
     """Force x, y (2 rows) that each load and each support exerts on its body, by name."""
     scene, columns = forces.scene, forces.columns
     report: dict[str, LinearMap] = {}
@@ -176,7 +176,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
     return report
 
 
-def holding_forces(forces: Forces) -> dict[tuple[str, int], LinearMap]:
+def holding_forces(forces: CondensedForces) -> dict[tuple[str, int], LinearMap]:
     """The force or moment (1 row) that a loose body's held motions take, by body and component."""
     return {
         (body.body, motion.component): forces.constraint(body, motion)
@@ -186,7 +186,7 @@ def holding_forces(forces: Forces) -> dict[tuple[str, int], LinearMap]:
     }
 
 
-def moments_of_plates(forces: Forces) -> dict[str, LinearMap]:
+def moments_of_plates(forces: CondensedForces) -> dict[str, LinearMap]:
     """The moment (1 row) about its hinge that each plate that turns exerts on its bodies, by its name."""
     return {
         platen.name: forces.constraint(platen, motion)
@@ -196,7 +196,7 @@ def moments_of_plates(forces: Forces) -> dict[str, LinearMap]:
     }
 
 
-def body_imbalance(forces: Forces) -> LinearMap:
+def body_imbalance(forces: CondensedForces) -> LinearMap:
     """Sum of all forces on each body (2 rows per body), those of held surfaces from the stress there, and on
     masters the opposite of what their slaves receive.
 
@@ -212,7 +212,7 @@ def body_imbalance(forces: Forces) -> LinearMap:
     return stack(rows, forces.columns)
 
 
-def body_sums(forces: Forces) -> LinearMap:
+def body_sums(forces: CondensedForces) -> LinearMap:
     """The same (2 rows per body) of all components: what single nodes that hold a body must exert, its sign
     turned."""
     rows = []

@@ -18,7 +18,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.balance import (
-    Forces,
+    CondensedForces,
     balance_of_constraints,
     body_imbalance,
     body_sums,
@@ -125,7 +125,7 @@ def _condensed(
     gap = _shifted(stack(gaps, drivers.unknowns), of_obstacles(scene, pairings, drivers.unknowns, "normal"))
     gap = replace(gap, load=gap.load + of_fits(scene, pairings, drivers.unknowns))
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
-    forces = Forces(
+    forces = CondensedForces(
         scene,
         drivers,
         sources,

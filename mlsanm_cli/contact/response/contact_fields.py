@@ -18,7 +18,7 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import RULE
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
-from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex, as_real
+from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces, as_complex, as_real
 from mlsanm_cli.startup import cKDTree
 
 FAR = 2.0
@@ -49,7 +49,7 @@ class _Loads:
 
     grid: ContactGrid
     slave: bool
-    kernel: Kernel
+    kernel: PointForceField
     ends: FloatArray
     pressure: FloatArray
     traction: FloatArray
@@ -59,7 +59,12 @@ class _Loads:
 
     @classmethod
     def of(
-        cls, grid: ContactGrid, slave: bool, kernel: Kernel, pressure: FloatArray, traction: FloatArray
+        cls,
+        grid: ContactGrid,
+        slave: bool,
+        kernel: PointForceField,
+        pressure: FloatArray,
+        traction: FloatArray,
     ) -> _Loads:
         """Those of nodal ``pressure`` and ``traction`` (m, c)."""
         first, last = grid.hats.whole
@@ -130,7 +135,7 @@ class _Loads:
 
 def fields_of(
     grid: ContactGrid,
-    kernel: Kernel,
+    kernel: PointForceField,
     slave: bool,
     z: ComplexArray,
     pressure: FloatArray,
@@ -326,7 +331,7 @@ def _close_integrals(
 
 def adjacent_traction(
     grid: ContactGrid,
-    kernel: Kernel,
+    kernel: PointForceField,
     slave: bool,
     surface: Surface,
     pressure: FloatArray,

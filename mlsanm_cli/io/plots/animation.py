@@ -16,7 +16,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing
 from mlsanm_cli.io.plots.cloud import CloudBody, draw_cloud, range_of, window_of
 from mlsanm_cli.io.plots.figures import COLOURS, style
-from mlsanm_cli.io.plots.marks import Marks
+from mlsanm_cli.io.plots.marks import ConditionMarks
 from mlsanm_cli.io.plots.plots import visible_range
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def animate_bodies(
     label: str,
     titles: Sequence[str],
     scale: float,
-    marks: Sequence[Marks],
+    marks: Sequence[ConditionMarks],
     *,
     unit: str = "",
 ) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.io.plots.figures import picture
-from mlsanm_cli.io.plots.marks import Marks, draw_marks, ends
+from mlsanm_cli.io.plots.marks import ConditionMarks, draw_marks, ends
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +66,7 @@ def plot_cloud(
     scale: float = 1.0,
     window: Window | None = None,
     *,
-    marks: Marks | None = None,
+    marks: ConditionMarks | None = None,
     unit: str = "",
 ) -> None:
     """Draw the deformed bodies coloured by the scalar, linear between neighbouring nodes.
@@ -83,7 +83,7 @@ def plot_cloud(
         if body.displacement.shape != (count, 2) or body.scalar.shape != (count,):
             wrong = f"displacement {body.displacement.shape}, scalar {body.scalar.shape}"
             raise ValueError(f"{wrong}: expected n = {count} rows")
-    marks = marks or Marks()
+    marks = marks or ConditionMarks()
     whole = window_of(bodies, scale, marks)
     views = [whole] if window is None else [whole, window]
     with picture(path, *_size(list(map(_width, views)))) as figure:
@@ -98,7 +98,7 @@ def draw_cloud(
     scale: float,
     views: Sequence[Window],
     limits: tuple[float, float],
-    marks: Marks | None = None,
+    marks: ConditionMarks | None = None,
     unit: str = "",
 ) -> None:
     """Draw the bodies into a figure, a panel for each view, with colours between the ``limits``."""
@@ -112,7 +112,7 @@ def draw_cloud(
             _draw_nodes(axes, body.points + scale * body.displacement, shape.spacing)
         if marks is not None:
             # A detail is too near for arrows as long as a part of the scene.
-            shown = marks if view is views[0] else Marks(obstacles=marks.obstacles)
+            shown = marks if view is views[0] else ConditionMarks(obstacles=marks.obstacles)
             draw_marks(axes, shown, size)
         _finish(axes, view, unit)
     times = "" if scale == 1.0 else f", displacements x {scale:g}"
@@ -217,7 +217,7 @@ def range_of(bodies: Sequence[CloudBody]) -> tuple[float, float]:
     return low, high if high > low else low + 1.0
 
 
-def window_of(bodies: Sequence[CloudBody], scale: float, marks: Marks | None = None) -> Window:
+def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks | None = None) -> Window:
     """The box around reference and deformed nodes, and the signs, with a margin of 3 percent."""
     deformed = [body.points + scale * body.displacement for body in bodies]
     points = np.concatenate([*deformed, *(body.points for body in bodies)])

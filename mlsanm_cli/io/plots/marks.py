@@ -20,7 +20,7 @@ _ARROW, _TICK = 0.09, 0.02
 
 
 @dataclass(frozen=True)
-class Marks:
+class ConditionMarks:
     """What is drawn over the bodies, at places before loading.
 
     ``held`` are points (k, 2) with outward normals (k, 2) of boundaries, ``nodes`` (p, 2) single points that
@@ -34,7 +34,7 @@ class Marks:
     obstacles: tuple[FloatArray, ...] = ()
 
 
-def ends(marks: Marks, size: float) -> FloatArray:
+def ends(marks: ConditionMarks, size: float) -> FloatArray:
     """How far the signs reach on a scene of so large a ``size``, as points (k, 2)."""
     arrows = [
         point + (-1.0 if direction @ normal < 0.0 else 1.0) * _ARROW * size * direction
@@ -44,7 +44,7 @@ def ends(marks: Marks, size: float) -> FloatArray:
     return np.concatenate([np.zeros((0, 2)), *ticks, *(arrow[None] for arrow in arrows)])
 
 
-def draw_marks(axes: Axes, marks: Marks, size: float) -> None:
+def draw_marks(axes: Axes, marks: ConditionMarks, size: float) -> None:
     """Draw the signs on a scene of so large a ``size``."""
     from matplotlib.collections import LineCollection
 

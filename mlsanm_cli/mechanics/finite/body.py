@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.assembly import spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.finite.cells import moments_of_force
-from mlsanm_cli.mechanics.finite.faces import Points, held_points, inner_points, middles, rule_of
+from mlsanm_cli.mechanics.finite.faces import FacePoints, held_points, inner_points, middles, rule_of
 from mlsanm_cli.mechanics.finite.law import Law, determinant
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads, cofactor_normal
 
@@ -63,7 +63,7 @@ class FiniteBody:
         return rule_of(self.elastic.model)
 
     @cached_property
-    def stressed(self) -> tuple[Points, Points]:
+    def stressed(self) -> tuple[FacePoints, FacePoints]:
         """The points that carry stress: inner faces, held sides."""
         return inner_points(self.elastic), held_points(self.elastic)
 
@@ -196,7 +196,7 @@ class FiniteBody:
         return 1.0 + min(float(determinant(one).min(initial=np.inf)) for one in parts)
 
 
-def _gradient(points: Points, displacement: FloatArray) -> FloatArray:
+def _gradient(points: FacePoints, displacement: FloatArray) -> FloatArray:
     _, by_x, by_y = points.seen(displacement)
     return np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
 

@@ -22,7 +22,7 @@ from mlsanm_cli.operators.stencils import Stencils, build_gradients
 
 
 @dataclass(frozen=True)
-class Points:
+class FacePoints:
     """Fits e of t points each: ``places`` (e, t, 2), ``normals`` (e, t, 2) times the lengths they stand for,
     ``stencils`` with the weights (nnz, 3 t) of value, d/dX and d/dY at each point.
 
@@ -64,7 +64,7 @@ class Points:
         return pair_rows(self.stencils, values)
 
 
-def inner_points(body: ElasticBody) -> Points:
+def inner_points(body: ElasticBody) -> FacePoints:
     """The faces between the body's pieces."""
     model, labels = body.model, body.pieces.labels
     edges = model.cloud.faces.between(labels).edges(rule_of(model))
@@ -73,10 +73,10 @@ def inner_points(body: ElasticBody) -> Points:
     owner = np.concatenate([labels[edges.one], labels[edges.other]])
     stencils = _stencils(model, edges.middle, edges.points)
     kept = np.ones((len(fits), 2))
-    return Points(edges.points, edges.normals, stencils, both, owner, sign, kept)
+    return FacePoints(edges.points, edges.normals, stencils, both, owner, sign, kept)
 
 
-def held_points(body: ElasticBody) -> Points:
+def held_points(body: ElasticBody) -> FacePoints:
     """The sides with held components, in which they carry stress."""
     model = body.model
     chosen = [name for name, components in body.gripped.items() if any(components)]
@@ -88,7 +88,7 @@ def held_points(body: ElasticBody) -> Points:
     return _outline_points(model, found, kept)
 
 
-def loaded_points(body: ElasticBody, surfaces: Collection[str]) -> Points:
+def loaded_points(body: ElasticBody, surfaces: Collection[str]) -> FacePoints:
     """The ``surfaces`` with given tractions, at the FINE points of their halves, where these are not held."""
     found = [_along(body, name, FINE) for name in surfaces]
     kept = [
@@ -107,13 +107,15 @@ def _along(body: ElasticBody, name: str, rule: Rule) -> tuple[FloatArray, FloatA
 
 def _outline_points(
     model: BodyModel, found: list[tuple[FloatArray, FloatArray, IntArray]], kept: list[FloatArray]
-) -> Points:
+) -> FacePoints:
     none = (np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
     places, normals, owner = (np.concatenate(some) for some in zip(*[*found, none], strict=True))
     stencils = _stencils(model, places, places[:, None])
     whole = np.concatenate([*kept, np.zeros((0, 2))])
     fits = np.arange(len(places))
-    return Points(places[:, None], normals[:, None], stencils, fits, owner, np.full(len(fits), -1.0), whole)
+    return FacePoints(
+        places[:, None], normals[:, None], stencils, fits, owner, np.full(len(fits), -1.0), whole
+    )
 
 
 def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Stencils:

@@ -14,11 +14,11 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.faces import Points, loaded_points
+from mlsanm_cli.mechanics.finite.faces import FacePoints, loaded_points
 
 
 @dataclass(frozen=True)
-class Pressing:
+class FollowerPressure:
     """A pressure that follows: ``nodal`` (b,) at a surface's nodes and ``between`` (g,) them, at the FINE
     points of its halves, for load ``number`` at factor 1."""
 
@@ -69,7 +69,7 @@ class Loads:
     sources: FloatArray
     tractions: Mapping[str, FloatArray] = field(default_factory=dict)
     force: FloatArray | None = None
-    pressing: Sequence[Pressing] = ()
+    pressing: Sequence[FollowerPressure] = ()
     known: FloatArray | None = None
     warming: Sequence[Warming] = ()
     turning: Sequence[Turning] = ()
@@ -87,7 +87,7 @@ class Applied:
     others. Springs that give way pull back with ``pulling`` (2, q) times the displacement; ``along`` has the
     points of every surface."""
 
-    points: Points
+    points: FacePoints
     dead: FloatArray
     pressure: FloatArray
     pressed: FloatArray

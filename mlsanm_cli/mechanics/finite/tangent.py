@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.mechanics.finite.body import SECOND, BodySeries, FiniteBody
-from mlsanm_cli.mechanics.finite.faces import Points
+from mlsanm_cli.mechanics.finite.faces import FacePoints
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows
 from mlsanm_cli.operators.stencils import Stencils
 
@@ -140,7 +140,7 @@ def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: Float
     return sparse.csr_array(total - _turned(body, state, factors))
 
 
-def _moduli(body: FiniteBody, points: Points, u: FloatArray, stretch: FloatArray | None) -> FloatArray:
+def _moduli(body: FiniteBody, points: FacePoints, u: FloatArray, stretch: FloatArray | None) -> FloatArray:
     """Derivatives (2, 2, 2, e, t) of P N at points that carry stress: component of the force, derivative,
     component of the displacement ``u`` (N, 2)."""
     _, by_x, by_y = points.seen(u)
@@ -177,7 +177,7 @@ def held_force(
 
 def _spread(
     body: FiniteBody,
-    points: Points,
+    points: FacePoints,
     moduli: FloatArray,
     pulling: FloatArray,
     force: FloatArray,
