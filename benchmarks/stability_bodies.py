@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver

@@ -40,7 +40,7 @@ from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.energy import energy_between_nodes, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver

@@ -22,7 +22,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight, inward_corners, inward_weight
 from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows

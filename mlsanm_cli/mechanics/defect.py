@@ -18,7 +18,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED

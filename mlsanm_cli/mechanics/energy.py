@@ -25,7 +25,7 @@ from mlsanm_cli.mechanics.rigid import rigid_pattern
 from mlsanm_cli.operators.stencils import build_stencils
 
 if TYPE_CHECKING:
-    from mlsanm_cli.mechanics.body import BodyModel
+    from mlsanm_cli.mechanics.body_model import BodyModel
 
 UNDECIDED = 1e-13
 """Rigid motions with less of a mean square than this part of a unit motion's are not seen, but round-off."""

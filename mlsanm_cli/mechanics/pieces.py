@@ -37,7 +37,7 @@ from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
 
 if TYPE_CHECKING:
-    from mlsanm_cli.mechanics.body import BodyModel
+    from mlsanm_cli.mechanics.body_model import BodyModel
 
 SIZE = 16
 """Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose

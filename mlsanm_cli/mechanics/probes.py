@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows, value_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.rows import scalar_rows

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 
 SHIFTED = 1e-9
 """Nodes of two bodies that are alike differ by less than this part of the spacing, but for a shift."""

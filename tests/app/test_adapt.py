@@ -25,7 +25,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.aot.jit import Loaded
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from tests.app.scenes import BAR, COARSE, NODAL, PATCH, Quiet, assert_same_results, solve
 from tests.case_text import body, box, head, load, material, support

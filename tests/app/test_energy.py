@@ -19,7 +19,7 @@ from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics import pieces
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.energy import twice_strain_energy
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
 from tests.app.scenes import FAST, PATCH, hertz, solve

@@ -23,7 +23,7 @@ from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from tests.app.scenes import ANM, BAR, Quiet, assert_same_results, hertz
 from tests.case_text import item, table
 

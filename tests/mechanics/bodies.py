@@ -12,7 +12,8 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver

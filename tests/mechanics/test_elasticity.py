@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import XX, XY, YY, equilibrium_rows, stress_rows, traction_rows
 from mlsanm_cli.mechanics.material import anisotropic
 from mlsanm_cli.operators.settings import MlsSettings

@@ -19,7 +19,8 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem

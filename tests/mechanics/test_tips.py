@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.curves import Outline, Segment, disk
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic, orthotropic

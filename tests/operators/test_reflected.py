@@ -9,7 +9,7 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.operators.settings import MlsSettings
 from tests.mechanics.bodies import STEEL
 

@@ -15,7 +15,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import inward_corners
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo

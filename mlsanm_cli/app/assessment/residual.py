@@ -20,7 +20,8 @@ from mlsanm_cli.cloud.cover import cover
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.patches import Patch
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight
 from mlsanm_cli.mechanics.defect import Defect
 from mlsanm_cli.solve.condensed_scene import CondensedScene

@@ -21,7 +21,7 @@ from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.solve.condensed_scene import CondensedScene

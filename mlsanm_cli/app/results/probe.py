@@ -24,7 +24,7 @@ from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_run
-from mlsanm_cli.mechanics.body import enough_neighbors, known_tips
+from mlsanm_cli.mechanics.body_model import enough_neighbors, known_tips
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion

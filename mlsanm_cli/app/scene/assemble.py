@@ -27,7 +27,8 @@ from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, model_key
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe

@@ -19,7 +19,7 @@ from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 ALIKE = 1e-9

@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.surface import Surface, joined_surface
-from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real

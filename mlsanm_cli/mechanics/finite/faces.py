@@ -15,7 +15,8 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.operators.stencils import Stencils, build_gradients

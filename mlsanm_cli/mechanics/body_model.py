@@ -1,0 +1,274 @@
+"""Cloud, material and operators of one body, before its boundary conditions are set up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.tips import Tips
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.elasticity import (
+    divergence_of,
+    divergence_of_stress,
+    equilibrium_rows,
+    force_rows,
+    force_sums,
+    nested_equilibrium_rows,
+    stress_of,
+    stress_rows,
+)
+from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
+from mlsanm_cli.memo import digest
+from mlsanm_cli.operators.cornered import far_apart
+from mlsanm_cli.operators.neighbors import nearest_nodes
+from mlsanm_cli.operators.reflected import reflected, reflected_numbers
+from mlsanm_cli.operators.rows import pair_rows, scalar_rows
+from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils
+from mlsanm_cli.startup import cKDTree
+
+MORE_NEIGHBORS = 1.3
+"""Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13
+over the clouds of one graded scene, with these by 3, and halved."""
+
+COINCIDENT = 0.02
+"""Nodes closer than this part of the spacing are refused: only their difference distinguishes them.
+
+Measured with an extra node next to another one, degrees 2, 4 and 6: at 0.03 the error is the same as without
+it, at 0.01 fourteen times larger for degree 6, at 0.003 ten times for degree 2, then soon beyond all bounds.
+"""
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """Cloud, material and operators of one body, before its boundary conditions are set up.
+
+    ``nodes`` (N, 2) carry the unknowns: the cloud's points, then the ghosts outside the boundary nodes
+    ``ghosts`` (g,), none unless the scheme has them. ``stencils`` are those of the cloud's points, ``near``
+    (n, k) the nodes nearest to each, as far as they may be asked for again.
+    """
+
+    name: str
+    cloud: Cloud
+    material: PlaneMaterial
+    settings: MlsSettings
+    ghosts: IntArray
+    nodes: FloatArray
+    tree: cKDTree
+    near: IndexArray
+    stencils: Stencils
+
+    @classmethod
+    def build(
+        cls,
+        name: str,
+        cloud: Cloud,
+        material: PlaneMaterial,
+        settings: MlsSettings,
+        clamped: Collection[str] = (),
+        foresight: int = 0,
+    ) -> BodyModel:
+        """Stencils with second derivatives at every node; ghosts leave out ``clamped`` surfaces.
+
+        Nodes are looked for but once, so many that stencils of ``foresight`` nodes may be made later.
+
+        Raises NumericalError where two nodes are too close, a part too thin for the degree, or no room for
+        ghosts.
+        """
+        _refuse_coincident(name, cloud)
+        settings = enough_neighbors(settings, material)
+        ghosts, nodes = np.zeros(0, dtype=np.int64), cloud.points
+        if settings.scheme == "ghost":
+            if cloud.sight is not None:
+                raise NumericalError(
+                    f"body {name} has a slit, whose ghosts would stand in its other face",
+                    'use mls.scheme = "least-squares"',
+                )
+            ghosts = ghost_owners(cloud, clamped)
+            nodes = np.concatenate([nodes, ghost_points(cloud, ghosts)])
+        tree = cloud.tree if nodes is cloud.points else cKDTree(nodes)
+        mirror = cloud.mirror if nodes is cloud.points else None
+        points = cloud.points if mirror is None else cloud.points[mirror.own]
+        near = nearest_nodes(tree, points, max(settings.stencil_size, foresight))
+        tips = known_tips(cloud.tips, material, settings)
+        stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near, tips)
+        if not foresight:
+            near = near[:, :0]
+        if mirror is not None:
+            stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
+        return cls(name, cloud, material, settings, ghosts, nodes, tree, near, stencils)
+
+    @cached_property
+    def tips(self) -> Tips | None:
+        """The sharp inward corners that fits know of; None without any."""
+        return known_tips(self.cloud.tips, self.material, self.settings)
+
+    @cached_property
+    def kernel(self) -> PointForceField:
+        """The field of forces on the surface in closed form."""
+        return kernel_of(self.material)
+
+    @cached_property
+    def content(self) -> str:
+        """A digest of the nodes, the material and the operators' settings."""
+        return digest(model_key(self.name, self.cloud, self.material, self.settings), self.ghosts)
+
+    @cached_property
+    def rows_content(self) -> str:
+        """A digest of what the body's rows depend on; neither its name nor how it expands is."""
+        kind = _kind(self.settings)
+        return digest(self.cloud.content, self.ghosts, self.material.stiffness, kind)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement unknowns, ghosts' included."""
+        return 2 * len(self.nodes)
+
+    def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
+        """Rows (e, 2N) of the displacement at ``points`` (e, 2) of the body along ``directions`` (e, 2)."""
+        stencils = build_stencils(
+            self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
+        )
+        along = np.repeat(directions, np.diff(stencils.indptr), axis=0)
+        return pair_rows(stencils, stencils.weights * along)
+
+    def values(self, points: FloatArray, displacement: FloatArray) -> FloatArray:
+        """The ``displacement`` (N, 2) of the nodes at ``points`` (e, 2) of the body."""
+        stencils = build_stencils(
+            self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
+        )
+        return np.asarray(scalar_rows(stencils, stencils.weights[:, 0]) @ displacement)
+
+    def forces_through(
+        self, centers: FloatArray, points: FloatArray, normals: FloatArray
+    ) -> sparse.csr_array:
+        """Rows (3e, 2N): forces x of sigma n at the t ``points`` (e, t, 2) around each of the ``centers``
+        (e, 2), added up, forces y, and moments about the centres. The ``normals`` (e, t, 2) are as long as
+        what the points stand for."""
+        stencils = build_gradients(
+            self.nodes, self.tree, centers, points, self.settings, self.cloud.sight, tips=self.tips
+        )
+        arm, c = points - centers[:, None], self.material.stiffness
+        if not self.material.nearly_incompressible:
+            return force_rows(stencils, c, arm, normals)
+        # The mean pressure as a nodal field, as in the equilibrium of the nodes.
+        even, flat = self.material.bulk_part, points.reshape(-1, 2)
+        there = build_stencils(
+            self.nodes, self.tree, flat, 0, self.settings, self.cloud.sight, tips=self.tips
+        )
+        values = scalar_rows(there, there.weights[:, 0])
+        parts = force_sums(arm, normals)
+        nested = [
+            (part @ values) @ stress_rows(self.stencils, even, which) for which, part in enumerate(parts)
+        ]
+        return sparse.csr_array(sum(nested, force_rows(stencils, c - even, arm, normals)))
+
+    @cached_property
+    def _stress_stencils(self) -> Stencils:
+        """Stencils of the cloud's points on each other, by which nodal stresses are differentiated."""
+        if self.settings.scheme != "ghost":
+            return self.stencils
+        points = self.cloud.points
+        return build_stencils(points, self.cloud.tree, points, 1, self.settings, self.cloud.sight)
+
+    def equilibrium(self, component: int) -> sparse.csr_array:
+        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
+
+        Nearly incompressible materials would lock: the gradient of the divergence, twice a node, leaves too
+        few displacements without change of volume. There the mean pressure is differentiated as a nodal
+        field, which asks for one thing a node. Degree 1, without second derivatives, does so with all stress.
+        """
+        c = self.material.stiffness
+        nested = self.settings.degree == 1
+        if not nested and not self.material.nearly_incompressible:
+            return equilibrium_rows(self.stencils, c, component)
+        even = c if nested else self.material.bulk_part
+        rows = nested_equilibrium_rows(self.stencils, self._stress_stencils, even, component)
+        if nested:
+            return rows
+        return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
+
+    def stress(self, displacement: FloatArray) -> FloatArray:
+        """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2).
+
+        Of nearly incompressible materials the mean pressure is that of fits to its nodal values, which are
+        all that equilibrium knows of them: what changes from node to node is many times the error of these.
+        """
+        c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
+        if not self.material.nearly_incompressible:
+            return stress_of(derivatives, c)
+        even = self.material.bulk_part
+        fitted = self._stress_stencils.derivatives(stress_of(derivatives, even))[:, 0]
+        return np.asarray(stress_of(derivatives, c - even) + fitted)
+
+    def divergence(self, displacement: FloatArray) -> FloatArray:
+        """What the rows of :meth:`equilibrium` make (n, 2) of nodal ``displacement`` (N, 2)."""
+        return self.divergence_by(self.stencils.derivatives(displacement), self._stress_stencils.derivatives)
+
+    def divergence_by(
+        self, derivatives: FloatArray, of_stress: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """The same by the ``derivatives`` (n, 6, 2) of a displacement, and those ``of_stress`` (n, 3) at the
+        cloud's points, by whatever fits."""
+        c = self.material.stiffness
+        nested = self.settings.degree == 1
+        if not nested and not self.material.nearly_incompressible:
+            return divergence_of(derivatives, c)
+        even = c if nested else self.material.bulk_part
+        rest = 0.0 if nested else divergence_of(derivatives, c - even)
+        result: FloatArray = divergence_of_stress(of_stress(stress_of(derivatives, even))) + rest
+        return result
+
+    def stress_divergence(self, stress: FloatArray) -> FloatArray:
+        """Divergence (n, 2) of nodal ``stress`` (n, 3) at the cloud's points."""
+        return divergence_of_stress(self._stress_stencils.derivatives(stress))
+
+
+def known_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
+    """The sharp inward corners of a body whose fields are known: of isotropic materials at small strain."""
+    kernel = kernel_of(material)
+    if tips is None or settings.square or not settings.corners or not isinstance(kernel, Isotropic):
+        return None
+    return far_apart(settings, replace(tips, kappa=kernel.kappa))
+
+
+def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
+    """The settings with the stencils that the material needs, unless the case says how large they are."""
+    if material.nearly_incompressible and settings.neighbors is None:
+        return replace(settings, neighbors=math.ceil(MORE_NEIGHBORS * settings.stencil_size))
+    return settings
+
+
+def model_key(
+    name: str,
+    cloud: Cloud,
+    material: PlaneMaterial,
+    settings: MlsSettings,
+    clamped: Collection[str] = (),
+) -> str:
+    """A digest of what :meth:`BodyModel.build` is given."""
+    elastic = [material.stiffness, material.across, material.expansion, material.across_heat]
+    return digest(name, cloud.content, elastic, _kind(settings), sorted(clamped))
+
+
+def _kind(settings: MlsSettings) -> list[object]:
+    return [settings.degree, settings.neighbors, settings.scheme, settings.corners]
+
+
+def _refuse_coincident(name: str, cloud: Cloud) -> None:
+    if cloud.separation.closest < COINCIDENT:
+        x, y = cloud.points[cloud.separation.node]
+        distance = cloud.separation.closest
+        raise NumericalError(
+            f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
+            "make the spacing smaller there, or leave out the short side, small arc or sharp tip",
+        )
