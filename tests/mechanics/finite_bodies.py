@@ -11,7 +11,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.law import Kind, Law
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem

@@ -8,7 +8,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.body import BodySeries
+from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Kind, Law
 from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, cofactor_normal

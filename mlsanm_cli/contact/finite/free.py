@@ -17,7 +17,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.tangent import held_force
 from mlsanm_cli.mechanics.rigid import ROTATION
 

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
 from mlsanm_cli.contact.finite.update import Done, Imbalance, Responses, Used
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.mechanics.finite.body import BodySeries
+from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 

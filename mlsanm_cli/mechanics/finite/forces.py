@@ -9,7 +9,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import Halves
-from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 
 

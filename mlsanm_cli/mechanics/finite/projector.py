@@ -23,7 +23,8 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.mechanics.assembly import row_weights
-from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong

@@ -10,7 +10,8 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Halves
-from mlsanm_cli.mechanics.finite.body import SECOND, BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.body_series import SECOND, BodySeries
 from mlsanm_cli.mechanics.finite.faces import FacePoints
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows
 from mlsanm_cli.operators.stencils import Stencils

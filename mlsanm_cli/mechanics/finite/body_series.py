@@ -1,0 +1,198 @@
+"""What is left of the equations of a body at finite strain along a path, order by order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.loads import cofactor_normal
+
+SECOND = ((3, 4), (4, 5))
+"""Where the derivatives by X and Y of d/dX and of d/dY are among those of a stencil."""
+
+
+class BodySeries:
+    """What is left of a body's equations along u(a), factors(a), filled order by order.
+
+    Order k of what is left needs the orders up to k of displacement and factors; one that is not known yet
+    may be put as None first, and then for good.
+    """
+
+    def __init__(self, body: FiniteBody, orders: int) -> None:
+        self.body = body
+        inner, held = body.stressed
+        self._loaded = body.applied.points
+        groups = (inner, held, self._loaded)
+        self._ends = np.cumsum([0, *(one.count for one in groups)])
+        warm = bool(body.loads.warming)
+        self._nodes = body.law.series(orders, 3, len(body.elastic.model.cloud.points), warm)
+        self._faces = body.law.series(orders, 1, int(self._ends[2]), warm)
+        total, pieces = int(self._ends[3]), body.count
+        self._force = np.zeros((orders + 1, 2, total))
+        self._place = np.zeros((orders + 1, 2, total))
+        self._moved = np.zeros((orders + 1, 2, self._loaded.count))
+        self._middle = np.zeros((orders + 1, 2, pieces))
+        self._displacement = np.zeros((orders + 1, body.unknowns))
+        self._factors = np.zeros((orders + 1, body.loads.count))
+        self._loaded_gradient = np.zeros((orders + 1, 4, self._loaded.count))
+        self._normals = np.concatenate([one.normals.reshape(-1, 2) for one in groups])
+        kept = [np.repeat(one.kept, one.places.shape[1], axis=0) for one in groups]
+        self._kept = np.concatenate(kept).T
+        self._turns = [np.zeros((2, orders + 1)) for _ in body.loads.turning]
+        self._pairs()
+
+    def _pairs(self) -> None:
+        """Which point acts on which piece, with which sign."""
+        point, owner, sign = [], [], []
+        for one, first in zip((*self.body.stressed, self._loaded), self._ends, strict=False):
+            each = one.places.shape[1]
+            point.append(first + (each * one.fit[:, None] + np.arange(each)).ravel())
+            owner.append(np.repeat(one.owner, each))
+            sign.append(np.repeat(one.sign, each))
+        self._point, self._owner, self._sign = (np.concatenate(some) for some in (point, owner, sign))
+
+    def put(self, order: int, displacement: FloatArray | None, factors: FloatArray) -> None:
+        """Set ``order`` of displacement (2N,) and load factors (L,)."""
+        body, inner, held = self.body, *self.body.stressed
+        self._factors[order] = factors
+        for plate, turn in zip(body.loads.turning, self._turns, strict=True):
+            _turn(turn, self._factors[: order + 1] @ plate.rate, order)
+        jets, on_faces = body.stretch_jets(factors, order), body.face_stretch(factors, order)
+        values = None if on_faces is None else on_faces[None]
+        if displacement is None:
+            self._displacement[order] = 0.0
+            for one in (self._place, self._middle, self._moved, self._loaded_gradient):
+                one[order] = 0.0
+            self._nodes.put(order, None, jets)
+            self._faces.put(order, None, values)
+        else:
+            self._displacement[order] = displacement
+            u = displacement.reshape(-1, 2)
+            seen = [one.seen(u) for one in (inner, held, self._loaded)]
+            self._place[order] = np.concatenate([one[0] for one in seen]).T
+            self._moved[order] = seen[2][0].T
+            self._middle[order] = (body.centers @ u).T
+            gradient = [np.stack([s[1, :, 0], s[2, :, 0], s[1, :, 1], s[2, :, 1]]) for s in seen]
+            self._faces.put(order, np.concatenate(gradient[:2], axis=1)[:, None], values)
+            self._loaded_gradient[order] = gradient[2]
+            self._nodes.put(order, _jets(body.elastic.model.stencils.derivatives(u)), jets)
+        if not order:
+            places = [one.places.reshape(-1, 2) for one in (inner, held, self._loaded)]
+            self._place[0] += np.concatenate(places).T
+            self._middle[0] += body.elastic.pieces.whole.middle.T
+            self._loaded_gradient[0, [0, 3]] += 1.0
+        self._forces(order)
+
+    def _forces(self, order: int) -> None:
+        """Forces at all points, in components that count."""
+        applied, end = self.body.applied, int(self._ends[2])
+        stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
+        self._force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
+        self._force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]
+        self._force[order, :, end:] = (
+            applied.dead @ self._factors[order] - applied.pulling * self._moved[order]
+        )
+        if applied.follows:
+            for low in range(order + 1):
+                pressure = applied.pressure @ self._factors[low]
+                turned = cofactor_normal(self._loaded_gradient[order - low], self._normals[end:])
+                self._force[order, :, end:] -= pressure * turned
+        self._force[order] *= self._kept
+
+    def rows(self, order: int) -> FloatArray:
+        """The coefficient (r,) of ``order`` of what is left of all rows: of the nodes, and of the pieces."""
+        body, elastic, applied = self.body, self.body.elastic, self.body.applied
+        left = -(body.loads.sources @ self._factors[order])
+        for plate, turn in zip(body.loads.turning, self._turns, strict=True):
+            cos, sin = turn[:, order]
+            left[plate.rows] -= plate.moved(cos - (not order), sin)
+        count = len(elastic.model.cloud.points)
+        stress = self._nodes.stress[:, order]
+        left[:count] += stress[0, 1] + stress[1, 2]
+        left[count : 2 * count] += stress[2, 1] + stress[3, 2]
+        u = self._displacement[order].reshape(-1, 2)
+        gradient = self._nodes.gradient
+        for name, index, normal, held in body.conditions:
+            for component in (0, 1):
+                at = elastic.condition_rows(name, component)
+                if held[component]:
+                    left[at] += u[index, component]
+                    continue
+                row = stress[2 * component : 2 * component + 2, 0, index]
+                left[at] += row[0] * normal[:, 0] + row[1] * normal[:, 1]
+                if applied.follows:
+                    for low in range(order + 1):
+                        pressure = applied.pressed[at] @ self._factors[low]
+                        turned = cofactor_normal(gradient[:, order - low, 0, index], normal)
+                        left[at] += pressure * turned[component]
+        if elastic.springs:
+            left[: elastic.rows - 3 * body.count] += body.pulls @ self._displacement[order]
+        first = elastic.rows - 3 * body.count - len(elastic.held_nodes)
+        left[first : first + len(elastic.held_nodes)] += body.single @ self._displacement[order]
+        left[elastic.rows - 3 * body.count :] = self._pieces(order)
+        return np.asarray(left)
+
+    def _pieces(self, order: int) -> FloatArray:
+        """Forces x, y and moments (3k,) that pieces lack."""
+        count, owner, point = self.body.count, self._owner, self._point
+        force = self._sign * self._force[: order + 1][:, :, point]
+        arm = self._place[: order + 1][:, :, point] - self._middle[: order + 1][:, :, owner]
+        back = force[::-1]
+        moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
+        x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
+        lack = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
+        lack -= self.body.of_force @ self._factors[order]
+        for number, turning in enumerate(self.body.turning):
+            for low in range(order + 1):
+                if self._factors[low, number]:
+                    lack[2 * count :] -= self._factors[low, number] * (
+                        turning @ self._displacement[order - low]
+                    )
+        return lack
+
+    def outline_forces(self) -> tuple[FloatArray, FloatArray]:
+        """Forces (2, g), at order 0, at the points of the held sides and of those with given tractions."""
+        first, last = int(self._ends[1]), int(self._ends[2])
+        return self._force[0, :, first:last], self._force[0, :, last:]
+
+    def held_forces(self) -> FloatArray:
+        """Forces (2, g), at order 0, at the points of the held sides."""
+        return self._force[0, :, int(self._ends[1]) : int(self._ends[2])]
+
+    def spring_forces(self, surface: str) -> FloatArray:
+        """Forces (2,), at order 0, of the springs along a surface that give way."""
+        applied = self.body.applied
+        here = applied.along[surface]
+        return np.asarray(-(applied.pulling[:, here] * self._moved[0, :, here]).sum(axis=1))
+
+    def resultant(self) -> FloatArray:
+        """Forces x and y (2, k), at order 0, by which the rows of the pieces count those on their faces."""
+        force = self._sign * self._force[0][:, self._point]
+        return np.stack([np.bincount(self._owner, one, self.body.count) for one in force])
+
+    def state(self) -> tuple[FloatArray, ...]:
+        """At order 0: forces (2, q), places (2, q) and middles (2, k), as the derivative takes them."""
+        return self._force[0], self._place[0], self._middle[0]
+
+
+def _turn(turn: FloatArray, angle: FloatArray, order: int) -> None:
+    """Fill in the coefficients of ``order`` of cosine and sine (2, K + 1) of an ``angle`` (order + 1,)."""
+    if not order:
+        turn[:, 0] = np.cos(angle[0]), np.sin(angle[0])
+        return
+    weighted = np.arange(1, order + 1) * angle[1:] / order
+    cos, sin = turn[:, :order][:, ::-1]
+    turn[:, order] = -weighted @ sin, weighted @ cos
+
+
+def _jets(derivatives: FloatArray) -> FloatArray:
+    """Jets (4, 3, n) of the displacement gradient by ``derivatives`` (n, 6, 2) of the displacement."""
+    found = np.empty((4, 3, len(derivatives)))
+    for component in (0, 1):
+        for axis in (0, 1):
+            where = 2 * component + axis
+            found[where, 0] = derivatives[:, 1 + axis, component]
+            for along in (0, 1):
+                found[where, 1 + along] = derivatives[:, SECOND[axis][along], component]
+    return found
