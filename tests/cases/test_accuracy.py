@@ -166,8 +166,7 @@ def test_friction_whose_loads_have_turned_back(tmp_path: Path, law: str, turned_
     sizes = ("body.cylinder.spacing=0.12", "body.block.spacing=0.2")
     summary, data = solve("cattaneo_mindlin", tmp_path / "run", law, *sizes)
     true, told = turned_back.errors(data)[0], summary["error_estimate"]["displacement"]
-    # The bodies are 0.2 % off on this cloud, whatever the contact's grid: estimates say a sixth of it, with
-    # spacings of three quarters half of it.
-    assert true / 6.0 <= told <= true * FACTOR
+    # Between the two runs lie 0.2 %, of which a part is what histories on unlike grids differ by.
+    assert true / 5.0 <= told <= true * FACTOR
     # Tractions make pressures of their own; what the grid leaves counts here too.
     assert 1e-4 <= summary["error_estimate"]["pressure"]["interface"] <= 0.02

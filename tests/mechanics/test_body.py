@@ -76,7 +76,7 @@ def patch(
 ) -> tuple[ElasticBody, Polynomial]:
     """A body on a graded cloud, and a field of its degree."""
     spacing = Spacing(0.12, (Zone.around((0.2, 1.0), 0.03, 0.1, 0.12),))
-    cloud = build_cloud(rectangle((0.0, 1.5), (0.0, 1.0)), spacing, 2)
+    cloud = build_cloud(rectangle((0.0, 1.5), (0.0, 1.0)), spacing, 0)
     return build(cloud, held, degree, FULL, scheme=scheme), Polynomial(degree, FULL.stiffness)
 
 
