@@ -19,6 +19,8 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 
 FEWEST = 4
 """Nodes over a contact below which its pressures are hardly known."""
+LEANING = 1e-3
+"""A force that leans by less than this part of itself is not told to lean."""
 SHARP = 20
 """Nodes over a contact with which half of a spacing at its ends matters."""
 
@@ -41,9 +43,10 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
                 )
         elif closed.sum() < FEWEST:
             lean = _lean(side, closed, pressed.normal[here])
+            leans = f", and its force leans by up to {100.0 * lean:.2g} %" if lean > LEANING else ""
             yield (
                 f"contact {contact.name}: too few nodes of {name} in contact for accurate pressures "
-                f"({closed.sum()}, {spacing:.3g} apart), and its force leans by up to {100.0 * lean:.2g} %: "
+                f"({closed.sum()}, {spacing:.3g} apart){leans}: "
                 'use finer nodes there, or leave the spacing to "auto"'
             )
         elif isinstance(contact, BodyContact) and closed.sum() < SHARP:
