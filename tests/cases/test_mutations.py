@@ -16,7 +16,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.response import load_vectors as sources
-from mlsanm_cli.mechanics import assembly, body
+from mlsanm_cli.mechanics import assembly, body_model
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.near_field import PointForceField
@@ -104,7 +104,7 @@ def test_stencils_across_bodies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
         taken = build_stencils(first, cKDTree(first), targets, order, *rest, **named)
         return replace(taken, indices=taken.indices % len(points), nodes=len(points))
 
-    monkeypatch.setattr(body, "build_stencils", faulty)
+    monkeypatch.setattr(body_model, "build_stencils", faulty)
     summary = outcome("hertz", tmp_path / "run", EXACT)
     assert len({len(points) for points in seen}) == 2
     # No certificate knows of it, but seven times the published bar does.
