@@ -19,6 +19,7 @@ from mlsanm_cli.app.comparison.differences import (
     CONVERGING,
     SOFTER,
     Difference,
+    agreement,
     difference,
     other_law_limit,
     same_law_limit,
@@ -193,7 +194,7 @@ def _result(
     }
     table = [_figures(built, row, rows, limits, clock, options.analytic, case_of) for row in rows]
     return {
-        "status": _status(table),
+        "status": agreement(table),
         "case": str(loaded.path),
         "title": case.title,
         "overrides": list(loaded.overrides),
@@ -277,10 +278,3 @@ def _reference_error(built: CondensedScene, row: Measured) -> dict[str, float | 
         for pairing in built.condensed.pairings
     }
     return {name: None if profile is None else profile.error_l2 for name, profile in profiles.items()}
-
-
-def _status(table: Sequence[Mapping[str, Any]]) -> str:
-    if table[0]["status"] == "failed":
-        return "failed"
-    agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
-    return "agree" if agree else "disagree"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -91,3 +92,11 @@ def surface_error(built: CondensedScene, found: Mapping[float, State], exact: Ma
         for position, state in exact.items()
     )
     return worst / max(norm(state.pressure, state.traction) for state in exact.values())
+
+
+def agreement(table: Sequence[Mapping[str, Any]]) -> str:
+    """The status of a comparison by its rows, ANM first: "agree", "disagree", or "failed" where ANM has."""
+    if table[0]["status"] == "failed":
+        return "failed"
+    agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
+    return "agree" if agree else "disagree"

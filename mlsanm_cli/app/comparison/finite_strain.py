@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.comparison.differences import same_law_limit
+from mlsanm_cli.app.comparison.differences import agreement, same_law_limit
+from mlsanm_cli.app.comparison.methods import ANM, NEWTON
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.path import finite_path
@@ -26,7 +27,6 @@ from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
 
-METHODS = ("anm", "newton")
 RENEWED_ELSEWHERE = 1e-2
 """Largest difference, over the largest displacement, where Newton's method could not follow with the
 equations of the power series and renewed them in other states: a part of the discretisation error."""
@@ -68,23 +68,18 @@ def compare_finite(
     prepared = build_scene(wanted, RunContext(clock, console))
     with clock.phase("operators"):
         scene = finite_scene(wanted.case, prepared)
-    rows = []
-    renewals: tuple[FiniteState, ...] | None = None
-    for method in METHODS:
-        console.phase(f"following the path: {method}")
-        rows.append(_followed(scene, method, repeat, renewals))
-        renewals = renewals_of(rows[0].steps)
-    shared = all(len(renewals_of(row.steps)) == len(renewals or ()) for row in rows)
+    console.phase(f"following the path: {ANM}")
+    series = _followed(scene, ANM, repeat, None)
+    renewals = renewals_of(series.steps)
+    console.phase(f"following the path: {NEWTON}")
+    newton = _followed(scene, NEWTON, repeat, renewals)
+    rows = [series, newton]
+    shared = len(renewals_of(newton.steps)) == len(renewals)
     limit = same_law_limit(wanted.case) if shared else RENEWED_ELSEWHERE
     limit = limit if tolerance is None else tolerance
     table = [_figures(row, rows, limit, clock) for row in rows]
-    if table[0]["status"] == "failed":
-        status = "failed"
-    else:
-        agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
-        status = "agree" if agree else "disagree"
     result = {
-        "status": status,
+        "status": agreement(table),
         "case": str(loaded.path),
         "title": loaded.case.title,
         "overrides": list(overrides),

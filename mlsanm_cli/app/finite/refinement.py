@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.patches import Touched, across_of
+from mlsanm_cli.app.finite.patches import ACROSS, AT, Touched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
@@ -176,14 +176,13 @@ def _continues(last: FloatArray, row: FloatArray) -> bool:
     return straight and np.array_equal(last[2:4], row[:2]) and bool(last[4] == row[4])
 
 
-def contact_errors(case: Case, known: Refinement, touched: Touched) -> dict[str, float]:
+def contact_errors(known: Refinement, touched: Touched) -> dict[str, float]:
     """By contact, the estimated error of its force, both components, over the largest force of all: what it
     has changed by from the run before, if there is one, and what its nodes are known to leave."""
     size = max((math.hypot(*f) for one in touched.forces.values() for f in one.values()), default=0.0)
     found = {}
     for name, across in touched.across.items():
-        accuracy = next(one.accuracy for one in case.contact if one.name == name)
-        found[name] = accuracy * (across_of(case, name) / across) ** 2
+        found[name] = AT * (ACROSS / across) ** 2
         before = known.passes[-1] if known.passes else None
         if before is None or name not in before.across or not size:
             continue

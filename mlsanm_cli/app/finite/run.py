@@ -172,7 +172,7 @@ def _summary(
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability
         summary["error_estimate"] = {"energy": recorder.estimate}
-        if errors := contact_errors(scene.case, recorder.refinement, recorder.touched):
+        if errors := contact_errors(recorder.refinement, recorder.touched):
             summary["error_estimate"]["contacts"] = errors
         summary["energy_error"] = recorder.energy_error
         summary["finite_strain"] = {
