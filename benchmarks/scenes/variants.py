@@ -134,8 +134,12 @@ def _scaled(given: Table) -> Table:
             (("body-force",), STRESS / LENGTH),
         ):
             one.update({key: _expressed(one[key], by) for key in keys if key in one})
+        if isinstance(one.get("temperature"), str):
+            one["temperature"] = _expressed(one["temperature"], 1.0)
     for one in made.get("contact", []):
-        one.update({key: one[key] * LENGTH for key in ("interference", "reach") if key in one})
+        one.update(
+            {key: _expressed(one[key], LENGTH) for key in ("interference", "reach", "gap") if key in one}
+        )
         if "obstacle" in one:
             obstacle = one["obstacle"]
             for key in ("point", "center", "radius", "points"):
@@ -180,6 +184,8 @@ def _moved(given: Table, matrix: Array, how: str) -> Table:
     for one in made.get("contact", []):
         if "obstacle" in one:
             _obstacle(one["obstacle"], matrix, how)
+        if isinstance(one.get("gap"), str):
+            one["gap"] = _replaced(one["gap"], matrix)
     for one in made.get("probe", []):
         one["point"] = _turn(one["point"], matrix)
     for key in ("support", "load", "contact"):
@@ -245,14 +251,23 @@ def _load(one: Table, matrix: Array) -> None:
             one[key] *= float(round(np.linalg.det(matrix)))
     for key in ("traction", "force", "displacement", "body-force"):
         if key in one:
-            one[key] = _turn(one[key], matrix)
-    if isinstance(one.get("pressure"), str):
-        one["pressure"] = _replaced(one["pressure"], matrix)
+            one[key] = _vector(one[key], matrix)
+    for key in ("pressure", "temperature"):
+        if isinstance(one.get(key), str):
+            one[key] = _replaced(one[key], matrix)
     for x, y in (("fx", "fy"), ("ux", "uy")):
         named = [key in one for key in (x, y)]
         values = matrix @ np.array([one.pop(x, 0.0), one.pop(y, 0.0)])
         yes = np.abs(matrix) @ np.array(named, float)
         one.update({key: float(v) for key, v, on in zip((x, y), values, yes, strict=True) if on})
+
+
+def _vector(values: list[float | str], matrix: Array) -> list[float | str]:
+    """Components turned with the scene, each a number or an expression."""
+    if not any(isinstance(one, str) for one in values):
+        return _turn(values, matrix)  # type: ignore[arg-type, return-value]
+    moved = [_replaced(one, matrix) if isinstance(one, str) else f"{one}" for one in values]
+    return [" + ".join(f"{by:g}*({one})" for by, one in zip(row, moved, strict=True)) for row in matrix]
 
 
 def _replaced(text: str, matrix: Array) -> str:

@@ -15,6 +15,7 @@ from benchmarks.scenes.judge import Ran, judged
 from benchmarks.scenes.scene import SCENES, Figure, Refusal, Scene, Table
 from benchmarks.scenes.variants import LENGTH, STRESS, halved, variants
 from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.case.model.expressions import compile_expression
 
 HERE = tuple(one.__name__ for one in (bending, fits, joints, layers, machines, mechanisms))
 
@@ -57,6 +58,29 @@ def test_variants_come_back_to_the_scene() -> None:
             [STRESS * value for value in stiffnesses(scene.case)]
         )
     assert LENGTH * STRESS != 1.0  # forces change as well
+
+
+def test_variants_carry_expressions_over() -> None:
+    """Gaps, temperatures and prescribed displacements of a place, where the variant has it."""
+    x, y = 0.3, -0.2
+    given: Table = {
+        "material": {},
+        "body": [{"name": "a", "shape": {"kind": "rectangle", "x": [-1.0, 1.0], "y": [-1.0, 1.0]}}],
+        "load": [
+            {"name": "warm", "kind": "temperature", "body": "a", "temperature": "3*x - y**2"},
+            {"name": "bend", "kind": "displacement", "boundary": "a.top", "displacement": ["x*y", 0.5]},
+        ],
+        "contact": [{"name": "c", "slave": "a.bottom", "gap": "x**2 + 0.1*y"}],
+    }
+    for variant in (one for one in variants() if one.name in ("turned", "mirrored", "units")):
+        made = variant.change(given)
+        there = tuple(variant.move()(np.array([[x, y]]))[0])
+        warm, bend = made["load"]
+        assert compile_expression(warm["temperature"])(*there) == pytest.approx(3 * x - y**2)
+        moved = [compile_expression(str(one))(*there) for one in bend["displacement"]]
+        assert moved == pytest.approx(variant.length * variant.matrix @ np.array([x * y, 0.5]))
+        gap = compile_expression(made["contact"][0]["gap"])(*there)
+        assert gap == pytest.approx(variant.length * (x**2 + 0.1 * y))
 
 
 def stiffnesses(given: Table) -> list[float]:
