@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.scenes.scene import Array, Move, Table, listed
+from benchmarks.scenes.scene import Array, Move, Pair, Table, listed
 
 LENGTH, STRESS = 1e3, 1e-6
 """From metres and pascals to millimetres and megapascals; the other way round is as good a test."""
@@ -31,6 +31,13 @@ HALVES = {
     ),
     "mirrored": {"left": "right", "right": "left", "upper": "upper", "lower": "lower"},
 }
+
+
+Spacings = tuple[float, dict[str, tuple[float, dict[Pair, float]]]]
+"""Spacing of a body far from its refinements; along each of its sides that of half its length, and those at
+its ends and where they are least, by place."""
+FINER = 0.6
+"""Spacings below this part of those far away are refined ones."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ def variants() -> list[Variant]:
     ]
 
 
-def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) -> Variant:
+def halved(given: Table, spacings: dict[str, Spacings]) -> Variant:
     """Half of the spacing that every body had in its first run, and of finer ones along its contacts."""
     made = copy.deepcopy(given)
     sides = {
@@ -75,12 +82,19 @@ def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) ->
         name = one["name"]
         far, along = spacings[name]
         one["spacing"] = 0.5 * far
-        one["refine"] = [
-            {"along": side, "spacing": 0.5 * h, "radius": 0.0, "growth": 0.3}
-            for side, h in along.items()
-            if f"{name}.{side}" in sides and h < 0.5 * far
-        ]
+        one["refine"] = []
+        fine = {}
+        for side, (h, places) in along.items():
+            if f"{name}.{side}" in sides and h < 0.5 * far:
+                one["refine"].append(_finer(0.5 * h) | {"along": side})
+            fine |= {place: least for place, least in places.items() if least < FINER * far}
+        one["refine"] += [_finer(0.5 * least) | {"at": list(place)} for place, least in fine.items()]
     return Variant("halved", lambda _: made, np.eye(2))
+
+
+def _finer(spacing: float) -> Table:
+    """A zone whose spacings grow as automatic ones do."""
+    return {"spacing": spacing, "radius": 0.0, "growth": 0.15}
 
 
 def has_nodes(one: Table) -> bool:
