@@ -83,7 +83,7 @@ def halved(given: Table, spacings: dict[str, Spacings]) -> Variant:
         far, along = spacings[name]
         one["spacing"] = 0.5 * far
         one["refine"] = []
-        fine = {}
+        fine: dict[Pair, float] = {}
         for side, (h, places) in along.items():
             if f"{name}.{side}" in sides and h < 0.5 * far:
                 one["refine"].append(_finer(0.5 * h) | {"along": side})

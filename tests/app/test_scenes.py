@@ -11,6 +11,7 @@ import pytest
 import tomli_w
 
 from benchmarks.scenes import bending, fits, joints, layers, machines, mechanisms
+from benchmarks.scenes.compared import fitted
 from benchmarks.scenes.judge import Ran, judged
 from benchmarks.scenes.scene import SCENES, Figure, Refusal, Scene, Table
 from benchmarks.scenes.variants import LENGTH, STRESS, halved, variants
@@ -125,3 +126,19 @@ def test_a_scene_without_equilibrium_must_be_refused_for_its_reason(
     scene = Scene("one", "any", CASE, refusal=Refusal(("slide",), 1.5))
     ran = Ran(code, {"position": position, "stop_reason": reason}, "", tmp_path)
     assert judged(scene, ran).outcome == outcome
+
+
+def test_fits_tell_where_they_do_not_follow_a_field() -> None:
+    """Quartic fields are met, and known to be; next to a kink a fit is off, and says by how much."""
+    points = np.random.default_rng(3).uniform(-1.0, 1.0, (400, 2))
+    x, y = points.T
+    at = np.array([[0.5, 0.1], [0.02, -0.3]])
+    smooth = np.stack([x**2 - x * y, 1.0 + y**2], axis=1)
+    found, unsure = fitted(points, smooth, at)
+    assert found == pytest.approx(np.array([[0.2, 1.01], [0.0064, 1.09]]))
+    assert unsure == pytest.approx(0.0, abs=1e-12)
+    found, unsure = fitted(points, np.stack([np.abs(x), y], axis=1), at)
+    off = np.hypot(*(found - [[0.5, 0.1], [0.02, -0.3]]).T)
+    assert off[0] < 1e-12
+    assert unsure[0] < 1e-12
+    assert 0.3 * off[1] < unsure[1]
