@@ -45,7 +45,7 @@ def spacings(ran: Ran) -> dict[str, Spacings]:
     with h5py.File(ran.folder / "run.h5") as file:
         for name, one in file["bodies"].items():
             points = one["points"][:]
-            far = float(np.quantile(cKDTree(points).query(points, k=2)[0][:, 1], 0.95))
+            far = float(np.quantile(np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1], 0.95))
             names, index = one["boundary/name"].asstr()[:], one["boundary/index"][:]
             sides = {}
             for side in np.unique(names):
@@ -215,18 +215,17 @@ def fitted(points: Array, values: Array, at: Array) -> tuple[Array, Array]:
 def _fit(
     points: Array, values: Array, at: Array, degree: int, count: int, tree: cKDTree
 ) -> tuple[Array, Array]:
-    far, near = tree.query(at, k=count)
+    far, near = map(np.asarray, tree.query(at, k=count))
     x, y = np.moveaxis((points[near] - at[:, None]) / far[:, -1:, None], 2, 0)
     terms = np.stack([x ** (n - m) * y**m for n in range(degree + 1) for m in range(n + 1)], axis=2)
     weights = np.exp(-2.0 * (x**2 + y**2))
     roots = np.sqrt(weights)[..., None]
     solved = np.linalg.pinv(roots * terms) @ (roots * values[near])
-    missed = (weights[..., None] * (values[near] - terms @ solved) ** 2).sum(axis=(1, 2)) / weights.sum(
-        axis=1
-    )
+    missed = (weights[..., None] * (values[near] - terms @ solved) ** 2).sum(axis=(1, 2))
+    missed /= weights.sum(axis=1)
     free = max(1, count - terms.shape[2])
     return solved[:, 0], np.sqrt(missed * count / free)
 
 
 def _last(file: h5py.File) -> str:
-    return max((key for key in file["fields"] if key != "position"), key=int)
+    return str(max((key for key in file["fields"] if key != "position"), key=int))
