@@ -85,7 +85,7 @@ def halved(given: Table, spacings: dict[str, Spacings]) -> Variant:
         one["refine"] = []
         fine: dict[Pair, float] = {}
         for side, (h, places) in along.items():
-            if f"{name}.{side}" in sides and h < 0.5 * far:
+            if f"{name}.{side}" in sides and h < far:
                 one["refine"].append(_finer(0.5 * h) | {"along": side})
             fine |= {place: least for place, least in places.items() if least < FINER * far}
         one["refine"] += [_finer(0.5 * least) | {"at": list(place)} for place, least in fine.items()]
