@@ -20,8 +20,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
-from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
@@ -173,7 +173,9 @@ class NextDegree:
         (n, 3) without ghosts."""
         model, cloud = self.model, self.model.cloud
         moved = values.shape[1] == 2
-        nodes, tree, tips = (model.nodes, model.tree, model.tips) if moved else (cloud.points, cloud.tree, None)
+        nodes, tree, tips = (
+            (model.nodes, model.tree, model.tips) if moved else (cloud.points, cloud.tree, None)
+        )
         at_nodes = places is cloud.points and len(nodes) == len(model.nodes)
         near = model.near if at_nodes else None
         if self.kept is None:

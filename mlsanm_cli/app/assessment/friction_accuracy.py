@@ -23,9 +23,7 @@ from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 
-def with_friction(
-    built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo = NO_CACHE
-) -> Accuracy:
+def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo = NO_CACHE) -> Accuracy:
     """The estimates of a scene with friction in its last ``state``; those of others as they are.
 
     As without friction, from bodies corrected by their defect and from every second node, but with what
