@@ -9,6 +9,7 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -20,6 +21,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
+from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
@@ -52,10 +54,12 @@ def next_degree(settings: MlsSettings) -> MlsSettings:
 
 @dataclass(frozen=True)
 class Defect:
-    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits less its own."""
+    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits less its own, and
+    force and moment about the origin (3,) of every gripped surface by these less those by its own."""
 
     source: FloatArray
     stress: FloatArray
+    reactions: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -128,9 +132,21 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
         traction = traction_of(stress[surface.index], surface.normal)
         source += body.source(name, -traction, held=False)
     # Pieces lack what flows through their faces, whatever their nodes' rows stand for.
-    fluxes = body.pieces.flux_of(partial(better.stress_around, displacement), body.gripped)
+    lacking = partial(better.stress_around, displacement)
+    fluxes = body.pieces.flux_of(lacking, body.gripped)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
-    return Defect(source, stress)
+    reactions = {
+        name: -reaction_of(
+            model,
+            model.cloud.surfaces[name],
+            axes,
+            (0.0, 0.0),
+            lambda points: lacking(points, points[:, None])[:, 0],
+        )
+        for name, axes in body.gripped.items()
+        if any(axes)
+    }
+    return Defect(source, stress, reactions)
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,11 @@ def test_pieces_lack_what_both_degrees_fluxes_differ_by(degree: int) -> None:
     old, new = (
         body.pieces.fluxes(model, body.gripped, every) @ u.ravel() for model in (body.model, better.model)
     )
-    found = body.loads @ defect_of(body, u).source
+    defect = defect_of(body, u)
+    found = body.loads @ defect.source
     assert np.linalg.norm(found - (old - new)) <= 0.1 * np.linalg.norm(old - new)
+    old, new = (one.reaction_rows("left") @ u.ravel() for one in (body, better))
+    assert np.linalg.norm(defect.reactions["left"] - (new - old)) <= 0.1 * np.linalg.norm(new - old)
 
 
 def test_held_rows_have_no_defect() -> None:

@@ -79,7 +79,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
 def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactSolution:
     """How the contact answers to the bodies' corrections."""
     condensed = built.condensed
-    by = changes_of(condensed, built.scene, {name: one.change for name, one in bodies.items()})
+    by = changes_of(condensed, built.scene, bodies)
     # The residual gaps of a smooth law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
