@@ -26,7 +26,7 @@ ALONG, AT_EDGE, AT_HELD_EDGE = 8.0, 32.0, 256.0
 """Spacings along a part that is loaded or held, and the same length over the spacing at its edges. Stresses
 under an even pressure are within 0.7 % of their largest, at the edges within 1.3 %; with 16 at the edges
 within 1.1 and 2.8 %. Where what is held ends stresses have no bound: a disk clamped along 10 degrees and
-pulled sideways moves 0.8 % too far, with 64 2.4 %; a beam on short rollers bends 0.15 % too far, with 64 0.45."""
+pulled sideways moves 0.8 % too far, with 64 2.4 %; a beam on short rollers bends 0.15 and 0.45 % too far."""
 LINEAR = 0.02
 """Values are resolved by spacings over which they differ from a line by less than this part of the largest.
 """
