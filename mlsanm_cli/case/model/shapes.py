@@ -126,7 +126,7 @@ class OutlineSide(Section):
     to: Annotated[Vector, LENGTH] | None = None
     """End of the straight line that begins where the side before ends."""
     points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH] | None = None
-    """Points of a smooth curve, a cubic spline; an only side ends where it begins."""
+    """Points of a smooth curve, a cubic spline; an only side repeats its first point at the end."""
     file: Annotated[str, Field(min_length=1)] | None = None
     """CSV file of these points, with the header x,y; a relative path is relative to the case file."""
 
