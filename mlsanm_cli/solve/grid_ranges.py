@@ -260,7 +260,8 @@ def passed_beyond(
 
 def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequence[ExactState]) -> FloatArray:
     """Places (e,) where surfaces overlap in a state away from all that touches there: summits of a profile
-    that neither means over wide hats nor the nodes beyond them see."""
+    that neither means over wide hats nor the nodes beyond them see. Within the grid, where halving it tells,
+    also those that may overlap."""
     pairing = condensed.pairing_of(name)
     assert pairing.grid is not None
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
@@ -286,7 +287,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
         # Between nodes far apart a body that turns moves along a curve.
         between = np.clip(np.searchsorted(at[order], places) - 1, 0, len(way) - 2)
         unsure = _bends(at[order], way)[between]
-        overlap = drawn + np.interp(places, at[order], way) < -shallow + unsure
+        overlap = drawn + np.interp(places, at[order], way) < np.where(beyond, -unsure, unsure) - shallow
         chosen |= overlap & (apart[interval] | beyond)
     return places[chosen]
 
