@@ -25,7 +25,7 @@ IN_FRONT = 5.0
 """Spacings between a contact and the nearest other boundary."""
 PER_RADIUS, IN_HOLLOWS = 5.0, 14.0
 """Spacings over the radius of an arc; around holes and in hollows stresses concentrate: their peaks were 2 to
-4 % low with 10, and are 1 % low. In orthotropic bodies more by the ratio of the scales on which their stresses
+4 % low with 10, and are 1 % low. In orthotropic bodies more by the ratio of the scales on which stresses
 change: at a hole in plates of E1/E2 = 4 to 14 peaks were 2 to 9 % low with its root, and are 1 % low."""
 CONFORMING, IN_EACH_OTHER = 1.5, 16.0
 """Arcs in each other whose radii differ by less than this factor, and spacings over these radii."""
