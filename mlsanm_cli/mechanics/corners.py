@@ -1,6 +1,7 @@
 """Places with concentrated stress: corners of held and free surfaces, inward corners, notches and holes.
 
-**Corners where a fully held surface meets a free one.** The stress is singular there.
+**Places where the conditions change**: corners where a fully held surface meets a free one, and ends of held
+parts of a boundary. The stress is singular there.
 
 Least squares in the strong form asks for second derivatives that are not square-integrable there; left
 alone, it would prefer a smooth wrong solution and lose force on the way to the clamped side. So rows are
@@ -17,13 +18,14 @@ resolved there, and rows with little weight would leave the strength of these fi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
 from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
@@ -44,6 +46,10 @@ frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %, wi
 CLOSEST = 0.5
 """Distances are never taken below this part of the node spacing."""
 
+REGULAR = 1.4
+"""Where a boundary turns by more than this angle (radian), as at right corners, a side that slides along a
+wall and a free one make no singular stresses; on a straight boundary they are those of a crack."""
+
 SHARP = 0.3
 """Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
 
@@ -54,25 +60,38 @@ def thickness(cloud: Cloud) -> float:
     return 2.0 * float(cloud.areas.sum()) / perimeter
 
 
-def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
-    """Factor (n,) on the equilibrium and traction rows of every node: up to 1, near corners
-    (distance / (REACH thickness))^POWER.
+def corner_weight(cloud: Cloud, grips: Held, springs: Springs) -> FloatArray:
+    """Factor (n,) on the equilibrium and traction rows of every node: up to 1, near places where ``grips`` or
+    ``springs`` change along the boundary (distance / (REACH thickness))^POWER.
 
     Weights that grew all the way to the far end would leave the rows at a thin body's support with next to
     nothing, and cost the strong rows their digits.
     """
-    corners = [
-        np.intersect1d(one.index, other.index)
-        for name, one in cloud.surfaces.items()
-        for other_name, other in cloud.surfaces.items()
-        if all(held.get(name, (False, False))) and not any(held.get(other_name, (False, False)))
-    ]
-    nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *corners]))
+    nodes = np.unique(np.array([*_singular_changes(cloud, grips, springs)], dtype=np.int64))
     if not len(nodes):
         return np.ones(len(cloud.points))
     distance = np.maximum(nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], CLOSEST * cloud.spacing)
     factor: FloatArray = np.minimum(distance / (REACH * thickness(cloud)), 1.0) ** POWER
     return factor
+
+
+def _singular_changes(cloud: Cloud, grips: Held, springs: Springs) -> Iterator[int]:
+    """Nodes where a surface is held otherwise than the next one, and stresses are singular for it: at all
+    corners between a fully held and a free one, and where the angle is more than about a right one. There
+    they also count between springs and none: a block on springs along a part of its side was pulled by up to
+    16 % too little without."""
+    held = {
+        name: (x or springs.get(name, NO_SPRING)[0] > 0.0, y or springs.get(name, NO_SPRING)[1] > 0.0)
+        for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
+    }
+    for name, one in cloud.surfaces.items():
+        for other_name, other in cloud.surfaces.items():
+            if one.curve.closed or one.index[-1] != other.index[0] or held[name] == held[other_name]:
+                continue
+            (x, y), (u, v) = one.normal[-1], other.normal[0]
+            clamped = {sum(grips.get(each, FREE)) for each in (name, other_name)} == {0, 2}
+            if clamped or np.arctan2(x * v - y * u, x * u + y * v) < REGULAR:
+                yield int(other.index[0])
 
 
 def inward_corners(cloud: Cloud) -> IntArray:

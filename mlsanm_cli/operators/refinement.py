@@ -21,11 +21,17 @@ CHECKED = 1e-7
 BLOCK = 64
 """Solutions refined together: enough for dense products, few enough to keep them all."""
 MOST = 15
-STALLED = 0.5
-"""An update this large a part of both before it brings nothing any more.
+KEPT = 6
+"""Directions that the next one is made conjugate to.
 
-Not of one: where the factor has lost a mode altogether, as the bending of bodies a hundred times as long as
-thick, conjugate gradients find it in one large step, and are there in the next.
+A ring of radius over thickness 100, eight nodes across, degree 4, is exact to 1e-9 after 6 steps with all of
+them, after 7 with three; with one it is off by 8e-6 after 10, and by the short recurrence 0.3 % after 15.
+"""
+STALLED, ROUND_OFF = 0.5, 1e-5
+"""An update so large a part of both before it, and so small a part of the solution, brings nothing any more.
+
+Larger ones do: where the factor has lost modes altogether, as the bending of bodies a hundred times as long
+as thick, conjugate gradients find one after the other in steps of any size, and are there in the next.
 """
 TINY = np.finfo(float).tiny
 
@@ -63,7 +69,7 @@ class Progress:
         # Nothing is known of what an update does before there are two.
         next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
         small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
-        stalled = change >= STALLED * np.maximum(self.before, self.last)
+        stalled = (change >= STALLED * np.maximum(self.before, self.last)) & (change <= ROUND_OFF * size)
         last = np.where(self.done, self.last, change)
         return Progress(self.last, last, self.done | small | stalled, self.tolerance, self.limit)
 

@@ -11,6 +11,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.defect import ROUGH, correct, defect_of
 from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.memo import Memo
 from mlsanm_cli.operators.least_squares import LeastSquares
 from tests.mechanics.bodies import STEEL, build, jittered_square
 from tests.mechanics.waves import Wave
@@ -92,6 +93,13 @@ def test_corrections_are_those_of_refined_solutions(
     beyond = sparse.csc_array(defect_of(body, solution.reshape(-1, 2)).source[:, None])
     exact = body.system.solve(beyond)[:, 0]
     assert np.linalg.norm(found.change - exact) <= 10.0 * ROUGH * np.linalg.norm(exact)
+    # The same by fits that are kept, of another state too.
+    memo = Memo(1)
+    other = correct(body, -2.0 * source, moved, memo).change
+    np.testing.assert_allclose(
+        correct(body, source, moved, memo).change, found.change, atol=1e-6 * np.abs(found.change).max()
+    )
+    np.testing.assert_allclose(other, -2.0 * found.change, atol=1e-3 * np.abs(other).max())
 
 
 @pytest.mark.parametrize("off", [1.0, 1.1])

@@ -33,7 +33,7 @@ from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
-from mlsanm_cli.mechanics.springs import gripped, occupying, stiffest_soft
+from mlsanm_cli.mechanics.springs import gripped, occupying
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
@@ -147,7 +147,7 @@ def prepare(
             models[body.name] = modelled(body, low=True)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     grips = {
-        name: gripped(held[name], loads.springs[name], stiffest_soft(model.cloud, model.material))
+        name: gripped(held[name], loads.springs[name], model.cloud, model.material)
         for name, model in models.items()
     }
     free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)

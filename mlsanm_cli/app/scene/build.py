@@ -52,6 +52,8 @@ WIDENINGS = 6
 _WITHOUT_SIZE = {"load", "stage", "output"}
 _CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
 """What of a case and of its contacts does not change its size."""
+_WRITTEN = {"title", "output"}
+"""What of a case only changes what is written."""
 
 
 def load_kernels(context: RunContext) -> Loaded:
@@ -85,6 +87,14 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
     return prepared
 
 
+def _placing_key(case: Case) -> str:
+    """Equal for cases that differ in what is written and in coefficients of friction above 0 only."""
+    content = {key: part for key, part in resolved_mapping(case).items() if key not in _WRITTEN}
+    contacts = zip(content.pop("contact", []), case.contact, strict=True)
+    kinds = [(part, one.friction if one.bonded else one.coefficient > 0.0) for part, one in contacts]
+    return digest(content, [{**part, "friction": kind} for part, kind in kinds])
+
+
 def _size_key(case: Case) -> str:
     """Equal for cases of the same size."""
     content = {key: part for key, part in resolved_mapping(case).items() if key not in _WITHOUT_SIZE}
@@ -102,7 +112,18 @@ def place(
     before: SceneModel | None = None,
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says, and
-    bodies that come out as ``before`` stay."""
+    bodies that come out as ``before`` stay. Cases that differ in coefficients of friction share them."""
+    if zones or before is not None:
+        return _placed(case, context, zones, before)
+    kept = context.memo.value("placed", _placing_key(case), partial(_placed, case, context))
+    friction = {contact.name: contact.coefficient for contact in case.contact}
+    pairings = (replace(one, friction=friction[one.name]) for one in kept.pairings)
+    return replace(kept, pairings=tuple(pairings))
+
+
+def _placed(
+    case: Case, context: RunContext, zones: tuple[Zone, ...] = (), before: SceneModel | None = None
+) -> SceneModel:
     with context.phase("cloud", "placing nodes"):
         placed = clouds(case, zones, context.memo, line_of(case))
     with context.phase("operators", "building operators"):
