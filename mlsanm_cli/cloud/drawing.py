@@ -1,4 +1,4 @@
-"""Outlines drawn by corners, straight sides and curves, and what can be wrong with them."""
+"""Outlines drawn from corners, straight sides and curves, and the checks of such input."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Named = tuple[str, Curve]
 SMALL = 1e-9
 """Lengths below this fraction of the outline's size are zero."""
 JOINED = 1e-6
-"""Ends closer to each other than this fraction of the outline's size coincide: files round coordinates."""
+"""Ends closer than this fraction of the outline's size coincide: coordinates in files are rounded."""
 CHORDS = 16
-"""Chords that stand for an arc in the search for crossings."""
-MOST_CHORDS = 4000
-"""Largest number of chords of an outline of sides: the search for crossings takes seconds beyond."""
+"""Chords per arc in the search for crossings."""
+MAX_CHORDS = 4000
+"""Largest number of chords of an outline of sides: with more, the search for crossings takes seconds."""
 
 
 @dataclass(frozen=True)
 class Side:
-    """A boundary called ``name``: a smooth curve through ``points``, or a straight line to ``to``, or to
-    where the next side begins."""
+    """A boundary ``name``: a smooth curve through ``points``, or a straight line to ``to`` or, without it, to
+    the start of the next side."""
 
     name: str
     to: Point | None = None
@@ -40,24 +40,24 @@ class Side:
 
     @property
     def first(self) -> Point | None:
-        """Where it begins, if it says so."""
+        """Start point, if given."""
         return None if self.points is None else self.points[0]
 
     @property
     def last(self) -> Point | None:
-        """Where it ends, if it says so."""
+        """End point, if given."""
         return self.to if self.points is None else self.points[-1]
 
 
 def polygon(
     points: Sequence[Point], names: Sequence[str], rounding: Sequence[float], arcs: Sequence[str]
 ) -> list[Named]:
-    """The sides and rounded corners of a polygon, counter-clockwise.
+    """Sides and rounded corners of a polygon, counter-clockwise.
 
     Side ``names[k]`` goes from point k to the next; the arc ``arcs[k]`` of radius ``rounding[k]`` rounds
-    point k; lists may be shorter or hold "", for default names and sharp corners. A side that its arcs use
-    up is left out. An arc without a name between two sides of one name belongs to their boundary. Raises
-    OutlineError for repeated points, points on a line, and radii that are too large.
+    point k. Lists may be shorter than ``points`` or hold "", for default names and sharp corners. A side of
+    no remaining length is left out. An unnamed arc between two sides of one name belongs to their boundary.
+    Raises OutlineError for repeated points, collinear points, and radii that are too large.
     """
     count = len(points)
     size, small = extent(points), SMALL * extent(points)
@@ -103,7 +103,7 @@ def polygon(
 def closed_chain(sides: Sequence[Side]) -> list[Named]:
     """Straight sides and smooth curves joined end to end, counter-clockwise.
 
-    Raises OutlineError for sides that do not join, and for points on a line.
+    Raises OutlineError for sides that do not join, and for collinear points.
     """
     known = [point for side in sides for point in (side.points or (side.to,)) if point is not None]
     size, count = extent(known or [(0.0, 0.0)]), len(sides)
@@ -120,7 +120,7 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
             continue
         points = side.points
         if count == 1:
-            # Begins at its highest point, as disks do, so that nodes lie where a mirror line crosses it.
+            # Starts at the highest point, as disks do, so that a vertical symmetry line crosses at a node.
             top = max(range(len(points) - 1), key=lambda k: points[k][1])
             points, closed = (*points[top:-1], *points[: top + 1]), True
         elif after.first is not None:
@@ -129,8 +129,8 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
         chain.append((side.name, points))
     corners = np.array([point for _, points in chain for point in points[:-1]])
     area = signed_area(corners)
-    if len(corners) > MOST_CHORDS:
-        raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MOST_CHORDS}")])
+    if len(corners) > MAX_CHORDS:
+        raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MAX_CHORDS}")])
     if abs(area) <= SMALL * size**2:
         raise OutlineError([Fault(("sides",), "all points lie on a line")])
     if area < 0.0:
@@ -142,11 +142,10 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
 
 
 def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]], key: str) -> Outline:
-    """The outline of a chain and circular holes (name, centre, radius). Several curves of one name are
-    "name/1" and so on.
+    """The outline of a chain and circular holes (name, centre, radius).
 
-    Raises OutlineError where the chain crosses or touches itself, reported at ``key``, and for holes that are
-    not inside with material around them.
+    Several curves of one name become "name/1", "name/2" and so on. Raises OutlineError where the chain
+    crosses or touches itself (reported at ``key``) and for holes that are not surrounded by material.
     """
     parts = [_chords(curve) for _, curve in outer]
     chords = np.concatenate(parts)
@@ -162,7 +161,7 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
 
 
 def extent(points: Sequence[Point]) -> float:
-    """The larger side of the bounding box."""
+    """Longer side of the bounding box."""
     return float(np.ptp(np.array(points), axis=0).max())
 
 
@@ -256,8 +255,8 @@ def _hole_faults(
 
 
 def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
-    """Pairs of the ``chords`` (e, 4) of a closed chain that come closer than ``small`` elsewhere than at a
-    common end; of neighbours those that fold back on each other."""
+    """Pairs of the ``chords`` (e, 4) of a closed chain that come closer than ``small`` other than at a common
+    end; neighbouring chords if they fold back on each other."""
     count = len(chords)
     low, high = np.minimum(chords[:, 0], chords[:, 2]), np.maximum(chords[:, 0], chords[:, 2])
     order = np.argsort(low)
@@ -281,7 +280,7 @@ def _folds_back(first: FloatArray, then: FloatArray) -> bool:
 
 
 def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
-    """Distances (m,) of a chord (4,) to ``others`` (m, 4), 0 where they cross."""
+    """Distance (m,) of a chord (4,) to ``others`` (m, 4), 0 where they cross."""
     a, b = np.broadcast_to(one[:2], (len(others), 2)), np.broadcast_to(one[2:], (len(others), 2))
     c, d = others[:, :2], others[:, 2:]
     crossing = (_cross(b - a, c - a) * _cross(b - a, d - a) < 0.0) & (
@@ -298,7 +297,7 @@ def _to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 
 
 def _chords(curve: Curve) -> FloatArray:
-    """Chords (e, 4) of a curve, between the given points of a smooth one."""
+    """Chords (e, 4) of a curve; those of a smooth curve join its given points."""
     if isinstance(curve, SplinePart):
         points = curve.spline.nodes[curve.first : curve.last + 1]
     else:

@@ -156,7 +156,7 @@ class Pieces:
         """What separates ``wanted`` pieces (k,) of one level from the rest of the body."""
         faces = self.cloud.faces.between(level)
         chosen = np.append(wanted, False)
-        return faces.taken(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
+        return faces.select(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
 
     def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
         """What adds forces x, y and moments about the ``center`` (e, 2) of each, (3e,), up to those on the

@@ -11,7 +11,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 
 BEND = 0.02
 """Chords of curves turn by this angle at most."""
-MOST_CHORDS = 64
+MAX_CHORDS = 64
 SECOND_ORDER = 0.6
 """Overlaps count from so many times the square of a body's largest displacement over its size: the end of a
 cantilever comes nearer to its root by that."""
@@ -66,7 +66,7 @@ def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
         if one.curve.closed:
             s, u, n = np.append(s, one.curve.length), np.vstack([u, u[:1]]), np.vstack([n, n[:1]])
         turn = np.arccos(np.clip((n[1:] * n[:-1]).sum(axis=1), -1.0, 1.0))
-        pieces = np.clip(np.ceil(turn / BEND), 1, MOST_CHORDS).astype(np.int64)
+        pieces = np.clip(np.ceil(turn / BEND), 1, MAX_CHORDS).astype(np.int64)
         first = np.repeat(np.arange(len(pieces)), pieces)
         start = np.cumsum(pieces) - pieces
         share = (np.arange(pieces.sum()) - start[first]) / pieces[first]

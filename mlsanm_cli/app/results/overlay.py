@@ -15,7 +15,7 @@ from mlsanm_cli.app.results.probe import seen_at
 from mlsanm_cli.app.results.views import along_surface, chosen_state, field_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Place
-from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import ContactData, RunData
@@ -133,7 +133,9 @@ def _along(
     level = level_at(run, position)
     found = []
     for name, body in run.bodies.items():
-        inside = belongs(body.points, body.boundary_index, body.boundary_normal, body.boundary_name, points)
+        inside = inside_body(
+            body.points, body.boundary_index, body.boundary_normal, body.boundary_name, points
+        )
         if inside.sum() < FEWEST:
             continue
         seen = seen_at(run, case, name, points[inside], level)

@@ -19,7 +19,7 @@ from mlsanm_cli.app.scene.loads import temperature_of
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Temperature, stored_case
-from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.errors import RunError
@@ -289,7 +289,7 @@ def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
 def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Stencils:
     """Stencils of value and first derivatives at ``points`` (e, 2) over the stored nodes."""
     data = run.bodies[body]
-    inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
+    inside = inside_body(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
     if not inside.all():
         x, y = points[~inside][0]
         message = f'({x:g}, {y:g}) lies outside body "{body}"'

@@ -327,7 +327,7 @@ def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
     probes, problems = [], []
     for probe in case.probe:
         point = np.array([probe.point])
-        if not clouds[probe.body].holds(point)[0]:
+        if not clouds[probe.body].contains(point)[0]:
             x, y = probe.point
             message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
             hint = "give coordinates of the undeformed body"

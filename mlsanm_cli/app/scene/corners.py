@@ -143,7 +143,7 @@ def _corner(
         spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
         corner = Corner(wedge, face.tip, min(lengths), CLEAR * spacing)
         straight = _straight(surface.curve) and _straight(adjacent.curve)
-        if straight and not model.cloud.holds(_behind(wedge, face.tip, *lengths)).any():
+        if straight and not model.cloud.contains(_behind(wedge, face.tip, *lengths)).any():
             return corner
         return None if wedge.sliding else _limited(model.cloud, corner, (face, other), spacing)
     return None
