@@ -1,8 +1,8 @@
-"""How well a body's displacements meet equations one degree better than those they were found from.
+"""Residual of a body's displacements in equations of the next higher degree.
 
 Defect correction (Stetter 1978, doi:10.1007/BF01432879): local fits of degree p + 1 to the nodal
-displacements u see what those of degree p leave out. With M the rows of degree p and M+ those of degree
-p + 1, solving the factorised system for the right-hand side (M - M+) u gives about minus the error of u.
+displacements u reveal the truncation error of degree p. With M the rows of degree p and M+ those of degree p
++ 1, the factorised system with right-hand side (M - M+) u gives approximately minus the error of u.
 
 Equation (18) of docs/method.md.
 """
@@ -27,30 +27,31 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 DEGREES = (2, 3, 4)
-"""Degrees whose errors were measured to be reported. At degree 1 the estimate was up to 300 times too large,
-from 5 on up to 10 times."""
+"""Degrees whose error estimates were validated. At degree 1 the estimate was up to 300 times too large, from
+5 on up to 10 times."""
 
 ROUGH = 1e-3
-"""Relative error of a correction that is left alone: an estimate has a digit or two."""
-UNSETTLED = 0.15
-"""Part of a correction that the displacements it was found from may be away from their own equations'.
+"""Accepted relative error of a correction: an estimate has a digit or two."""
+ALGEBRAIC_FRACTION = 0.15
+"""Accepted algebraic error of the displacements, as a fraction of the correction computed from them.
 
-That distance is smooth, and its own defect a small part of it: with 0.3 the estimates of all published cases
-are those of refined displacements to 2e-3. Not so in nearly incompressible bodies, where it may be 500 times
-as large: there displacements are refined as far as they can be.
+The algebraic error is smooth, and its own defect is small: with 0.3 the estimates of all published cases
+agree with those of refined displacements to 2e-3. In nearly incompressible bodies it may be 500 times as
+large; there the displacements are refined as far as possible.
 """
-SETTLED = 1e-13
-"""The same as part of the displacements, for scenes that the fits meet exactly."""
+ALGEBRAIC_FLOOR = 1e-13
+"""The same as a fraction of the displacements, for scenes that the fits represent exactly."""
 
 
 def next_degree(settings: MlsSettings) -> MlsSettings:
-    """The settings of the fits that a defect is seen by."""
+    """Settings of the fits that evaluate the defect."""
     return replace(settings, degree=settings.degree + 1, neighbors=None)
 
 
 @dataclass(frozen=True)
 class Defect:
-    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits less its own."""
+    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits minus the
+    body's."""
 
     source: FloatArray
     stress: FloatArray
@@ -59,8 +60,9 @@ class Defect:
 @dataclass(frozen=True)
 class Corrected:
     """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1) without rigid motions, its
-    ``defect``, and the ``change`` (2N,) that makes up for it. ``rough`` is the relative error of solutions by
-    the factor alone.
+    ``defect`` and the resulting ``change`` (2N,).
+
+    ``rough`` is the relative error of solutions by the factor alone.
     """
 
     displacement: FloatArray
@@ -70,25 +72,25 @@ class Corrected:
     rough: float
 
     def response(self, body: ElasticBody, sources: sparse.csc_array) -> FloatArray:
-        """Displacements (2N, c) of the body under ``sources`` (r, c), to ROUGH or better."""
+        """Displacements (2N, c) of the body for ``sources`` (r, c), to ROUGH or better."""
         if self.rough > ROUGH:
             return body.system.solve(sources, QUICK)
         return body.system.solve_unrefined(sources)
 
 
 def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> Corrected:
-    """The displacements of a body under ``source`` (r, 1) and what they lack, ``moved`` (2N,) rigidly too.
+    """Displacements of a body for ``source`` (r, 1) plus the rigid part ``moved`` (2N,), with their
+    correction.
 
-    Solutions by the factor alone do for corrections. Those for the source itself get there step by step, each
-    in one pass through the factor with the correction, until the steps are small against it. The first
-    step estimates the error of such solutions: smooth ones as this lose most by it.
-
-    Raises NumericalError as :func:`defect_of`.
+    Unrefined solutions suffice for corrections. The displacements themselves are refined, each step sharing
+    one pass through the factor with a correction, until the steps are small against it. The first step
+    estimates the error of unrefined solutions: it is largest for smooth ones like this. Raises NumericalError
+    as :func:`defect_of`.
     """
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
-    part = 0.0 if body.model.material.nearly_incompressible else UNSETTLED
+    part = 0.0 if body.model.material.nearly_incompressible else ALGEBRAIC_FRACTION
     for _ in range(MOST):
         defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2))
         beyond = sparse.csc_array(defect.source[:, None])
@@ -96,7 +98,10 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
         solution = solution + step[:, None]
         length = float(np.linalg.norm(step))
         rough = max(rough, length / size if size > 0.0 else 0.0)
-        if length <= max(part * float(np.linalg.norm(change)), SETTLED * size) or length >= STALLED * before:
+        if (
+            length <= max(part * float(np.linalg.norm(change)), ALGEBRAIC_FLOOR * size)
+            or length >= STALLED * before
+        ):
             break
         before = length
     if rough > ROUGH:
@@ -107,7 +112,7 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
 def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
     """The defect of nodal ``displacement`` (N, 2).
 
-    Raises NumericalError for a degree outside DEGREES, and where the cloud cannot carry the next degree.
+    Raises NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree.
     """
     model = body.model
     if model.settings.degree not in DEGREES:
@@ -121,7 +126,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
     for name, surface in model.cloud.surfaces.items():
         traction = traction_of(stress[surface.index], surface.normal)
         source += body.source(name, -traction, held=False)
-    # Pieces lack what flows through their faces, whatever their nodes' rows stand for.
+    # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
     fluxes = body.pieces.flux_of(partial(better.stress_around, displacement), body.gripped)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
     return Defect(source, stress)
@@ -129,7 +134,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
 
 @dataclass(frozen=True)
 class _NextDegree:
-    """Fits one degree higher than a body's, with that degree's own number of neighbours; none is kept."""
+    """Fits one degree higher than a body's, with that degree's default stencil size; nothing is stored."""
 
     model: BodyModel
 
@@ -139,13 +144,13 @@ class _NextDegree:
         return self._derivatives(model.nodes, model.tree, displacement, model.tips)
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
-        """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
+        """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
         cloud = self.model.cloud
         return self._derivatives(cloud.points, cloud.tree, stress)
 
     def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
-        """What the stress of ``displacement`` (N, 2) is more by the model's fits than by these (e, t, 3), at
-        ``points`` (e, t, 2) around ``places`` (e, 2): by first and second derivatives there."""
+        """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
+        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives."""
         model = self.model
         own, better = (
             fitted_derivatives(

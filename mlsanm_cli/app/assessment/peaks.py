@@ -24,7 +24,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import inward_corners, thickness
+from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -162,7 +162,7 @@ def _singular(body: ElasticBody) -> Iterator[int]:
     """Corner nodes where the stress has no bound: sharp inward ones, and those where a held surface ends, but
     for planes of symmetry."""
     surfaces = body.model.cloud.surfaces
-    yield from inward_corners(body.model.cloud).tolist()
+    yield from reentrant_corners(body.model.cloud).tolist()
     for name, one in surfaces.items():
         for after, other in surfaces.items():
             if one.curve.closed or one.index[-1] != other.index[0]:

@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import inward_corners
+from mlsanm_cli.mechanics.corners import reentrant_corners
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
 
@@ -140,7 +140,7 @@ def _stiffness_warnings(prepared: SceneModel, pairing: Pairing) -> Iterator[str]
 
 
 def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
-    corners = inward_corners(model.cloud)
+    corners = reentrant_corners(model.cloud)
     if len(corners):
         x, y = model.cloud.points[corners[0]]
         more = f" and {len(corners) - 1} more" if len(corners) > 1 else ""

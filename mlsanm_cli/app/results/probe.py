@@ -24,7 +24,7 @@ from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_run
-from mlsanm_cli.mechanics.body_model import enough_neighbors, known_tips
+from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
@@ -301,7 +301,7 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
     settings = enough_neighbors(settings, material)
     edges = boundary_edges(data)
     corners = tips_of(data.points, edges, data.boundary_index, data.boundary_normal)
-    tips, sight = known_tips(corners, material, settings), visibility_criterion(data.points, edges)
+    tips, sight = enriched_tips(corners, material, settings), visibility_criterion(data.points, edges)
     return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight, tips=tips)
 
 

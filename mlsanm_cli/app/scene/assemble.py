@@ -33,7 +33,7 @@ from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
-from mlsanm_cli.mechanics.springs import gripped, occupying, stiffest_soft
+from mlsanm_cli.mechanics.springs import gripped, restraining, stiffest_soft
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
@@ -152,7 +152,8 @@ def prepare(
     }
     free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
     occupied = {
-        name: sides | dict.fromkeys(occupying(loads.springs[name], models[name].cloud, models[name].material))
+        name: sides
+        | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
         for name, sides in held.items()
     }
     # At finite strain pressures live at the nodes.
