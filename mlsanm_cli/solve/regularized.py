@@ -111,7 +111,7 @@ def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) ->
     if len(built.condensed.friction_nodes) and not built.is_holonomic:
         point = _first(built, options)
         assert point.friction is not None
-        return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.taken())
+        return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.reset())
     problem = problem_of(built, coupling_of(built, regularization(built)), 0)
     found = correct(problem, start_point(built, problem), 0.0, options)
     # Dissipation is a matter of history, which the holonomic law does not know.
@@ -295,7 +295,7 @@ class _StagePath:
         series = series_of(before.problem, step.branch, stage)
         if self.point.friction is not None:
             # Points share tangents, of which the followers know nothing.
-            step = replace(step, factorizations=self.point.friction.tally.taken())
+            step = replace(step, factorizations=self.point.friction.tally.reset())
         finished = path_step(step, end, stage, at(places, saved, end), series)
         return replace(finished, checkpoint=checkpoint_at(self.point, end, follower))
 

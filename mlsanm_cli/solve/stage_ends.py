@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.laws.active_set import FEW, ExactState, solve_exact
+from mlsanm_cli.contact.laws.active_set import FEW_PASSES, ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
@@ -208,7 +208,7 @@ def _incremented(
     except NoStateError as lost:
         # What touches without friction is near to what does with it, if loads balance without it.
         try:
-            free = solve_exact(condensed, factors, passes=FEW)
+            free = solve_exact(condensed, factors, passes=FEW_PASSES)
         except NumericalError:
             raise lost from None
         closed, none = free.active, np.zeros(len(condensed.friction_nodes))

@@ -20,8 +20,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.hat_pairs import (
     LOGARITHM,
-    NOTHING,
     SIGN,
+    ZERO_COMPONENT,
     Distance,
     HatPairs,
     far_logarithms,
@@ -32,11 +32,11 @@ LEAF = 16
 """Hats per leaf cluster."""
 POINTS = 12
 """Chebyshev points per cluster: the relative error of far integrals is 1e-11."""
-APART = 0.7
+ADMISSIBILITY = 0.7
 """Admissibility: least distance of far clusters over the size of the larger one."""
-AT_ONCE = 2000
+BATCH_SIZE = 2000
 """Hats processed at once, to fit into the processor's cache."""
-AS_POINTS = 10.0
+MIN_WIDTHS = 10.0
 """Least distance of far clusters in widths of the widest interval, for Gauss quadrature to be accurate."""
 
 Chain = tuple[Any, ...]
@@ -72,7 +72,7 @@ class Clusters:
         while left:
             a, b = left.pop()
             gap = max(supports[a, 0] - supports[b, 1], supports[b, 0] - supports[a, 1])
-            if gap >= max(APART * max(size[a], size[b]), AS_POINTS * max(widest[a], widest[b])):
+            if gap >= max(ADMISSIBILITY * max(size[a], size[b]), MIN_WIDTHS * max(widest[a], widest[b])):
                 far.append((a, b))
             elif a not in halves and b not in halves:
                 close.append((a, b))
@@ -128,7 +128,7 @@ class Clusters:
             between = self._between(function, count)
             shares = {c: self._shares(values, count) for c, values in enumerate(along.T) if values.any()}
             for seen, by in product(shares, repeat=2):
-                if abs(table[seen, by]) > NOTHING * np.abs(table).max():
+                if abs(table[seen, by]) > ZERO_COMPONENT * np.abs(table).max():
                     spread = sparse.csr_array(table[seen, by] * shares[by].T)
                     found.append((shares[seen], between, spread))
         return found
@@ -165,8 +165,8 @@ class Clusters:
         cluster = np.repeat(np.arange(len(size)), size)
         rows = np.arange(len(cluster)) - np.repeat(np.cumsum(size) - size, size) + first[cluster]
         found = np.empty((len(rows), count))
-        for start in range(0, len(rows), AT_ONCE):
-            some = slice(start, start + AT_ONCE)
+        for start in range(0, len(rows), BATCH_SIZE):
+            some = slice(start, start + BATCH_SIZE)
             nodes = np.repeat(places[cluster[some]], at.shape[1], axis=0)
             shares = lagrange(at[rows[some]].ravel(), nodes).reshape(-1, at.shape[1], count)
             found[some] = np.einsum("mq,mqk->mk", weights[rows[some]], shares)

@@ -37,11 +37,11 @@ STEP = 1e-4
 """Step of difference quotients along a contact, as a fraction of its range."""
 STRAIGHT = 1e-9
 """Relative tolerance for equal directions and lengths."""
-NOTHING = 1e-14
+ZERO_COMPONENT = 1e-14
 """Direction components below this are zero."""
-LEAST = 1e-12
+MIN_DISTANCE = 1e-12
 """Least distance of pressures from a corner, as a fraction of its faces' length."""
-KEPT = 1000
+MAX_CACHED = 1000
 """Corner terms are cached for grids of up to this many nodes, to limit memory."""
 
 
@@ -241,7 +241,7 @@ class ContactGrid:
         if key in kept:
             return kept[key]
         found = self._cornered(slave, which, by)
-        if len(found) <= KEPT:
+        if len(found) <= MAX_CACHED:
             kept[key] = found
         return found
 
@@ -266,9 +266,9 @@ class ContactGrid:
             return
         points, integrals = self.hats.towards_ends
         place, _, directions = self.facing.loaded(points, slave)
-        present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
+        present = [np.flatnonzero(np.abs(one).max(axis=0) > ZERO_COMPONENT).tolist() for one in directions]
         for corner in corners:
-            x, shares = on_panels(np.maximum(corner.distance(place), LEAST * corner.length))
+            x, shares = on_panels(np.maximum(corner.distance(place), MIN_DISTANCE * corner.length))
             parts = {
                 (side, c): integrals @ (shares * directions[side][:, c, None])
                 for side in {which, by}

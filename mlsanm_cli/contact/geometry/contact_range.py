@@ -12,9 +12,9 @@ from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.mechanics.corner import Corner
 
-AT_END = 1e-6
+END_TOLERANCE = 1e-6
 """Points within this fraction of the range of one of its ends are at that end."""
-SIGHTS = 2000
+SAMPLES = 2000
 """Points at which the gap is sampled to find minima."""
 
 
@@ -40,7 +40,7 @@ class ContactRange:
 
     def within(self, s: FloatArray) -> BoolArray:
         """Mask (e,) of coordinates inside the range and not at a corner."""
-        inset = AT_END * (self.last - self.first)
+        inset = END_TOLERANCE * (self.last - self.first)
         away = s - self.first
         away = np.mod(away, self.facing.base.length) if self.facing.base.closed else away
         return np.asarray(self.around | (away > inset) & (away < self.last - self.first - inset))
@@ -55,5 +55,5 @@ class ContactRange:
     @cached_property
     def drawn_gaps(self) -> tuple[FloatArray, FloatArray]:
         """Coordinates (e,) sampled over the range, and initial gaps (e,)."""
-        places = np.linspace(self.first, self.last, SIGHTS)
+        places = np.linspace(self.first, self.last, SAMPLES)
         return places, self.facing.gap(places)

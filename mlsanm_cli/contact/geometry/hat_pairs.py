@@ -24,9 +24,9 @@ NEAR = 5.0
 """Pairs closer than this many widths are integrated exactly; the error of moments beyond is 1e-9."""
 ORDERS = 8
 """Highest order of the moments."""
-NOTHING = 1e-14
+ZERO_COMPONENT = 1e-14
 THREE = np.arange(3)
-AT_ONCE = 50_000
+BATCH_SIZE = 50_000
 """Pairs processed at once, to fit into the processor's cache."""
 
 
@@ -168,7 +168,7 @@ class HatPairs:
             middle = self.hats.at_places(values)
             extreme.append(middle[np.concatenate([middle.argmin(axis=0), middle.argmax(axis=0)])])
         both = np.abs(extreme[0] @ extreme[1].T)
-        return bool(both.max(initial=0.0) > NOTHING * np.abs(table).max())
+        return bool(both.max(initial=0.0) > ZERO_COMPONENT * np.abs(table).max())
 
     def _integrals(
         self,
@@ -218,8 +218,8 @@ def taylor(order: int) -> FloatArray:
 def far_logarithms(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
     """Double integrals (e,) of logarithms at distances ``way`` (e,), from moments (e, k)."""
     total = np.empty(len(way))
-    for first in range(0, len(way), AT_ONCE):
-        some = slice(first, first + AT_ONCE)
+    for first in range(0, len(way), BATCH_SIZE):
+        some = slice(first, first + BATCH_SIZE)
         a, b, inverse = one[some].T, other[some].T, 1.0 / way[some]
         part, power = np.log(np.abs(way[some])) * a[0] * b[0], np.ones(len(inverse))
         for order in range(1, ORDERS + 1):

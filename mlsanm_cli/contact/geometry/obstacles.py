@@ -18,7 +18,7 @@ from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.startup import cKDTree
 
 ROUND_OFF = 1e-9
-SHARP = np.deg2rad(15.0)
+CORNER_ANGLE = np.deg2rad(15.0)
 """Corners of a polyline sharper than this are intended."""
 ALIKE, NEIGHBORS = 0.6, 2
 """Points are samples of a smooth curve if the turning angle differs from the mean of its neighbours by less
@@ -26,13 +26,13 @@ than ALIKE times the largest among NEIGHBORS on either side. A single corner bet
 1."""
 CANDIDATES = 8
 """Number of nearest sides examined exactly, if there are more than twice as many."""
-PARTED = 4.0
+SPLIT_RATIO = 4.0
 """Sides longer than this times the median are split in the search tree."""
-AT_ONCE = 200_000
+BATCH_SIZE = 200_000
 """Pairs of points and sides processed at once, to limit memory."""
-RUN = 3
+MIN_SAMPLES = 3
 """Least number of consecutive samples of a curve; two corners are a chamfer."""
-LONGER = 3.0
+STRAIGHT_RATIO = 3.0
 """A side this many times as long as both neighbours is straight."""
 
 
@@ -103,7 +103,7 @@ class Chain:
         count = len(self.points)
         along = np.diff(self.points, axis=0)
         result = np.zeros(count, dtype=bool)
-        if count < RUN + 2:
+        if count < MIN_SAMPLES + 2:
             return result
         angle = np.arctan2(along[:, 1], along[:, 0])
         turn = np.angle(np.exp(1j * np.diff(angle)))
@@ -113,9 +113,9 @@ class Chain:
         window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * NEIGHBORS + 1)
         mean = 0.5 * (wide[NEIGHBORS - 1 : -NEIGHBORS - 1] + wide[NEIGHBORS + 1 : count - 2 + NEIGHBORS + 1])
         even = np.abs(turn - mean) <= ALIKE * window.max(axis=1)
-        result[1:-1] = even & (np.abs(turn) <= SHARP) & (window.max(axis=1) > 0.0)
+        result[1:-1] = even & (np.abs(turn) <= CORNER_ANGLE) & (window.max(axis=1) > 0.0)
         for first, last in _runs(result):
-            result[first:last] &= last - first >= RUN
+            result[first:last] &= last - first >= MIN_SAMPLES
         return result
 
     @cached_property
@@ -124,7 +124,7 @@ class Chain:
         largest distance of a side's point from the mid-point of its part."""
         along = np.diff(self.points, axis=0)
         length = np.hypot(along[:, 0], along[:, 1])
-        parts = np.ceil(length / max(PARTED * np.median(length), length.mean())).astype(np.int64)
+        parts = np.ceil(length / max(SPLIT_RATIO * np.median(length), length.mean())).astype(np.int64)
         side = np.repeat(np.arange(len(length)), parts)
         number = np.arange(len(side)) - np.repeat(np.cumsum(parts) - parts, parts)
         share = (number + 0.5) / parts[side]
@@ -137,14 +137,14 @@ class Chain:
         length = np.hypot(*np.diff(self.points, axis=0).T)
         neighbours = np.pad(length, 1)
         curved = (self.smooth[1:] | self.smooth[:-1]) & (
-            length <= LONGER * np.maximum(neighbours[:-2], neighbours[2:])
+            length <= STRAIGHT_RATIO * np.maximum(neighbours[:-2], neighbours[2:])
         )
         found = []
         for first, last in _runs(curved):
             inner = np.flatnonzero(~self.smooth[first + 1 : last]) + first + 1
             ends = [first, *inner.tolist(), last]
             for a, b in pairwise(ends):
-                if b - a >= RUN:
+                if b - a >= MIN_SAMPLES:
                     spline = NodeSpline(self.points[a : b + 1], False)
                     found.append((a, b, SplinePart(spline, 0, b - a)))
         return tuple(found)
@@ -211,8 +211,8 @@ class Chain:
             if certain.any():
                 yield rows[certain], np.sort(chosen[certain], axis=1)
             rows = rows[~certain]
-        for first in range(0, len(rows), AT_ONCE // count + 1):
-            some = rows[first : first + AT_ONCE // count + 1]
+        for first in range(0, len(rows), BATCH_SIZE // count + 1):
+            some = rows[first : first + BATCH_SIZE // count + 1]
             yield some, np.tile(np.arange(count), (len(some), 1))
 
 

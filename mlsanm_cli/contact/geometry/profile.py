@@ -7,9 +7,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 
 THRESHOLD = 0.01
-SHARE, TIMES = 0.02, 3.0
-"""The peak is singular if it exceeds TIMES the pressure that only a fraction SHARE of the loaded length
-exceeds."""
+PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
+"""The peak is singular if it exceeds PEAK_RATIO the pressure that only a fraction PEAK_SHARE of the loaded
+length exceeds."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -52,7 +52,7 @@ def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tup
 
 def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
     """The largest pressure (m,); if it is at a singular end, and so depends on the grid, the largest on all
-    but a fraction SHARE of the loaded length.
+    but a fraction PEAK_SHARE of the loaded length.
 
     >>> place = np.array([0.0, 0.5, 1.0, 1.5, 1.99, 2.0])
     >>> regular_peak(place, np.array([1.0, 1.0, 1.0, 1.1, 1.2, 50.0]))
@@ -65,8 +65,8 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
     order = np.argsort(pressure)
     order = order[pressure[order] > 0.0]
     lengths = np.cumsum(np.gradient(arc_length)[order])
-    rest = float(pressure[order][np.searchsorted(lengths, (1.0 - SHARE) * lengths[-1])])
-    return float(pressure[top]) if inside or pressure[top] <= TIMES * rest else rest
+    rest = float(pressure[order][np.searchsorted(lengths, (1.0 - PEAK_SHARE) * lengths[-1])])
+    return float(pressure[top]) if inside or pressure[top] <= PEAK_RATIO * rest else rest
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:

@@ -1,4 +1,4 @@
-"""Reference magnitudes of a contact scene, from its exact states, and the law made from them."""
+"""Scales of a contact scene from its exact states, and the regularised law built from them."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
 WIDEST = 10.0
-"""The law's length of a node lies between the scene's elastic gap and this many times it, unless the node is
-drawn farther apart."""
+"""Upper bound of the law's length in elastic gaps, for nodes with large initial gaps; the lower bound is
+1."""
 
 
 WITH_FRICTION = 0.15
-"""The law's length over that of scenes without friction, whose tractions remember how nodes have closed."""
+"""The law's length with friction, in elastic gaps: tractions depend on how nodes have closed."""
 PRESSED = 10.0
-"""Friction begins where the pressure is above so many times the hyperbolic law's eta."""
+"""Friction acts where the pressure exceeds this times the law's eta."""
 LEAST = 0.01
-"""A contact's own pressure is at least this part of the scene's, whose tolerance resolves no less."""
+"""Least reference pressure of a contact over the scene's, below which the tolerance resolves nothing."""
 
 
 def regularize(
@@ -31,18 +31,18 @@ def regularize(
     eta: float | FloatArray,
     stick: float | FloatArray = 0.0,
 ) -> Regularization:
-    """The hyperbolic law with ``eta`` relative to every contact's largest pressure in the exact ``states``.
+    """The hyperbolic law with ``eta`` relative to each contact's largest pressure in the exact ``states``.
 
-    Nodes drawn farther apart than WIDEST elastic gaps have the longer length and the smaller eta: the law
-    pulls with up to eta beyond its length, and hundreds of candidates all around a body would together pull
-    by some percent of the load. The product of both, which determines the gap under a pressure, is the same.
+    Nodes with large initial gaps get a longer length and a smaller eta: the law pulls with up to eta beyond
+    its length, and hundreds of candidates around a body would together pull by some percent of the load. The
+    product of both, which determines the gap under a pressure, is unchanged.
 
-    ``stick``, of all or of each node with friction (n,), is the slip of an asperity at its friction limit,
-    relative to the largest slip in its contact that friction at its limit everywhere would cause in those
-    states. ``eta`` is that of all or of each candidate (m,).
+    ``stick`` is the slip of an asperity at its friction limit, relative to the largest slip in its contact
+    that friction at its limit everywhere would cause in those states. ``eta`` and ``stick`` are scalars or
+    arrays (m,) and (n,).
 
-    Every length in it is proportional to the elastic change of the gap in those states, so that neither units
-    nor the size of a load change the relative result. Raises NumericalError when no state has any pressure.
+    Every length is proportional to the elastic change of the gap in those states: neither units nor the size
+    of a load affect the relative result. Raises NumericalError if no state has any pressure.
     """
     pressure = max(float(state.pressure.max(initial=0.0)) for state in states)
     if pressure <= 0.0:
@@ -86,7 +86,7 @@ def regularize(
 
 
 def _largest(spans: Mapping[str, slice], values: FloatArray, least: float) -> FloatArray:
-    """The largest of the values (r,) of every contact, at least ``least``, at each of its places."""
+    """Largest of the values (r,) in each contact, at least ``least``, repeated for its nodes (r,)."""
     largest = np.full(len(values), least)
     for span in spans.values():
         largest[span] = max(float(values[span].max(initial=0.0)), least)
