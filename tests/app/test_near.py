@@ -135,7 +135,7 @@ def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPat
 def test_samples_of_parts_of_a_grid_stand_for_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     one = stresses_off(tmp_path / "parts")
     monkeypatch.setattr(contact_fields, "BEYOND", np.inf)
-    monkeypatch.setattr(contact_fields, "UNDIVIDED", 10_000)
+    monkeypatch.setattr(contact_fields, "MAX_INTERVALS", 10_000)
     assert np.abs(stresses_off(tmp_path / "all") - one).max() < 1e-8
 
 
