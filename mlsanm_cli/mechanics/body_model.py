@@ -28,12 +28,13 @@ from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
 from mlsanm_cli.memo import digest
-from mlsanm_cli.operators.cornered import far_apart
 from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils
+from mlsanm_cli.operators.singular_functions import isolated_tips
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_gradients, build_stencils
 from mlsanm_cli.startup import cKDTree
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
@@ -236,7 +237,7 @@ def enriched_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSetti
     kernel = kernel_of(material)
     if tips is None or settings.square or not settings.corners or not isinstance(kernel, Isotropic):
         return None
-    return far_apart(settings, replace(tips, kappa=kernel.kappa))
+    return isolated_tips(settings, replace(tips, kappa=kernel.kappa))
 
 
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:

@@ -11,8 +11,8 @@ remaining loss shows in the force balance of every run.
 **Reentrant corners, notches, fillets and holes.** The stress varies over a length of the order of the radius;
 where the cloud does not resolve it, the residuals of a few nodes would distort the whole solution. The weight
 is a power of the distance plus the radius. Corners whose singular functions enrich the fits
-(:mod:`mlsanm_cli.operators.cornered`) are resolved, and low weights would leave their stress intensity
-factors undetermined.
+(:mod:`mlsanm_cli.operators.singular_functions`) are resolved, and low weights would leave their stress
+intensity factors undetermined.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.forces import add_forces
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows, vector_rows
-from mlsanm_cli.operators.stencils import Stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
 
 XX, YY, XY = 0, 1, 2
 

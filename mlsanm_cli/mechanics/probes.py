@@ -13,7 +13,8 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows, value_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.rows import scalar_rows
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 
 ROWS = 5
 """Two displacements and three stresses."""

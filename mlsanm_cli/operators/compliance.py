@@ -1,8 +1,9 @@
-"""Many functionals of many solutions from an inexact factor, made exact by a correction of low rank.
+"""Functionals of many solutions from an inexact factor, corrected by a low-rank update.
 
-A factor that loses digits does so in few, smooth shapes: motions of the finest part of the cloud above all.
-So the error of all functionals of all solutions is a matrix of low rank, found from what it does to a few
-random columns (Halko, Martinsson and Tropp 2011, doi:10.1137/090771806). Only as many solutions are refined.
+An ill-conditioned factor is inaccurate in a few smooth modes, above all motions of the finest part of the
+cloud. The error matrix of all functionals of all solutions therefore has low rank, and is found from its
+action on a few random columns (Halko, Martinsson and Tropp 2011, doi:10.1137/090771806). Only that many
+solutions are refined.
 """
 
 from __future__ import annotations
@@ -15,22 +16,23 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.refinement import BLOCK
 
 RANK = 8
-"""Random columns at first; on published cases 12 leave no smaller error, 6 up to ten times as much."""
+"""Initial number of random columns; on published cases 12 give no smaller error, 6 up to ten times as
+much."""
 PROBES = 4
-"""Columns that judge the result."""
-ENOUGH = 1e-9
-"""Error of the whole that is left alone, relatively."""
-NOISE = 5.0
-"""Error outside of the shapes found left alone, against the one inside, the refined solutions' own."""
+"""Columns for the error estimate."""
+TOLERANCE = 1e-9
+"""Accepted relative error."""
+NOISE_RATIO = 5.0
+"""Accepted error outside the basis over that inside, which is due to the refined solutions."""
 SEED = 0
 
 Apply = Callable[[FloatArray], FloatArray]
 
 
 def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArray:
-    """The matrix A (g, c) to which ``start`` comes near.
+    """The matrix A (g, c) approximated by ``start``.
 
-    ``of_columns`` gives A V (g, s) for V (c, s), ``of_rows`` U^T A (s, c) for U (g, s), both precisely.
+    ``of_columns`` computes A V (g, s) for V (c, s), ``of_rows`` U^T A (s, c) for U (g, s), both accurately.
     """
     column = np.linalg.norm(start, axis=0)
     column[column == 0.0] = 1.0
@@ -47,7 +49,7 @@ def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArra
         within = basis.T @ left
         noise = np.linalg.norm(within)
         if np.linalg.norm(left - basis @ within) <= max(
-            ENOUGH * np.linalg.norm(found[:, rank:]), NOISE * noise
+            TOLERANCE * np.linalg.norm(found[:, rank:]), NOISE_RATIO * noise
         ):
             return np.asarray(result)
         rank *= 2

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.compliance import ENOUGH, PROBES, RANK, corrected
+from mlsanm_cli.operators.compliance import PROBES, RANK, TOLERANCE, corrected
 
 
 @dataclass
@@ -60,7 +60,7 @@ def test_errors_of_low_rank_go_with_few_solutions(seed: int, rank: int, size: fl
 def test_errors_of_higher_rank_take_more_solutions(rank: int, most: int) -> None:
     matrix = example(1)
     found = corrected(matrix.start(rank, 1e-3), matrix.of_columns, matrix.of_rows)
-    assert error_of(matrix, found) <= 2.0 * ENOUGH
+    assert error_of(matrix, found) <= 2.0 * TOLERANCE
     assert 2 * RANK + PROBES < matrix.asked <= most
 
 

@@ -21,7 +21,7 @@ def resident() -> int:
 
 @pytest.fixture
 def all_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "LARGE", 0)
+    monkeypatch.setattr(scratch, "MAPPED_SIZE", 0)
 
 
 def filled(number: float) -> MappedArray:

@@ -28,7 +28,8 @@ from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.startup import cKDTree
 
 QUANTITIES = ("pressure", "traction", "gap", "slip")

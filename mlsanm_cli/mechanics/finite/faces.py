@@ -19,7 +19,8 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.rows import pair_rows
-from mlsanm_cli.operators.stencils import Stencils, build_gradients
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_gradients
 
 
 @dataclass(frozen=True)

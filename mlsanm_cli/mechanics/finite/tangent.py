@@ -14,7 +14,7 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import SECOND, BodySeries
 from mlsanm_cli.mechanics.finite.faces import FacePoints
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows
-from mlsanm_cli.operators.stencils import Stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
 
 
 def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
