@@ -251,7 +251,11 @@ def _hole_faults(
             yield Fault(("holes", number, "radius"), text, "holes lie inside, with material all around")
         for other in range(number):
             if math.dist(center, holes[other][1]) <= radius + holes[other][2] + small:
-                yield Fault(("holes", number, "center"), f"the hole meets hole {other + 1}", "separate them")
+                yield Fault(
+                    ("holes", number, "center"),
+                    f"the hole overlaps or touches hole {other + 1}",
+                    "separate them",
+                )
 
 
 def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:

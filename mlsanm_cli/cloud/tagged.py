@@ -60,7 +60,7 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop], normals: FloatArray
         if wrong.any():
             worst = int(np.argmax(wrong))
             node = loop.nodes[worst]
-            way = "inward" if along[worst] < 0.0 else "astray"
+            way = "inward" if along[worst] < 0.0 else "sideways"
             raise GeometryError(
                 f"{nodes.places[node]}: the normal at {_at(nodes.points[node])} points {way} "
                 f'({int(wrong.sum())} such normals on the loop of "{nodes.tags[node]}")',
@@ -81,9 +81,8 @@ def _refuse_coincident(nodes: TaggedNodes) -> None:
     if len(pairs):
         one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
         raise GeometryError(
-            f"{nodes.places[other]}: the node {_at(nodes.points[other])} is that of "
-            f"{nodes.places[one]} again",
-            "a corner stands there once, with either tag",
+            f"{nodes.places[other]}: the node {_at(nodes.points[other])} repeats that of {nodes.places[one]}",
+            "list a corner once, with either tag",
         )
 
 
@@ -105,7 +104,7 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
             place = int(np.argmax(leap | back))
             one, other = (nodes.places[chain[k]] for k in (place, place + 1))
             raise GeometryError(
-                f'the nodes of "{name}" form no curve: it {"leaps" if leap[place] else "turns back"} '
+                f'the nodes of "{name}" do not form a curve: it {"jumps" if leap[place] else "turns back"} '
                 f"from {one} to {other}",
                 "list the nodes of a boundary in order along it, and give separate parts separate tags",
             )
@@ -191,7 +190,7 @@ def _refuse_outside(nodes: TaggedNodes, loops: Sequence[Loop], outer: int) -> No
             first = int(loop.nodes.min())
             tag = nodes.tags[first]
             raise GeometryError(
-                f'the loop of "{tag}" ({nodes.places[first]}) is no hole in the body',
+                f'the loop of "{tag}" ({nodes.places[first]}) is not a hole in the body',
                 "one body per file",
             )
     inner = np.flatnonzero([not tag for tag in nodes.tags])

@@ -89,7 +89,7 @@ class BodyModel:
         if settings.scheme == "ghost":
             if cloud.sight is not None:
                 raise NumericalError(
-                    f"body {name} has a slit, whose ghosts would stand in its other face",
+                    f"body {name} has a slit, whose ghosts would lie in its opposite face",
                     'use mls.scheme = "least-squares"',
                 )
             ghosts = ghost_owners(cloud, clamped)
