@@ -127,7 +127,7 @@ class Corner:
         image = np.einsum("fd,kdc->kfc", self.wedge.image, force)
         return (Images(SurfaceForces(self.wedge.kernel, place, inward), image),)
 
-    def lines(self, source: FloatArray, force: FloatArray) -> tuple[FaceForces, ...]:
+    def face_forces(self, source: FloatArray, force: FloatArray) -> tuple[FaceForces, ...]:
         """Force densities along both faces for forces (k, 2, c) at distances ``source`` (k,); empty without
         forces."""
         acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
@@ -156,7 +156,8 @@ class Corner:
         count, x = len(z), np.maximum(self.distance(z), MIN_DISTANCE * self.length)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
         moved = sum(
-            (line.displacement(z) for line in self.lines(x, unit)), start=np.zeros((count, 2, 2 * count))
+            (line.displacement(z) for line in self.face_forces(x, unit)),
+            start=np.zeros((count, 2, 2 * count)),
         )
         whole = [[self.wedge.compliance(x, x, c, d) for d in (0, 1)] for c in (0, 1)]
         return np.asarray(_parted(moved, count) - np.moveaxis(np.array(whole), (0, 1), (2, 3)))
@@ -176,17 +177,17 @@ class CorneredForces:
         return self.own.place
 
     @cached_property
-    def _lines(self) -> tuple[tuple[FaceForces | Images, ...], ...]:
+    def _terms(self) -> tuple[tuple[FaceForces | Images, ...], ...]:
         """Force densities and images, per corner."""
         count = len(self.place)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
         away = [(corner, corner.distance(self.place)) for corner in self.corners]
-        return tuple((*corner.lines(x, unit), *corner.images(x, unit)) for corner, x in away)
+        return tuple((*corner.face_forces(x, unit), *corner.images(x, unit)) for corner, x in away)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
         total = self.own.displacement(z)
-        for lines in self._lines:
+        for lines in self._terms:
             for line in lines:
                 total = total + _parted(line.displacement(z), len(self.place))
         return total
@@ -200,7 +201,7 @@ class CorneredForces:
         cleared = [corner.cleared(z, normal) for corner in self.corners]
         for _, adjacent in cleared:
             total[adjacent] = 0.0
-        for (own, adjacent), lines in zip(cleared, self._lines, strict=True):
+        for (own, adjacent), lines in zip(cleared, self._terms, strict=True):
             off = ~(own | adjacent)
             if off.any():
                 for line in lines:

@@ -170,32 +170,32 @@ class ContactGrid:
         grid :attr:`covers` the surfaces, the mean."""
         return self.count + self.covers
 
-    def uneven(self, values: FloatArray) -> FloatArray:
+    def deviation(self, values: FloatArray) -> FloatArray:
         """Part of nodal ``values`` (m, ...) that acts through near fields."""
         if not self.covers:
             return values
-        return np.asarray(values - self.even @ values)
+        return np.asarray(values - self.mean_weights @ values)
 
     @cached_property
-    def even(self) -> FloatArray:
+    def mean_weights(self) -> FloatArray:
         """Weights (m,) of the mean along the contact."""
         return np.asarray(self.hats.weight / self.hats.weight.sum())
 
     def mean_traction(self, pressure: FloatArray, traction: FloatArray) -> FloatArray:
         """Mean traction (2,) on the slave for nodal ``pressure`` and ``traction`` (m,) of a covering grid."""
         normal, tangent = (direction[0] for direction in self.directions)
-        return np.asarray((self.even @ pressure) * normal + (self.even @ traction) * tangent)
+        return np.asarray((self.mean_weights @ pressure) * normal + (self.mean_weights @ traction) * tangent)
 
     @cached_property
-    def driven(self) -> tuple[FloatArray, FloatArray]:
+    def driver_matrices(self) -> tuple[FloatArray, FloatArray]:
         """Matrices (2 :attr:`drivers`, m) from pressures, and from tractions, to the representing forces, all
         x, then all y."""
         if not self.covers:
             return self.spreads
-        share, unit = self.even, np.eye(len(self.even))
+        share, unit = self.mean_weights, np.eye(len(self.mean_weights))
         found = []
         for spread, direction in zip(self.spreads, self.directions, strict=True):
-            parts = np.split(spread @ self.uneven(unit), 2)
+            parts = np.split(spread @ self.deviation(unit), 2)
             found.append(
                 np.concatenate([parts[0], [direction[0, 0] * share], parts[1], [direction[0, 1] * share]])
             )
@@ -265,7 +265,7 @@ class ContactGrid:
         if not corners:
             return
         points, integrals = self.hats.towards_ends
-        place, _, directions = self.facing.loaded(points, slave)
+        place, _, directions = self.facing.side_and_directions(points, slave)
         present = [np.flatnonzero(np.abs(one).max(axis=0) > ZERO_COMPONENT).tolist() for one in directions]
         for corner in corners:
             x, shares = on_panels(np.maximum(corner.distance(place), MIN_DISTANCE * corner.length))

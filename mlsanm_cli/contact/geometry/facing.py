@@ -102,7 +102,7 @@ class Facing:
             return as_complex(self.base.points(arc)), -as_complex(self.base.normals(arc))
         return self._side(self._places(s), slave)
 
-    def loaded(
+    def side_and_directions(
         self, s: FloatArray, slave: bool
     ) -> tuple[ComplexArray, ComplexArray, tuple[FloatArray, FloatArray]]:
         """:meth:`side` and :meth:`directions` from one closest-point search."""

@@ -111,7 +111,7 @@ class _Loads:
         """Points (e,) and inward normals (e,) at the fraction ``share`` of intervals (e,), and tractions (e,
         2, c) on the slave there."""
         s = self.ends[0, interval] + share * self.steps[interval]
-        place, inward, (normal, tangent) = self.grid.facing.loaded(s, self.slave)
+        place, inward, (normal, tangent) = self.grid.facing.side_and_directions(s, self.slave)
         part = share[:, None]
         pressure, traction = (
             (1.0 - part) * one[0, interval] + part * one[1, interval]
@@ -119,7 +119,7 @@ class _Loads:
         )
         return place, inward, normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
 
-    def even(self) -> Iterator[tuple[SurfaceForces, FloatArray]]:
+    def quadrature_forces(self) -> Iterator[tuple[SurfaceForces, FloatArray]]:
         """Unit forces at each quadrature point of all intervals, and the forces (i, 2, c) there."""
         for place, inward, force in zip(self.place, self.inward, self.force, strict=True):
             yield self.sources(place, inward), force
@@ -145,7 +145,7 @@ def fields_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body due to nodal ``pressure``
     and ``traction`` (m, c) acting on the slave; those of the master have opposite sign."""
-    pressure, traction = grid.uneven(pressure), grid.uneven(traction)
+    pressure, traction = grid.deviation(pressure), grid.deviation(traction)
     for corner in grid.corners_of(slave):
         # At the tip itself the fields of force densities along the faces are undefined.
         within = np.abs(z - corner.tip) < AT_TIP * corner.length
@@ -161,7 +161,7 @@ def fields_of(
     place, force = grid.places(slave), _on_points(grid, pressure, traction)
     few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
     for corner in corners:
-        for line in corner.lines(corner.distance(place), force):
+        for line in corner.face_forces(corner.distance(place), force):
             displacement += line.displacement(z)
             stress += line.stress(z)
         whole = corner.images(corner.distance(place), force)
@@ -279,7 +279,7 @@ def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, 
     """Contribution of intervals that are not ``close`` (e, i)."""
     columns = loads.pressure.shape[2]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    for sources, force in loads.even():
+    for sources, force in loads.quadrature_forces():
         displacement += sources.displacement_by(force, z, close)
         stress += sources.stress_by(force, z, close)
     return displacement, stress
@@ -341,7 +341,7 @@ def adjacent_traction(
 ) -> FloatArray:
     """Near-field tractions (b, 2) at the nodes of a body's surface due to nodal ``pressure`` and ``traction``
     (m,) on the slave, without the applied tractions themselves."""
-    pressure, traction = grid.uneven(pressure), grid.uneven(traction)
+    pressure, traction = grid.deviation(pressure), grid.deviation(traction)
     if grid.corners_of(slave):
         # Only a smooth remainder is left near corners.
         z = as_complex(surface.curve.points(surface.arc_length))
@@ -353,7 +353,7 @@ def adjacent_traction(
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
     total = np.zeros((len(z), 2))
-    for sources, force in loads.even():
+    for sources, force in loads.quadrature_forces():
         found = sources.traction(z, as_complex(surface.normal), curvature)
         total += np.einsum("eicd,id->ec", found, force[:, :, 0])
     return total

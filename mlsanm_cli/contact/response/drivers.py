@@ -109,7 +109,7 @@ class Drivers:
         first = columns.motion_places.stop
         for pairing in self.pairings:
             assert pairing.grid is not None
-            both = np.split(pairing.grid.driven[0], 2)
+            both = np.split(pairing.grid.driver_matrices[0], 2)
             for places, part in zip((self.places, self.tangential_places), both, strict=True):
                 own = places(pairing)
                 right[own.start - first : own.stop - first, self.spans[pairing.name]] = part
@@ -131,7 +131,7 @@ class Drivers:
                     result.traction[:, self.tangential[pairing.name]] = rows[:, along]
                 continue
             both = np.hstack([rows[:, places], rows[:, self.tangential_places(pairing)]])
-            normal, tangent = pairing.grid.driven
+            normal, tangent = pairing.grid.driver_matrices
             result.pressure[:, own] = both @ normal
             if pairing.friction:
                 result.traction[:, self.tangential[pairing.name]] = both @ tangent
@@ -151,7 +151,7 @@ class Drivers:
                 if traction is not None:
                     total[self.tangential_places(pairing)] = traction
                 continue
-            normal, tangent = pairing.grid.driven
+            normal, tangent = pairing.grid.driver_matrices
             forces = normal @ pressure if traction is None else normal @ pressure + tangent @ traction
             total[self.places(pairing)], total[self.tangential_places(pairing)] = np.split(forces, 2)
         return total

@@ -121,7 +121,7 @@ def with_singular(
         total = grid.pairs.integrals(log, turn, own, grid.directions[other])
         for _, slave, _ in pairing.sides:
             total += grid.cornered(slave, which, other)
-        return means * (total @ grid.uneven(np.eye(count)) if grid.covers else total)
+        return means * (total @ grid.deviation(np.eye(count)) if grid.covers else total)
 
     linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
     if pairing.friction:
@@ -159,7 +159,7 @@ def _compressed(
         evenly = near @ even
         for chain in (*far, *cornered):
             evenly += reduce(lambda right, one: one @ right, reversed(chain), even)
-        cornered.append((-evenly[:, None], grid.even[None]))
+        cornered.append((-evenly[:, None], grid.mean_weights[None]))
     own = Singular(first, grid.hats.place, grid.hats.integrals @ along, *tensors)
     return smooth.plus(near, far, cornered, own)
 
