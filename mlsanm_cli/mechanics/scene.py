@@ -200,17 +200,22 @@ class Scene:
         return total
 
     def heat_force(self, body: str, factors: FloatArray) -> float:
-        """Largest resultant on one surface that fully suppresses thermal expansion."""
+        """Largest resultant (force per thickness) that fully suppresses thermal expansion on one surface, or
+        on a cut of length √area: only the interior may be heated."""
         if not self.heated(body):
             return 0.0
-        model, degrees = self.bodies[body].model, self.degrees(body, factors)
+        model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
         even = model.material.stiffness @ model.material.expansion
+        area = model.cloud.areas
+        across = float(np.abs(even).max() * (area @ degrees) / np.sqrt(area.sum()))
         return max(
-            float(
-                (surface.weight * np.abs(degrees[surface.index]))
-                @ np.hypot(*traction_of(even, surface.normal).T)
-            )
-            for surface in model.cloud.surfaces.values()
+            across,
+            *(
+                float(
+                    (surface.weight * degrees[surface.index]) @ np.hypot(*traction_of(even, surface.normal).T)
+                )
+                for surface in model.cloud.surfaces.values()
+            ),
         )
 
     @property

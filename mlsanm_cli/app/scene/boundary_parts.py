@@ -9,6 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.boundary_runs import AT_END, BoundaryRun, range_of, run_of
 from mlsanm_cli.app.scene.contact_sides import sides_of
+from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.case import Body
@@ -46,7 +47,8 @@ def _parted(case: Case) -> Iterator[tuple[str, Place]]:
 
 
 def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
-    """Where the curves of a body's outline as drawn are cut, by their numbers."""
+    """Where the curves of a body's outline as drawn are cut, by their numbers: at the ends of parts that are
+    loaded, held or in contact, and where tractions jump."""
     cuts: dict[int, list[float]] = {}
     for key, place in _parted(case):
         if place.body != body.name:
@@ -63,6 +65,12 @@ def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
         if range_of(run, place)[1] <= AT_END * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="two points apart"),))
+    for load in case.load:
+        if isinstance(load, Pressure | Traction) and load.owner == body.name:
+            for profile in profiles(body.shape, load):
+                whole = profile.run.starts[-1]
+                for jump in profile.jumps:
+                    _add_cut(cuts, profile.run, body, (profile.first + jump) % whole)
     return cuts
 
 
