@@ -1,7 +1,7 @@
-"""What unit tractions at a side's nodes do to these: fields in closed form and a smooth remainder.
+"""Compliance of a side's nodes for unit nodal tractions: closed-form near fields and a smooth remainder.
 
-Tractions are linear between the nodes; behind planes of symmetry at the side's ends they have images, and
-corners there what keeps both of their faces free (:mod:`mlsanm_cli.mechanics.corner`).
+Tractions are linear between nodes; they have images behind planes of symmetry at the side's ends, and force
+densities at corners that free both faces (:mod:`mlsanm_cli.mechanics.corner`).
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_comp
 from mlsanm_cli.mechanics.remainder import remainder_sources
 
 NEAR_SURFACE = 1e-3
-"""Forces on planes of symmetry and at corners are moved off them by this part of their node's length."""
+"""Forces on planes of symmetry and at corners are shifted off them by this fraction of their node's
+length."""
 AT_TIP = 1e-12
-"""Places at corners are looked at so far from these, in the length of their faces."""
+"""Least distance from corners at which displacements are evaluated, relative to the length of their faces."""
 GAUSS = np.polynomial.legendre.leggauss(8)
 TOWARDS_TIP = 6.0
-"""Tractions beside a corner are integrated at places whose powers of this are even: fields there go with the
-logarithm of the distance."""
+"""Exponent of the grading of quadrature points towards a corner, where fields depend on the logarithm of the
+distance."""
 AT_ONCE = 64
-"""Nodes whose remainders are worked on together, for the sake of memory."""
+"""Nodes whose remainders are computed at once, to limit memory."""
 
 
 def exact_compliance(
     side: ContactSide, body: ElasticBody, center: complex | None, nodes: IntArray
 ) -> FloatArray:
-    """Displacements (2c, 2c), x and y of every node in turn, by unit tractions at some ``nodes`` (k,) of a
-    side of an undeformed body; fields end at a ``center`` in hollows. Nothing for other nodes."""
+    """Displacements (2c, 2c), x and y of every node in turn, due to unit tractions at some ``nodes`` (k,) of
+    a side of an undeformed body; zero for other nodes. In hollows near fields end at a ``center``."""
     near, rows = _Near(side, body, center), (2 * nodes[:, None] + np.arange(2)).ravel()
     own = (2 * side.nodes[nodes][:, None] + np.arange(2)).ravel()
     shape = (len(own), body.model.unknowns)
@@ -57,7 +58,7 @@ def exact_compliance(
 
 @dataclass(frozen=True)
 class _Near:
-    """The fields of a ``side``'s tractions, with their images behind planes of symmetry at its ends."""
+    """Near fields of a ``side``'s tractions, with images behind planes of symmetry at its ends."""
 
     side: ContactSide
     body: ElasticBody
@@ -65,14 +66,14 @@ class _Near:
 
     @cached_property
     def _corners(self) -> list[tuple[Corner, BoolArray]]:
-        """The corners, and which nodes (c,) are so near to each that forces there need what keeps it free."""
+        """The corners, and masks (c,) of nodes close enough to need their force densities."""
         known = [one for one in self.side.wedges if one is not None]
         return [(one, one.distance(as_complex(self.side.places)) <= one.reach) for one in known]
 
     @property
     def _mirrored(self) -> list[tuple[float, int, FloatArray]]:
-        """Of every plane its place, as an arc length and as its coordinate's axis, and what images are (2,)
-        of both components."""
+        """For every symmetry plane its arc length, its axis, and the signs (2,) of both components of
+        images."""
         side = self.side
         return [
             (float(side.arc[end]), axis, 1.0 - 2.0 * np.eye(2)[axis])
@@ -82,7 +83,7 @@ class _Near:
 
     @cached_property
     def _places(self) -> ComplexArray:
-        """Where forces act (c,), those at ends a little next to them."""
+        """Points (c,) where forces act, those at ends shifted inwards."""
         side, places = self.side, as_complex(self.side.places)
         if side.around is None:
             for end, way in ((0, 1.0), (-1, -1.0)):
@@ -91,7 +92,7 @@ class _Near:
 
     @cached_property
     def _along(self) -> ComplexArray:
-        """Unit tangents (c,) along growing arc lengths."""
+        """Unit tangents (c,) in the direction of the arc length."""
         tangent: ComplexArray = 1j * as_complex(self.side.outward)
         ahead = as_complex(np.roll(self.side.places, -1, axis=0) - self.side.places)[0]
         return np.asarray(tangent * np.sign((ahead * np.conj(tangent[0])).real))
@@ -127,7 +128,7 @@ class _Near:
 
     @property
     def field(self) -> FloatArray:
-        """Displacements (2c, 2c) of the nodes by unit tractions, linear between nodes."""
+        """Displacements (2c, 2c) of the nodes due to unit tractions, linear between nodes."""
         side = self.side
         places, inward, arc = as_complex(side.places), -as_complex(side.outward), side.arc
         total = self._by(places, inward, self._along, arc, self.center)
@@ -141,10 +142,10 @@ class _Near:
         return np.asarray(total.transpose(0, 2, 1, 3).reshape(2 * side.count, 2 * side.count))
 
     def _cornered(self, corner: Corner) -> FloatArray:
-        """The same of what keeps the faces of a corner free."""
+        """Contribution of the force densities of a corner."""
         seen = as_complex(self.side.places)
         if corner.curved is not None:
-            # Within a hat these change little but at the tip, where single forces stand for hats.
+            # Smooth within a hat except at the tip: represented by point forces.
             by = np.asarray(corner.beyond_wedge(self._places)) * self.side.weight[:, None, None]
         else:
             by = np.zeros((len(seen), len(seen), 2, 2))
@@ -155,8 +156,8 @@ class _Near:
         return by
 
     def _points(self, corner: Corner) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distances (g,) from a corner of integration points of tractions, rows (g, c) of the nodes' linear
-        functions, and the length (g,) that each stands for."""
+        """Quadrature points for tractions as distances (g,) from a corner, hat functions (g, c) of the nodes
+        there, and weights (g,)."""
         at = corner.distance(as_complex(self.side.places))
         order = np.argsort(at)
         low, high = at[order[:-1], None], at[order[1:], None]
@@ -179,8 +180,8 @@ class _Near:
         arc: FloatArray,
         center: complex | None,
     ) -> FloatArray:
-        """Displacements (c, c, 2, 2) of the side's nodes by tractions around places (c,) with unit normals
-        inward and unit tangents (c,), at ``arc`` (c,) along the side or its image."""
+        """Displacements (c, c, 2, 2) of the side's nodes due to tractions around points (c,) with unit
+        normals inward and unit tangents (c,), at ``arc`` (c,) along the side or its image."""
         side, kernel = self.side, self.body.model.kernel
         seen = as_complex(side.places)
         apart = _wrapped(side.arc[:, None] - arc, side.around)
@@ -223,18 +224,18 @@ SIGN: tuple[_Table, _Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
 
 
 def _integrals(side: ContactSide, arc: FloatArray, second: _Table, first: _Table) -> FloatArray:
-    """Integrals (c, c), seen from the nodes, with the linear functions of the nodes at ``arc`` (c,) along the
-    side or its image, of a kernel of the distance."""
+    """Integrals (c, c), observed at the nodes, of a kernel of the distance with the hat functions of the
+    nodes at ``arc`` (c,) along the side or its image."""
     steps = np.diff(arc if side.around is None else np.append(arc, arc[0] + side.around))
     if side.around is None:
         before, after = np.append(0.0, steps), np.append(steps, 0.0)
     else:
         before, after = np.roll(steps, 1), steps
-    # In extended precision: second differences over short steps, far away.
+    # Extended precision: second differences over short steps, far away.
     apart: FloatArray = _wrapped(side.arc[:, None] - arc, side.around).astype(np.longdouble)
     total = np.zeros_like(apart)
     for step, sense in ((before, 1.0), (after, -1.0)):
-        # Where an image runs the other way steps are negative, and so are the ways.
+        # Steps of an image that runs backwards are negative.
         way = sense * np.sign(np.where(step == 0.0, 1.0, step))
         size = np.where(step == 0.0, 1.0, np.abs(step))
         part = (second(apart + way * size) - second(apart)) / size - way * first(apart)
