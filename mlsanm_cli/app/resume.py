@@ -18,7 +18,7 @@ from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.app.scene.imported import inspect_geometry_file
+from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
@@ -73,7 +73,7 @@ def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
         raise RunError(
             f"the run in {rundir} was killed before its first step", "run the case again with --force"
         )
-    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), inspect_geometry_file)
+    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), geometry_inspector)
     if loaded.case_hash != origin.attributes["case_hash"]:
         raise RunError(
             f"the case stored in {rundir} is not the one of the run: another version wrote it",

@@ -39,7 +39,7 @@ from mlsanm_cli.app.results.finished import finished
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.causes import strain_warnings
-from mlsanm_cli.app.scene.imported import inspect_geometry_file
+from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
@@ -81,7 +81,7 @@ def run(
     """
     with Stopper(max_wall) as stopper:
         context = RunContext(Clock(), console, memo, stopper)
-        loaded = load_case(case_path, overrides, inspect_geometry_file)
+        loaded = load_case(case_path, overrides, geometry_inspector)
         check_reference(loaded)
         directory = out or RESULTS / case_path.stem
         before = finished(directory, loaded.case_hash) if skip_done else None

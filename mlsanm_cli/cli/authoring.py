@@ -77,21 +77,20 @@ def schema(settings: Settings) -> int:
 
 @click.command()
 @click.argument("key", required=False, default="", shell_complete=completion.plain_keys)
-@click.option("--all", "everything", is_flag=True, help="Print the reference of all keys as Markdown.")
+@click.option("--all", "all_keys", is_flag=True, help="Print the reference of all keys as Markdown.")
 @common
 @click.pass_obj
-def explain(settings: Settings, key: str, everything: bool) -> int:
+def explain(settings: Settings, key: str, all_keys: bool) -> int:
     """Explain a key of the case file.
 
     KEY is such as body.refine.spacing. Without KEY, list the tables.
     """
-    if everything:
-        from mlsanm_cli.case.reference import everything as all_keys
-        from mlsanm_cli.case.reference import markdown
+    if all_keys:
+        from mlsanm_cli.case.reference import all_explanations, markdown
 
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")
-        explanations = all_keys()
+        explanations = all_explanations()
         print_result(settings, {"explanations": [vars(one) for one in explanations]}, markdown(explanations))
         return 0
     from mlsanm_cli.case.explain import explain as explain_key

@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.app.scene.outlines import drawn, numbers_of
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.checks.conditions import Kind, load_components, may_meet, support_components
+from mlsanm_cli.case.checks.conditions import Kind, compatible, load_components, support_components
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.errors import CaseError, CaseProblem
 
@@ -24,7 +24,7 @@ def refuse_conflicts(case: Case) -> None:
                 others = taken.setdefault((place.body, surface, component), [])
                 for other, name, label in others:
                     plates = kind.startswith("platen") and label != owner
-                    if plates or not may_meet(other, kind):
+                    if plates or not compatible(other, kind):
                         message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
                         hint = "one condition per boundary and direction"
                         problems.append(CaseProblem(key, message, hint=hint))

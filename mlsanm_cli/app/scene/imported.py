@@ -38,7 +38,7 @@ SMALL = 1e-9
 def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
     """A validated case whose geometry is checked, that of bodies in files too. Raises RunError and
     CaseError."""
-    return load_case(path, overrides, inspect_geometry_file)
+    return load_case(path, overrides, geometry_inspector)
 
 
 def geometry_of(shape: AnyShape) -> Geometry:
@@ -78,7 +78,7 @@ def floating(case: Case) -> Iterator[Fault]:
             yield Fault(("body", index), f"can move freely: nothing resists {what}", hint)
 
 
-inspect_geometry_file = GeometryInspector(geometry_of, floating)
+geometry_inspector = GeometryInspector(geometry_of, floating)
 
 
 def _held(
