@@ -1,4 +1,4 @@
-"""Conditions on lists and parts of boundaries that exclude each other there."""
+"""Conflicting conditions on lists and parts of boundaries."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 
 
 def refuse_conflicts(case: Case) -> None:
-    """Raise CaseError for conditions on lists and parts of boundaries that others there exclude."""
+    """Raises CaseError for conflicting conditions on lists and parts of boundaries."""
     taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
     problems = []
-    for key, kinds, place, owner in _claims(case):
+    for key, kinds, place, owner in _conditions(case):
         for surface in surfaces_at(case, place):
             for component, kind in kinds:
                 others = taken.setdefault((place.body, surface, component), [])
@@ -36,15 +36,15 @@ def refuse_conflicts(case: Case) -> None:
             for kind, key, _ in [one for some in there for one in some]:
                 if kind != "traction":
                     message = f"{key} acts on a part of the contact surface {side.label}"
-                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    hint = "only tractions and pressures may act on a contact surface"
                     problems.append(CaseProblem(f"contact.{contact.name}.slave", message, hint=hint))
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
 
 
-def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
-    """Key, components with kinds, place and name of the place of all conditions on boundaries; plates have
-    one name wherever they are."""
+def _conditions(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
+    """Key, components with kinds, place and name of the place of all conditions on boundaries; a plate on
+    several boundaries has one name."""
     for index, support in enumerate(case.support):
         if support.place is not None:
             yield f"support.{index}", list(support_components(support)), support.place, support.place.label
@@ -57,7 +57,7 @@ def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, st
 
 
 def _normal(case: Case, place: Place) -> tuple[float, float] | None:
-    """The one outward normal of a straight place, None of others."""
+    """The outward normal of a straight place, None for others."""
     body = next(one for one in case.body if one.name == place.body)
     outline = drawn(body.shape)
     curves = [outline.curves[k] for edge in place.edges for k in numbers_of(outline, edge)]
