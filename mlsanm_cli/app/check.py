@@ -132,8 +132,8 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
     for support in case.support:
         place = f"{support.body} near {support.near}" if support.place is None else support.place.label
         springs = [f"spring {k:g}" if k else "" for k in support.spring or (0.0, 0.0)]
-        fixed = ["" if value is None else "fixed" for value in (support.ux, support.uy)]
-        add(place, *(", ".join(filter(None, both)) for both in zip(fixed, springs, strict=True)))
+        held = ["" if value is None else "held" for value in (support.ux, support.uy)]
+        add(place, *(", ".join(filter(None, both)) for both in zip(held, springs, strict=True)))
     for load in case.load:
         if isinstance(load, ObstacleMotion):
             place = f"obstacle of {load.obstacle}"
