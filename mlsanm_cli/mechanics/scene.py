@@ -201,17 +201,22 @@ class Scene:
         return total
 
     def heat_force(self, body: str, factors: FloatArray) -> float:
-        """The largest force that a surface needs to keep its body from expanding at all."""
+        """The largest force that a surface, or a cut as long as the body is wide in the mean, needs to keep
+        its body from expanding at all: what is heated may be inside only."""
         if not self.heated(body):
             return 0.0
-        model, degrees = self.bodies[body].model, self.degrees(body, factors)
+        model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
         even = model.material.stiffness @ model.material.expansion
+        area = model.cloud.areas
+        across = float(np.abs(even).max() * (area @ degrees) / np.sqrt(area.sum()))
         return max(
-            float(
-                (surface.weight * np.abs(degrees[surface.index]))
-                @ np.hypot(*traction_of(even, surface.normal).T)
-            )
-            for surface in model.cloud.surfaces.values()
+            across,
+            *(
+                float(
+                    (surface.weight * degrees[surface.index]) @ np.hypot(*traction_of(even, surface.normal).T)
+                )
+                for surface in model.cloud.surfaces.values()
+            ),
         )
 
     @property

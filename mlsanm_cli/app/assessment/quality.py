@@ -8,6 +8,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
+from mlsanm_cli.app.assessment.load_resolution import load_warnings
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.causes import distance_warnings
@@ -101,6 +102,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
             "mls.degree = 1 is for comparisons only, its error hardly decreases with the spacing; use 2"
         )
     warnings += distance_warnings(prepared.pairings, clouds)
+    warnings += load_warnings(case, clouds)
     warnings += [motion.warning for motion in prepared.weak if motion.idle is None]
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
     return Quality(

@@ -9,6 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, range_of, run_of
 from mlsanm_cli.app.scene.contact_sides import sides_of
+from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.case import Body
@@ -43,7 +44,8 @@ def _partial_conditions(case: Case) -> Iterator[tuple[str, Place]]:
 
 
 def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
-    """Arc lengths at which the curves of a body's original outline are cut, by curve number."""
+    """Arc lengths at which the curves of a body's original outline are cut, by curve number: at the ends of
+    loaded, fixed and contacting parts, and where tractions are discontinuous."""
     cuts: dict[int, list[float]] = {}
     for key, place in _partial_conditions(case):
         if place.body != body.name:
@@ -60,6 +62,12 @@ def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
         if range_of(run, place)[1] <= END_TOLERANCE * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
+    for load in case.load:
+        if isinstance(load, Pressure | Traction) and load.owner == body.name:
+            for profile in profiles(body.shape, load):
+                whole = profile.run.starts[-1]
+                for jump in profile.jumps:
+                    _add_cut(cuts, profile.run, body, (profile.first + jump) % whole)
     return cuts
 
 

@@ -53,7 +53,11 @@ class BoundaryRun:
 def run_of(case: Case, place: Place, key: str) -> BoundaryRun:
     """The pieces of a place in the original outline. Raises CaseError if they do not join."""
     body = next(one for one in case.body if one.name == place.body)
-    outline = drawn(body.shape)
+    return run_on(drawn(body.shape), place, key)
+
+
+def run_on(outline: Outline, place: Place, key: str) -> BoundaryRun:
+    """The pieces of a place in an outline. Raises CaseError where they do not join."""
     numbers = [number for edge in place.edges for number in numbers_of(outline, edge)]
     found = chain_of(outline, numbers)
     if found is None:

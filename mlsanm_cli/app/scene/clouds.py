@@ -21,6 +21,8 @@ from mlsanm_cli.app.scene.default_spacing import (
     contact_zone,
     nodal_zone,
 )
+from mlsanm_cli.app.scene.field_spacing import field_zones
+from mlsanm_cli.app.scene.load_spacing import load_zones
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
@@ -50,6 +52,8 @@ def spacing_of(case: Case, body: Body) -> Spacing:
             *arc_zones(outline, far, finer),
             *narrow_zones(outline, far, PER_THICKNESS * finer, GROWTH),
             *_contact_zones(case, body, far),
+            *load_zones(case, body, far),
+            *field_zones(case, body, far),
             *(zone for curve in clamped for zone in clamped_zones(curve, far, finite)),
         ]
     for refine in body.refine:

@@ -27,6 +27,8 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.heat import Heating
 
+END_OFFSET = 1e-9
+"""Distance from the ends of a surface, relative to its length, at which tractions are evaluated there."""
 TABLE_TOLERANCE = 1e-6
 """Part of a boundary's length that a table may leave uncovered at each end."""
 
@@ -76,6 +78,10 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                 for part in parts_at(case, cloud, load.place):
                     surface = part.surface
                     values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
+                    if not held and not surface.curve.closed:
+                        # Tractions may jump where a surface ends.
+                        just = np.array([END_OFFSET, 1.0 - END_OFFSET]) * surface.curve.length
+                        values[[0, -1]] = _on_surface(load, part, just, surface.curve.points(just))
                     arc = Halves.of(surface, FINE).arc
                     between = None if held else _on_surface(load, part, arc, surface.curve.points(arc))
                     own = mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)

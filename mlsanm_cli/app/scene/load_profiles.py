@@ -1,0 +1,111 @@
+"""What loads say along their boundaries, and where that jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, range_of, run_on
+from mlsanm_cli.app.scene.fields import amounts_at
+from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction
+from mlsanm_cli.case.model.shapes import AnyShape
+from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.joined import joined, part_of
+
+SAMPLES = 4096
+"""Samples along a boundary, a power of two."""
+JUMP = 0.05
+"""A change by more than this part of the largest value over no length is a jump."""
+BISECTIONS = 40
+NEAR = 1e-3
+"""Jumps nearer than this part of a boundary to its end, or to another jump, are not told apart from it."""
+MOST = 64
+"""Boundaries with more jumps are not cut at them."""
+
+
+@dataclass(frozen=True)
+class LoadProfile:
+    """``values`` (SAMPLES + 1, c) of a load, as parts of the largest, at even steps along a ``curve`` that
+    starts at arc length ``first`` of its ``run``, and the arc lengths of the ``jumps`` along the curve."""
+
+    run: BoundaryRun
+    first: float
+    curve: Curve
+    values: FloatArray
+    jumps: tuple[float, ...]
+
+
+def runs_of(shape: AnyShape, place: Place) -> list[tuple[BoundaryRun, float, Curve]]:
+    """The runs of a place on the outline of a shape, where along them it begins, and its curves there.
+    Boundaries that are loaded need not join."""
+    found = []
+    for one in [place] if place.ends else [Place((name,)) for name in place.boundaries]:
+        run = run_on(drawn(shape), one, "load")
+        whole = joined(run.curves, run.around)
+        first, length = range_of(run, one) if one.ends else (0.0, whole.length)
+        found.append((run, first, part_of(whole, first, first + length) if one.ends else whole))
+    return found
+
+
+def profiles(shape: AnyShape, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
+    """The profiles of a load that varies along the boundaries of a body of this ``shape``; none where an
+    expression has no value."""
+    table: tuple[tuple[float, ...], ...] = ()
+    given: Sequence[float | str | None]
+    if isinstance(load, Displacement):
+        given = load.components
+    else:
+        table = load.table or ()
+        given = ((load.pressure,) if isinstance(load, Pressure) else load.traction) or ()
+    expressions = tuple(one for one in given if isinstance(one, str))
+    return _profiles(shape, load.place, expressions, table) if expressions or table else ()
+
+
+@lru_cache(maxsize=256)
+def _profiles(
+    shape: AnyShape, place: Place, expressions: tuple[str, ...], table: tuple[tuple[float, ...], ...]
+) -> tuple[LoadProfile, ...]:
+    found, start = [], 0.0
+    rows = np.array(table)
+    for run, first, curve in runs_of(shape, place):
+
+        def values(arc: FloatArray, curve: Curve = curve, start: float = start) -> FloatArray:
+            if table:
+                return np.stack([np.interp(start + arc, rows[:, 0], one) for one in rows[:, 1:].T], axis=1)
+            return amounts_at(expressions, curve.points(arc))
+
+        arc = np.linspace(0.0, curve.length, SAMPLES + 1)
+        try:
+            sampled = values(arc)
+            scale = float(np.abs(sampled).max())
+            if scale > 0.0:
+                jumps = _jumps(values, arc, sampled, JUMP * scale)
+                found.append(LoadProfile(run, first, curve, sampled / scale, jumps))
+        except ExpressionError:
+            # Reported where loads are evaluated at the nodes.
+            return ()
+        start += curve.length
+    return tuple(found)
+
+
+def _jumps(
+    values: Callable[[FloatArray], FloatArray], arc: FloatArray, sampled: FloatArray, least: float
+) -> tuple[float, ...]:
+    """Where ``values``, ``sampled`` (s, c) at ``arc`` (s,), jump by more than ``least``, by bisection."""
+    marks = [float(arc[0]), float(arc[-1])]
+    for step in np.flatnonzero(np.abs(np.diff(sampled, axis=0)).max(axis=1) > least).tolist():
+        low, high = float(arc[step]), float(arc[step + 1])
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            first, second = np.abs(np.diff(values(np.array([low, middle, high])), axis=0)).max(axis=1)
+            low, high = (low, middle) if first > second else (middle, high)
+        place = 0.5 * (low + high)
+        apart = min(abs(place - mark) for mark in marks) > NEAR * float(arc[-1])
+        if apart and np.abs(np.diff(values(np.array([low, high])), axis=0)).max() > least:
+            marks.append(place)
+    return tuple(marks[2:]) if len(marks) <= MOST else ()

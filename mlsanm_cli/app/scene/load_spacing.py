@@ -1,0 +1,122 @@
+"""Finer nodes where what acts on a boundary changes within a few spacings.
+
+Tractions and displacements that begin or end where a boundary continues, or that vary along it, have a length
+of their own, which the size of the body does not know: a pressure on a fiftieth of a block's side fell
+between two nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from mlsanm_cli.app.scene.boundary_runs import BoundaryRun
+from mlsanm_cli.app.scene.default_spacing import GROWTH, SMOOTH
+from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
+from mlsanm_cli.case.model.case import Body
+from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.joined import part_of
+from mlsanm_cli.cloud.spacing import Zone
+
+ALONG, AT_EDGE = 8.0, 32.0
+"""Spacings along a part that is loaded or held, and the same length over the spacing at its edges. Stresses
+under an even pressure are within 0.7 % of their largest, at the edges within 1.3 %; with 16 at the edges
+within 1.1 and 2.8 %."""
+LINEAR = 0.02
+"""Values are resolved by spacings over which they differ from a line by less than this part of the largest.
+"""
+AT_END = 1e-6
+"""Places nearer to the end of a boundary than this part of it are there."""
+
+
+def load_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
+    """Zones of all that acts on the boundaries of a body, where ``far`` is too wide for it."""
+    for place in _places(case, body.name):
+        for run, first, curve in runs_of(body.shape, place):
+            yield from _edge_zones(run, first, curve, far)
+    for load in case.load:
+        if isinstance(load, Pressure | Traction | Displacement) and load.owner == body.name:
+            for profile in profiles(body.shape, load):
+                yield from _varying_zones(profile, far)
+
+
+def _places(case: Case, body: str) -> Iterator[Place]:
+    """The boundaries of a body on which something acts."""
+    found = [one.place for one in case.support if one.place is not None]
+    for load in case.load:
+        if isinstance(load, Pressure | Traction | Displacement | Platen):
+            found += load.places
+    return (place for place in found if place.body == body)
+
+
+def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float) -> Iterator[Zone]:
+    """Zones along a ``curve`` from arc length ``first`` of a run, and at its edges, past which the boundary
+    continues smoothly."""
+    if curve.closed:
+        return
+    places = np.array([0.0, curve.length])
+    edges = [k for k in (0, 1) if _continues(run, first + float(places[k]), k)]
+    if edges and curve.length < ALONG * far:
+        yield Zone(curve, curve.length / ALONG, 0.0, GROWTH)
+    if curve.length < AT_EDGE * far:
+        for x, y in curve.points(places[edges]).tolist():
+            yield Zone.around((x, y), curve.length / AT_EDGE, 0.0, GROWTH)
+
+
+def _continues(run: BoundaryRun, at: float, end: int) -> bool:
+    """Whether the boundary continues smoothly at arc length ``at`` of a run: inside it, or past its first
+    (0) or last (1) ``end``."""
+    whole = run.starts[-1]
+    if run.around or AT_END * whole < at < (1.0 - AT_END) * whole:
+        return True
+    outline, number = run.outline, run.numbers[-end]
+    loop = next(loop for loop in outline.loops if loop.start <= number < loop.stop)
+    own, loop_length = outline.curves[number], loop.stop - loop.start
+    other = outline.curves[loop.start + (number + (1 if end else -1) - loop.start) % loop_length]
+    one = own.normals(np.array([own.length if end else 0.0]))
+    return bool((one * other.normals(np.array([0.0 if end else other.length]))).sum() > SMOOTH)
+
+
+def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
+    """Zones along a boundary where a load varies along it, and at its jumps."""
+    curve, arc = profile.curve, np.linspace(0.0, profile.curve.length, len(profile.values))
+    sizes = resolved_sizes(profile.values, curve.length, far)
+    marks = np.array([0.0, *profile.jumps, curve.length])
+    for k, jump in enumerate(profile.jumps, start=1):
+        apart = float(min(marks[k] - marks[k - 1], marks[k + 1] - marks[k]))
+        least = min(apart / AT_EDGE, far)
+        # Nodes on both sides of a jump see lines.
+        near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
+        sizes = np.where(near, np.maximum(sizes, least), sizes)
+        (x, y) = curve.points(np.array([jump]))[0].tolist()
+        yield Zone.around((x, y), least, 0.0, GROWTH)
+    cuts = np.flatnonzero(np.diff(sizes)) + 1
+    for low, high in pairwise([0, *cuts.tolist(), len(sizes)]):
+        if sizes[low] < far:
+            yield Zone(part_of(curve, float(arc[low]), float(arc[high])), float(sizes[low]), 0.0, GROWTH)
+
+
+def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
+    """Spacings (s,), no larger than ``far``, over which ``values`` (s + 1, c) at even steps along a
+    ``length`` are nearly linear, s a power of two: halves of halves of the length.
+
+    >>> resolved_sizes(np.array([[0.0], [0.0], [0.0], [0.0], [1.0]]), 1.0, 0.5).tolist()
+    [0.5, 0.5, 0.25, 0.25]
+    """
+    count = len(values) - 1
+    sizes, width = np.full(count, far), count
+    while width > 1:
+        # Windows overlap by half, so that a kink is inside one.
+        starts = np.arange(0, count - width + 1, width // 2)
+        rows = values[starts[:, None] + np.arange(width + 1)]
+        share = np.linspace(0.0, 1.0, width + 1)[:, None]
+        lines = (1.0 - share) * rows[:, :1] + share * rows[:, -1:]
+        width //= 2
+        for start in starts[np.abs(rows - lines).max(axis=(1, 2)) > LINEAR].tolist():
+            inside = slice(start, start + 2 * width)
+            sizes[inside] = np.minimum(sizes[inside], width * length / count)
+    return sizes
