@@ -218,8 +218,8 @@ def test_exit_codes_and_table(
 
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     for text, wishes, overrides, words in (
-        (BAR, QUICK, (), "no [[contact]]"),
-        (hertz(), CompareOptions(), (ANM,), "nothing to compare"),
+        (BAR, QUICK, (), "no unilateral [[contact]]"),
+        (hertz(), CompareOptions(), (ANM,), "no method to compare"),
         (SHEARED, CompareOptions(("active-set",), analytic=True), (), "--analytic"),
     ):
         with pytest.raises(RunError) as refused:

@@ -57,7 +57,7 @@ def run_of(case: Case, place: Place, key: str) -> BoundaryRun:
 
 
 def run_on(outline: Outline, place: Place, key: str) -> BoundaryRun:
-    """The pieces of a place in an outline. Raises CaseError where they do not join."""
+    """The pieces of a place in an outline. Raises CaseError if they do not join."""
     numbers = [number for edge in place.edges for number in numbers_of(outline, edge)]
     found = chain_of(outline, numbers)
     if found is None:

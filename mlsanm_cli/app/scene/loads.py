@@ -79,7 +79,7 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                     surface = part.surface
                     values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
                     if not held and not surface.curve.closed:
-                        # Tractions may jump where a surface ends.
+                        # Tractions may be discontinuous at the end of a surface.
                         just = np.array([END_OFFSET, 1.0 - END_OFFSET]) * surface.curve.length
                         values[[0, -1]] = _on_surface(load, part, just, surface.curve.points(just))
                     arc = Halves.of(surface, FINE).arc
