@@ -19,7 +19,7 @@ from mlsanm_cli.app.finite.patches import ACROSS, AT, Touched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
-from mlsanm_cli.app.scene.default_spacing import BAND, SLOWER
+from mlsanm_cli.app.scene.default_spacing import NODAL_BAND, NODAL_GROWTH
 from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
@@ -78,7 +78,7 @@ class Refinement:
     def asked(self) -> tuple[Zone, ...]:
         """The zones of finer nodes."""
         return tuple(
-            Zone(Segment((a, b), (c, d)), fine, BAND * fine, SLOWER)
+            Zone(Segment((a, b), (c, d)), fine, NODAL_BAND * fine, NODAL_GROWTH)
             for a, b, c, d, fine in self.zones.tolist()
         )
 

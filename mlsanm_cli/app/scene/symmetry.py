@@ -16,11 +16,10 @@ SAMPLES = 33
 
 
 def line_of(case: Case) -> SymmetryLine | None:
-    """The line about which nodes are placed symmetrically: the middle of all bodies, if all are their own
-    mirror images about it.
+    """The symmetry line of all bodies, None if there is none.
 
-    Not so with friction, or other schemes than least squares: there errors that differ from side to side are
-    the better ones, as they cancel in part.
+    Not used with friction or schemes other than least squares: there asymmetric errors cancel in part, and
+    results are better.
     """
     if case.mls.scheme != "least-squares" or any(contact.friction for contact in case.contact):
         return None
@@ -39,7 +38,7 @@ def line_of(case: Case) -> SymmetryLine | None:
 
 
 def _symmetric(case: Case, body: Body, line: SymmetryLine, size: float) -> bool:
-    """Whether a body's spacing is its own mirror image, or the nodes are that came with it."""
+    """Whether the spacing of a body, or its nodes from a file, are symmetric."""
     if not body.has_nodes:
         return spacing_of(case, body).symmetric(line)
     points = _points(case, body)
@@ -47,7 +46,7 @@ def _symmetric(case: Case, body: Body, line: SymmetryLine, size: float) -> bool:
 
 
 def _points(case: Case, body: Body) -> FloatArray:
-    """The nodes (n, 2) that came with a body, or points along its outline."""
+    """The nodes (n, 2) of a body from a file, or points along its outline."""
     if isinstance(body.shape, Mesh | Points):
         return imported_geometry(body.shape).points
     fractions = np.linspace(0.0, 1.0, SAMPLES)
