@@ -30,9 +30,10 @@ GAUSS: dict[int, Rule] = {count: _gauss(count) for count in range(1, 5)}
 """Gauss's rules by their number of points."""
 FINE = GAUSS[4]
 """That for functions of place that may be anything."""
-MOST_TIMES = 16
-CLOSED = 1e-4
-"""What the normals of a closed cell may leave, as a part of the lengths: Gauss's rule on curves."""
+MAX_HALVINGS = 16
+CLOSURE_TOLERANCE = 1e-4
+"""Largest sum of the normals of a closed cell, relative to its lengths: the error of Gauss's rule on
+curves."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class Halves:
     def of(cls, surface: Surface, rule: Rule = GAUSS[2]) -> Halves:
         """Those of a surface, by the places and weights of a quadrature ``rule``, several times on each half
         if the curve is known by more points than there are nodes: cells must close along its waves."""
-        rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MOST_TIMES))
+        rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MAX_HALVINGS))
         arc, step = surface.ends, np.diff(surface.ends)
         first = np.arange(len(step))
         second = (first + 1) % len(surface.index)
@@ -236,7 +237,7 @@ def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], l
 
     opening, length = total(normal), np.bincount(group, np.hypot(*normal.T), count)
     area = 0.5 * total(arm * normal).sum(axis=1)
-    closed = (np.hypot(*opening.T) <= CLOSED * length) & (area > 0.0)
+    closed = (np.hypot(*opening.T) <= CLOSURE_TOLERANCE * length) & (area > 0.0)
     first = 0.5 * total(arm**2 * normal)
     middle = near + np.where(closed[:, None], first / np.where(closed, area, 1.0)[:, None], 0.0)
     return Measures(area, middle, closed)

@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import filled
 from mlsanm_cli.cloud.halves import halved
-from mlsanm_cli.cloud.joined import SMOOTH
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.places import Places
@@ -30,8 +30,8 @@ from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
-FLATTEST = 10.0
-"""Hollows of a radius above this many times the body's extent count as flat."""
+MAX_HOLLOW_RADIUS = 10.0
+"""Radius of a hollow, relative to the extent of the body, above which it counts as flat."""
 STRIPS = 512
 
 
@@ -81,7 +81,7 @@ class Cloud:
         """Distance (n,) from the nearest hollow of the outline, fillet, notch or hole, plus its radius:
         infinite without any."""
         room = np.full(len(self.points), np.inf)
-        flattest = FLATTEST * float(np.ptp(self.points, axis=0).max())
+        flattest = MAX_HOLLOW_RADIUS * float(np.ptp(self.points, axis=0).max())
         for surface in self.surfaces.values():
             curve = surface.curve
             if (curve.curvature(surface.arc_length) < 0.0).any():
@@ -196,7 +196,7 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
     for place in () if surface.curve.closed else (0, -1):
         node, normal = surface.index[place], surface.normal[place]
         for name, other in cloud.surfaces.items():
-            smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH)
+            smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH_ANGLE)
             if name not in own and smooth.any():
                 yield place, name
 

@@ -9,10 +9,10 @@ from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 LIMIT = 24
-TOLERANCE = 1.25
-"""A node is content with a spacing this many times wider than asked for."""
-NEAR_LINE = 0.5
-"""Zones nearer to a line of symmetry than this part of what they ask for are put on it."""
+SPACING_TOLERANCE = 1.25
+"""Ratio of the actual to the requested spacing up to which a node is accepted."""
+SNAP_DISTANCE = 0.5
+"""Zones nearer to a symmetry line than this part of their spacing are moved onto it."""
 
 
 def cover(
@@ -36,15 +36,15 @@ def cover(
     for _ in range(LIMIT):
         ratio = has / wanted
         worst = int(np.argmax(ratio))
-        if ratio[worst] <= TOLERANCE:
+        if ratio[worst] <= SPACING_TOLERANCE:
             break
         h = float(wanted[worst])
         middle = points[worst]
-        if line is not None and abs(middle[line.axis] - line.at) < NEAR_LINE * h:
+        if line is not None and abs(middle[line.axis] - line.at) < SNAP_DISTANCE * h:
             middle = np.where(np.arange(2) == line.axis, line.at, middle)
         distance = np.hypot(*(points - middle).T)
         near = np.argsort(distance)
-        fine = area[near] * (wanted[near] <= TOLERANCE * h)
+        fine = area[near] * (wanted[near] <= SPACING_TOLERANCE * h)
         mostly = np.cumsum(fine) >= 0.7 * np.cumsum(area[near])
         # As far as every circle up to there mostly needs this spacing.
         last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1

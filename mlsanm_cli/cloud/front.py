@@ -9,10 +9,10 @@ import numpy as np
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
 
-SLICE = 0.05
-"""Seconds that a slice should take: a person who presses Ctrl-C does not notice twice as much."""
-FIRST = 500
-"""Nodes that the first slice continues from."""
+SLICE_SECONDS = 0.05
+"""Duration of a slice, after which signals are handled."""
+FIRST_SLICE = 500
+"""Number of nodes of the first slice."""
 WEYL = 0x9E3779B97F4A7C15
 MODULUS = 2**64
 
@@ -43,7 +43,7 @@ def filled(
     keys, heads = _empty(8192), _empty(8192)
     state = (seed * 2 + 1) * WEYL % MODULUS
     progress = np.array([count, 0, 0, 0, state - MODULUS if 2 * state >= MODULUS else state], np.int64)
-    parents = FIRST
+    parents = FIRST_SLICE
     while True:
         begun = time.monotonic()
         stopped = advance_front(
@@ -61,7 +61,14 @@ def filled(
             progress[2] = progress[3] = 0
         else:
             spent = time.monotonic() - begun
-            parents = int(np.clip(parents * SLICE / max(spent, 1e-3 * SLICE), parents / 8, 2 * parents)) + 1
+            parents = (
+                int(
+                    np.clip(
+                        parents * SLICE_SECONDS / max(spent, 1e-3 * SLICE_SECONDS), parents / 8, 2 * parents
+                    )
+                )
+                + 1
+            )
 
 
 def _empty(room: int) -> IntArray:

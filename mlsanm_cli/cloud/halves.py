@@ -15,13 +15,13 @@ from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.startup import cKDTree
 
-ONTO = 0.3
-"""Nodes nearer to the line than this part of the spacing are put on it."""
-HOLE = 0.85
+SNAP_DISTANCE = 0.3
+"""Nodes nearer to the symmetry line than this part of the spacing are moved onto it."""
+MAX_LINE_GAP = 0.85
 """Farther than this from all nodes, in spacings, the line gets one of its own.
 
 Nodes at equal steps along the line were tried as well: more clouds of degree 4 failed their certificate."""
-FINE = 0.1
+GAP_STEP = 0.1
 """Holes are looked for in steps of this part of the spacing."""
 
 
@@ -45,7 +45,7 @@ class Half:
         number of these."""
         line = self.line
         inner = inner.copy()
-        upon = np.abs(inner[:, line.axis] - line.at) < ONTO * spacing.at(inner)
+        upon = np.abs(inner[:, line.axis] - line.at) < SNAP_DISTANCE * spacing.at(inner)
         inner[upon, line.axis] = line.at
         tree = cKDTree(np.concatenate([self.boundary, inner]))
         filled = [node for cut in self.cuts for node in _fillings(cut, tree, spacing)]
@@ -106,10 +106,10 @@ def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[Floa
     """Nodes (2,) that holes along a ``cut`` (2, 2) through the body need, from its lower end upwards."""
     segment = Segment((float(cut[0, 0]), float(cut[0, 1])), (float(cut[1, 0]), float(cut[1, 1])))
     steps = spacing.steps_along(segment)
-    fine = np.interp(np.arange(0.0, len(steps) - 1.0, FINE), np.arange(len(steps)), steps)
+    fine = np.interp(np.arange(0.0, len(steps) - 1.0, GAP_STEP), np.arange(len(steps)), steps)
     places = segment.points(fine)
     sizes, last = spacing.at(places), -np.inf
-    for k in np.flatnonzero(nearest(tree, places)[0] > HOLE * sizes):
+    for k in np.flatnonzero(nearest(tree, places)[0] > MAX_LINE_GAP * sizes):
         if fine[k] - last >= sizes[k]:
             last = fine[k]
             yield places[k]

@@ -14,12 +14,12 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.splines import SplinePart
 
-SMOOTH = math.radians(1.0)
-"""Curves that meet under a smaller angle continue smoothly: what a kink does to stresses goes with its
-angle."""
-CHORDS, BEND = 64, 0.2
-SAME = 1e-9
-"""Differences below this part of a curve's size are round-off."""
+SMOOTH_ANGLE = math.radians(1.0)
+"""Angle (radian) below which joined curves continue smoothly: the effect of a kink on stresses is
+proportional to its angle."""
+CHORDS, MAX_CHORD_TURN = 64, 0.2
+ROUND_OFF = 1e-9
+"""Differences below this part of the size of a curve are round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,11 @@ class CurvePart:
 
 
 def chords(curve: Curve) -> tuple[tuple[float, ...], ...]:
-    """Lines that are near enough to a curve for a node spacing: each turns by ``BEND`` at most, as far as
-    ``CHORDS`` of them do."""
+    """Lines that are near enough to a curve for a node spacing: each turns by ``MAX_CHORD_TURN`` at most, as
+    far as ``CHORDS`` of them do."""
     x, y = curve.normals(np.linspace(0.0, curve.length, CHORDS + 1)).T
     whole = float(np.abs(np.diff(np.unwrap(np.arctan2(y, x)))).sum())
-    count = min(math.ceil(whole / BEND) or 1, CHORDS)
+    count = min(math.ceil(whole / MAX_CHORD_TURN) or 1, CHORDS)
     ends = curve.points(np.linspace(0.0, curve.length, count + 1)).tolist()
     return tuple(row for a, b in pairwise(ends) for row in Segment((a[0], a[1]), (b[0], b[1])).zones())
 
@@ -99,7 +99,7 @@ class Joined:
             pairs.append((self.pieces[-1], self.pieces[0]))
         turns = [turn(before, after) for before, after in pairs]
         places = [*self.starts[1:-1].tolist(), 0.0]
-        return np.array([at for at, angle in zip(places, turns, strict=False) if abs(angle) > SMOOTH])
+        return np.array([at for at, angle in zip(places, turns, strict=False) if abs(angle) > SMOOTH_ANGLE])
 
     def _number(self, s: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
@@ -149,7 +149,7 @@ def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArra
     """Outward normals (n, 2) at arc lengths ``s`` (n,), at corners within the curve those of the side that is
     more opposed to the vectors ``other`` (n, 2)."""
     normals = curve.normals(s)
-    small = SAME * curve.length
+    small = ROUND_OFF * curve.length
     for corner in corners_of(curve):
         at = np.flatnonzero(np.abs(s - corner) <= small)
         ways = (corner + small, corner - small if corner > 0.0 else curve.length - small)
@@ -188,20 +188,20 @@ def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
 
 def _merged(one: Curve, other: Curve) -> Curve | None:
     if isinstance(one, Segment) and isinstance(other, Segment):
-        straight = abs(turn(one, other)) <= SAME
+        straight = abs(turn(one, other)) <= ROUND_OFF
         return Segment(one.start, other.end) if straight else None
     if isinstance(one, Arc) and isinstance(other, Arc):
-        size = SAME * one.radius
+        size = ROUND_OFF * one.radius
         same = math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
         if not same or one.sweep * other.sweep <= 0.0:
             return None
         sweep = one.sweep + other.sweep
-        if abs(abs(sweep) - 2.0 * math.pi) <= SAME:
+        if abs(abs(sweep) - 2.0 * math.pi) <= ROUND_OFF:
             sweep = math.copysign(2.0 * math.pi, sweep)
         return Arc(one.center, one.radius, one.start, sweep)
     if isinstance(one, CurvePart) and isinstance(other, CurvePart) and one.whole is other.whole:
         whole, length = one.whole, one.length + other.length
-        if abs(length - whole.length) > SAME * whole.length:
+        if abs(length - whole.length) > ROUND_OFF * whole.length:
             return CurvePart(whole, one.first, length)
         # All of a closed curve would begin where it does itself, and not where the first part does.
         return whole if not whole.closed or one.first == 0.0 else None

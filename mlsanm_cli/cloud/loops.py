@@ -26,8 +26,8 @@ from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
 
 ALIGNED = 0.9
-STRAIGHT = 1e-8
-"""Nodes this near to a line, in parts of the body's extent, lie on it."""
+COLLINEARITY_TOLERANCE = 1e-8
+"""Distance of nodes from a line, relative to the extent of the body, below which they lie on it."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,10 @@ def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
     where that leaves two curves with one name.
     """
     size = float(np.ptp(points, axis=0).max())
-    cut = [list(_pieces(points, _begun(points, loop, corner), corner, STRAIGHT * size)) for loop in loops]
+    cut = [
+        list(_pieces(points, _begun(points, loop, corner), corner, COLLINEARITY_TOLERANCE * size))
+        for loop in loops
+    ]
     outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
     cut = [cut[k] for k in sorted(range(len(cut)), key=lambda k: not outer[k])]
     pieces = [piece for loop in cut for piece in loop]

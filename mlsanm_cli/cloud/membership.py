@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.polygon import TOGETHER, inside_polygon
+from mlsanm_cli.cloud.polygon import BLOCK_SIZE, inside_polygon
 
-SLACK = 1.1
-"""Arcs bulge over their chords by what their normals turn; curves that are no arcs may by this much more."""
+BULGE_FACTOR = 1.1
+"""Curves other than arcs may bulge over their chords by this factor more than arcs with the same normals."""
 ROUND_OFF = 1e-9
 
 
@@ -42,7 +42,7 @@ def belongs(
     length = np.hypot(along[:, 0], along[:, 1])
     cosine = (normal[chords[:, 0]] * normal[chords[:, 1]]).sum(axis=1)
     bulge = 0.5 * length * np.tan(0.25 * np.arccos(np.clip(cosine, -1.0, 1.0)))
-    near = SLACK * bulge + ROUND_OFF * float(np.ptp(points, axis=0).max())
+    near = BULGE_FACTOR * bulge + ROUND_OFF * float(np.ptp(points, axis=0).max())
     inside = inside_polygon(np.concatenate([start, end], axis=1), targets)
     # Only what is outside of the chords, and not far from all of them, can be below a bulge.
     low, high = start.min(axis=0) - near.max(), start.max(axis=0) + near.max()
@@ -57,4 +57,4 @@ def belongs(
 
 def _together(targets: IntArray, chords: int) -> list[IntArray]:
     """Targets that are compared with all chords at once."""
-    return np.array_split(targets, 1 + len(targets) * chords // TOGETHER)
+    return np.array_split(targets, 1 + len(targets) * chords // BLOCK_SIZE)

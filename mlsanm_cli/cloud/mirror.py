@@ -12,8 +12,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.startup import cKDTree
 
-SAME = 1e-9
-"""What is nearer to an image than this part of the spacing is the image."""
+IMAGE_TOLERANCE = 1e-9
+"""Distance from a mirror image, in spacings, below which points coincide with it."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class SymmetryLine:
         return signs
 
     def images(self, points: FloatArray, size: FloatArray) -> IntArray | None:
-        """Which of ``points`` (n, 2) is the image (n,) of each, nearer to it than SAME of ``size`` (n,); None
-        where they are not their own mirror images."""
+        """Which of ``points`` (n, 2) is the image (n,) of each, nearer to it than IMAGE_TOLERANCE of ``size``
+        (n,); None where they are not their own mirror images."""
         away, image = nearest(cKDTree(points), self.reflect(points))
         found: IntArray = np.asarray(image, dtype=np.int64)
         paired = np.array_equal(found[found], np.arange(len(points)))
-        return found if paired and (np.asarray(away) <= SAME * size).all() else None
+        return found if paired and (np.asarray(away) <= IMAGE_TOLERANCE * size).all() else None
 
 
 @dataclass(frozen=True)

@@ -17,23 +17,23 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.startup import cKDTree, connected_components
 
-DEEPER = 1.0
-"""Pieces may be as wide as they are deep inside the body, by this factor: force and bending get lost in thin
-bodies, and large pieces deep inside serve as well and cost less. With 0.7 to 1.5 errors are the same."""
-MOST = 400.0
+WIDTH_PER_DEPTH = 1.0
+"""Largest width of a piece over its depth inside the body: force and bending are lost in thin parts, and
+large pieces inside suffice and cost less. With 0.7 to 1.5 errors are the same."""
+MAX_NODES = 400.0
 """Nodes of the largest pieces."""
-NARROWER, FEWEST = 0.4, 2.0
-"""Pieces are narrower than the distance to a hollow plus its radius by this factor, and of so many nodes at
-least: portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8 to 24 nodes, depending on
-where they happened to be cut, and lose up to 1.3 % then. With 0.7 a hole in a mesh whose triangles are 1.6
-times as deep as wide, 64 nodes around it, lost up to 6 % of its peak stress at degree 2 and 17 % at degree 4,
-and with 0.4, 2.4 and 6.6 %."""
-APART = 3.5
-"""Pairs are farther than so many spacings from supports and corners."""
-ALIKE = 1e-9
-"""Moments of inertia, and distances over the body's size, that differ by less are the same."""
-FEW = 0.25
-"""Pieces with less than this part of the size wanted join a neighbour."""
+WIDTH_AT_HOLLOWS, MIN_NODES = 0.4, 2.0
+"""Largest width of a piece over the distance to a hollow plus its radius, and least number of its nodes:
+portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8 to 24 nodes, depending on their
+division, and lose up to 1.3 % now. A hole in a mesh of triangles 1.6 times as deep as wide, with 64 nodes
+around it, lost up to 6 % of its peak stress at degree 2 and 17 % at degree 4 with 0.7, and 2.4 and 6.6 % with
+0.4."""
+PAIR_CLEARANCE = 3.5
+"""Distance of pairs from supports and corners, in spacings."""
+TIE_TOLERANCE = 1e-9
+"""Relative difference below which moments of inertia and distances are equal."""
+MIN_SHARE = 0.25
+"""Pieces with less than this part of the requested size are joined to a neighbour."""
 
 
 def divide(cloud: Cloud, size: int) -> IntArray:
@@ -44,8 +44,8 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     pairs = np.concatenate([along, *(cloud.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0)))])
     mirror = cloud.mirror
     depth = nearest(cKDTree(cloud.points[cloud.boundary_nodes]), cloud.points)[0] / cloud.spacing
-    wanted = np.clip((DEEPER * depth) ** 2, size, MOST)
-    wanted = np.minimum(wanted, np.maximum((NARROWER * cloud.room / cloud.spacing) ** 2, FEWEST))
+    wanted = np.clip((WIDTH_PER_DEPTH * depth) ** 2, size, MAX_NODES)
+    wanted = np.minimum(wanted, np.maximum((WIDTH_AT_HOLLOWS * cloud.room / cloud.spacing) ** 2, MIN_NODES))
     if mirror is None:
         return _divided(cloud.points, pairs, wanted)
     place = np.full(len(cloud.points), -1, dtype=np.int64)
@@ -75,7 +75,7 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     )
     far = np.ones(len(cloud.points), dtype=bool)
     if len(stops):
-        far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > APART * cloud.spacing
+        far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > PAIR_CLEARANCE * cloud.spacing
     mirror, labels, count = cloud.mirror, np.full(len(cloud.points), -1, dtype=np.int64), 0
     for name in sorted(touching):
         for run in _runs(surfaces[name].index, far):
@@ -100,7 +100,7 @@ def _runs(index: IntArray, far: BoolArray) -> list[IntArray]:
 
 
 def _divided(points: FloatArray, pairs: IntArray, wanted: FloatArray) -> IntArray:
-    return _joined(_connected(_bisected(points, wanted), pairs), pairs, FEW * wanted)
+    return _joined(_connected(_bisected(points, wanted), pairs), pairs, MIN_SHARE * wanted)
 
 
 def _bisected(points: FloatArray, wanted: FloatArray) -> IntArray:
@@ -141,11 +141,11 @@ def _along(points: FloatArray, labels: IntArray, count: IntArray) -> FloatArray:
     x, y = (points - middle[labels]).T
     xx, yy, xy = (np.bincount(labels, one) for one in (x * x, y * y, x * y))
     # Of regular meshes neither squares may be cut by round-off, nor may it choose among equally far nodes.
-    least = ALIKE * (xx + yy)
+    least = TIE_TOLERANCE * (xx + yy)
     across, twice = (np.where(np.abs(one) > least, one, 0.0) for one in (xx - yy, 2.0 * xy))
     angle = 0.5 * np.arctan2(twice, across)
     along = np.cos(angle)[labels] * x + np.sin(angle)[labels] * y
-    return np.asarray(np.round(along / (ALIKE * float(np.ptp(points, axis=0).max()))))
+    return np.asarray(np.round(along / (TIE_TOLERANCE * float(np.ptp(points, axis=0).max()))))
 
 
 def _connected(labels: IntArray, pairs: IntArray) -> IntArray:

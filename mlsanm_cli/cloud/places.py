@@ -10,8 +10,8 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.membership import belongs
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
-from mlsanm_cli.cloud.spacing import APART, Spacing
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
+from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface
 
 
@@ -33,7 +33,7 @@ class Places:
             away = np.hypot(*(curve.points(s) - points).T)
             nearer = away < least
             number[nearer], arc[nearer], least[nearer] = k, s[nearer], away[nearer]
-        number[least > APART * spacing.at(points)] = -1
+        number[least > MIN_DISTANCE * spacing.at(points)] = -1
         return cls(points, number, arc)
 
     def along(self, number: int) -> FloatArray:
@@ -44,7 +44,7 @@ class Places:
         """Whether all inside are on a ``line``."""
         points = self.points[self.curve < 0]
         size = np.abs(points).max(initial=0.0) + abs(line.at)
-        return bool((np.abs(points[:, line.axis] - line.at) <= SAME * size).all())
+        return bool((np.abs(points[:, line.axis] - line.at) <= IMAGE_TOLERANCE * size).all())
 
     def inside(self, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing) -> FloatArray:
         """Those (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""
@@ -54,7 +54,7 @@ class Places:
         index = np.concatenate([surface.index for surface in surfaces.values()])
         normal = np.concatenate([surface.normal for surface in surfaces.values()])
         names = [surface.name for surface in surfaces.values() for _ in surface.index]
-        room = APART * spacing.at(points)
+        room = MIN_DISTANCE * spacing.at(points)
         kept = belongs(boundary, index, normal, names, points)
         for k in np.flatnonzero(kept):
             others = np.flatnonzero(kept[:k])

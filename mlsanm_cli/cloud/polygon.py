@@ -6,15 +6,15 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-TOGETHER = 2**18
-"""Pairs of a point and an edge that are looked at together: enough for speed, few enough for memory."""
+BLOCK_SIZE = 2**18
+"""Pairs of a point and an edge that are processed together: enough for speed, few enough for memory."""
 
 
 def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
     """Even-odd rule for ``points`` (n, 2) among ``edges`` (e, 4), which form closed loops."""
     x0, y0, x1, y1 = edges[edges[:, 1] != edges[:, 3]].T
     inside = np.zeros(len(points), dtype=bool)
-    step = max(1, TOGETHER // max(1, len(x0)))
+    step = max(1, BLOCK_SIZE // max(1, len(x0)))
     for first in range(0, len(points), step):
         x, y = points[first : first + step].T
         # Few edges cross the level of a point: only there is the crossing's place worth finding.

@@ -8,9 +8,9 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.startup import cKDTree
 
-NEAR = 2.0
-"""Triangles nearer to a singular place than their longest side times this are divided into four, ..."""
-TIMES = 2
+SINGULAR_DISTANCE = 2.0
+"""Triangles within this multiple of their longest side of a singular point are divided into four, ..."""
+MAX_DIVISIONS = 2
 """... at most so many times."""
 
 
@@ -19,11 +19,11 @@ def graded_quadrature(cloud: Cloud, singular: FloatArray) -> tuple[FloatArray, F
     (k, 2), none of which is a point."""
     tree, corners = cKDTree(singular), cloud.points[cloud.triangles]
     points, areas = [], []
-    for time in range(TIMES + 1):
+    for time in range(MAX_DIVISIONS + 1):
         middle = corners.mean(axis=1)
         sides = corners - np.roll(corners, 1, axis=1)
         size = np.hypot(*np.moveaxis(sides, 2, 0)).max(axis=1)
-        close = (tree.query(middle)[0] < NEAR * size) & (time < TIMES)
+        close = (tree.query(middle)[0] < SINGULAR_DISTANCE * size) & (time < MAX_DIVISIONS)
         (a, b) = np.moveaxis(sides[~close, 1:], 1, 0)
         points.append(middle[~close])
         areas.append(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))

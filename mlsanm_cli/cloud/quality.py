@@ -10,8 +10,8 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.startup import cKDTree
 
-TOGETHER = 256
-"""Triangles that are looked at together, from the largest on."""
+BLOCK_SIZE = 256
+"""Triangles that are examined together, the largest first."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def _largest_hole(cloud: Cloud) -> float:
     # The nearest node of a centre is a corner: no triangle comes out larger than by its finest one.
     most = radius / cloud.spacing[cloud.triangles].min(axis=1)
     largest, order = 0.0, np.argsort(-most)
-    for some in np.split(order, range(TOGETHER, len(order), TOGETHER)):
+    for some in np.split(order, range(BLOCK_SIZE, len(order), BLOCK_SIZE)):
         near = boundary[nearest(outline, center[some])[1]]
         inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
         h = cloud.spacing[nearest(cloud.tree, center[some])[1]]

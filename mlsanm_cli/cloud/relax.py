@@ -15,16 +15,16 @@ from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.startup import cKDTree
 
 SWEEPS = 10
-LOOK = 5
-"""Neighbours are looked up anew every so many sweeps."""
+SEARCH_INTERVAL = 5
+"""Sweeps between two searches for neighbours."""
 NEIGHBORS = 9
 DOUBLINGS = 2
 """Neighbours push with the ratio of spacing to distance to the power of 2^2 = 4. With 8 the worst ring of ten
 clouds with 13 nodes across was 1.1e-5 off instead of 1.7e-5 at degree 4, but the outline of an eye 3.6 %
 instead of 2.8 %, and a rubber block with friction up to its corners closed on itself."""
 STEP = 0.05
-LONGEST = 0.2
-"""Longest step, in spacings: a node cannot leap over its neighbours or leave the body."""
+MAX_STEP = 0.2
+"""Longest step, in spacings: a node cannot pass its neighbours or leave the body."""
 
 
 def relax(
@@ -46,7 +46,7 @@ def relax(
         return points
     h = spacing.at(points)
     for sweep in range(SWEEPS):
-        if sweep % LOOK == 0:
+        if sweep % SEARCH_INTERVAL == 0:
             _, found = nearest(cKDTree(points), points[moving], np.arange(2, count + 2))
             neighbour = np.ascontiguousarray(found.T)
         h[moving] = own = spacing.at(points[moving])
@@ -62,7 +62,7 @@ def relax(
         push /= distance
         force = np.stack([(push * across).sum(axis=0), (push * along).sum(axis=0)], axis=1)
         size = np.sqrt((force**2).sum(axis=1))
-        length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
+        length = np.minimum(STEP * size / (1.0 + 0.25 * size), MAX_STEP)
         points[moving] += (own * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
         if line is not None:
             points[on, line.axis] = line.at

@@ -13,23 +13,23 @@ from mlsanm_cli.startup import cKDTree
 
 Result = TypeVar("Result")
 
-PIECE = 8192
-"""Points looked for at once: some hundredths of a second."""
-WAIT = 0.1
-"""Seconds after which a waiting thread looks up, on systems where signals do not wake it."""
+BLOCK_SIZE = 8192
+"""Points searched for at once: some hundredths of a second."""
+POLL_SECONDS = 0.1
+"""Interval at which a waiting thread checks for signals, on systems where they do not wake it."""
 
 
 def nearest(tree: cKDTree, points: FloatArray, k: int | IntArray = 1) -> tuple[FloatArray, IntArray]:
     """Distances and numbers of the nodes of a ``tree`` nearest to ``points`` (n, 2), as its ``query`` gives
     them: (n,) for k = 1, otherwise (n, k)."""
-    if len(points) <= PIECE:
+    if len(points) <= BLOCK_SIZE:
         found = tree.query(points, k=k)
         return np.asarray(found[0]), np.asarray(found[1])
-    pieces = [tree.query(points[at : at + PIECE], k=k) for at in range(0, len(points), PIECE)]
+    pieces = [tree.query(points[at : at + BLOCK_SIZE], k=k) for at in range(0, len(points), BLOCK_SIZE)]
     return np.concatenate([piece[0] for piece in pieces]), np.concatenate([piece[1] for piece in pieces])
 
 
-def in_pieces(function: Callable[[AnyArray], AnyArray], rows: AnyArray, piece: int = PIECE) -> AnyArray:
+def in_pieces(function: Callable[[AnyArray], AnyArray], rows: AnyArray, piece: int = BLOCK_SIZE) -> AnyArray:
     """``function(rows)``, which treats every row alone, by pieces of so many rows."""
     if len(rows) <= piece:
         return function(rows)
@@ -53,7 +53,7 @@ def listening(call: Callable[[], Result]) -> Result:
     thread: Any = threading.Thread(target=work, daemon=True)
     thread.start()
     while thread.is_alive():
-        thread.join(WAIT)
+        thread.join(POLL_SECONDS)
     if failed:
         raise failed[0]
     return done[0]

@@ -12,8 +12,9 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import cKDTree
 
 NEIGHBORS = 6
-FACING, OPPOSED = 32, 0.9
-"""Boundary nodes among which one across is looked for, and how much against each other normals are there."""
+MAX_FACING, OPPOSITE_COSINE = 32, 0.9
+"""Boundary nodes among which an opposite one is searched, and cosine of the angle between opposite
+normals."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,11 @@ def thinnest(points: FloatArray, spacing: FloatArray, index: IntArray, normal: F
     The width is the diameter of the circle that touches the boundary in one node and meets the other.
     """
     at = points[index]
-    count = min(FACING, len(index) - 1)
+    count = min(MAX_FACING, len(index) - 1)
     near = np.asarray(nearest_nodes(cKDTree(at), at, np.arange(2, count + 2))[1], dtype=np.int64)
     away = at[:, None] - at[near]
     depth = (away * normal[:, None]).sum(axis=2)
-    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSED)
+    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSITE_COSINE)
     width = np.full(near.shape, np.inf)
     np.divide((away**2).sum(axis=2), depth, out=width, where=across)
     least = width.min(axis=1)

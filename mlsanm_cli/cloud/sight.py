@@ -16,17 +16,15 @@ from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.startup import cKDTree
 
-DETOUR = 3.0
-"""A void is a slit where the way along the outline from face to face is so many times its width.
-
-A notch is a slit where it is deeper than wide, a wedge where it opens by less than about 40 degrees.
-"""
-REACH = 12.0
+MIN_DETOUR = 3.0
+"""Distance along the outline from face to face over the width of a void, above which it is a slit: notches
+deeper than wide, wedges that open by less than about 40 degrees."""
+MAX_SLIT_WIDTH = 12.0
 """Slits wider than this many spacings are wider than any stencil."""
-INWARD = 1e-3
-"""Points on the outline are looked at from this part of an edge's length inside."""
-OPENING = 0.3
-"""Faces of slits are moved apart by twice this part of an edge's length for their triangulation."""
+INSET = 1e-3
+"""Distance by which points on the outline are moved inside, relative to their edge."""
+SLIT_OPENING = 0.3
+"""Faces of slits are moved apart by twice this part of an edge's length for triangulation."""
 FLAT = 1e-12
 
 
@@ -66,7 +64,7 @@ class VisibilityCriterion:
             self.along,
             self.loop,
             self.normals,
-            DETOUR,
+            MIN_DETOUR,
         )
 
     def apart(self, one: IntArray, other: IntArray) -> BoolArray:
@@ -107,12 +105,12 @@ class VisibilityCriterion:
     @cached_property
     def opened(self) -> FloatArray:
         """The nodes (n, 2) with the faces of slits moved apart: their edges are then Delaunay edges."""
-        return self._drawn_in(OPENING, self.slits)
+        return self._drawn_in(SLIT_OPENING, self.slits)
 
     @cached_property
     def _ends(self) -> FloatArray:
         """The nodes, those of the boundary a little inside."""
-        return self._drawn_in(INWARD, np.arange(len(self.edges)))
+        return self._drawn_in(INSET, np.arange(len(self.edges)))
 
     def _drawn_in(self, part: float, which: IntArray) -> FloatArray:
         """The nodes, those of some edges moved inward by a part of the edge's length."""
@@ -133,7 +131,7 @@ class VisibilityCriterion:
         distance = np.sqrt(((targets[row] - foot) ** 2).sum(axis=1))
         order = np.lexsort((distance, row))
         chosen = order[np.flatnonzero(np.diff(row[order], prepend=-1))]
-        depth = INWARD * np.sqrt((step[chosen] ** 2).sum(axis=1))
+        depth = INSET * np.sqrt((step[chosen] ** 2).sum(axis=1))
         outside = ~inside_polygon(self._chords, targets[row[chosen]])
         chosen, depth = (x[(distance[chosen] < depth) | outside] for x in (chosen, depth))
         first, last = (self._corners[self.edges[near[chosen], end]] for end in (0, 1))
@@ -166,7 +164,7 @@ def _slits(
     middles: FloatArray, normals: FloatArray, along: FloatArray, loop: FloatArray, number: IntArray
 ) -> IntArray:
     """Numbers of the edges that face another one across a narrow void."""
-    start, other = _neighbours(cKDTree(middles), middles, REACH * (along[:, 1] - along[:, 0]))
+    start, other = _neighbours(cKDTree(middles), middles, MAX_SLIT_WIDTH * (along[:, 1] - along[:, 0]))
     one = np.repeat(np.arange(len(middles)), np.diff(start))
     across = middles[other] - middles[one]
     out, back = (across * normals[one]).sum(axis=1), -(across * normals[other]).sum(axis=1)
@@ -179,7 +177,7 @@ def _slits(
     at = along.mean(axis=1)
     way = np.abs(at[one] - at[other])
     way = np.where(number[one] == number[other], np.minimum(way, loop[one] - way), np.inf)
-    narrow = way > DETOUR * width
+    narrow = way > MIN_DETOUR * width
     return np.unique(np.concatenate([one[narrow], other[narrow]]))
 
 

@@ -10,16 +10,16 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
-from mlsanm_cli.cloud.search import PIECE, in_pieces
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
+from mlsanm_cli.cloud.search import BLOCK_SIZE, in_pieces
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 
-MOST_STEPS = 2_000_000
-"""Most nodes along one curve; with those behind them they would be more than fit into any memory."""
+MAX_CURVE_NODES = 2_000_000
+"""Largest number of nodes along one curve; with the interior nodes more would not fit in memory."""
 
-APART = 0.5
-"""Nodes that are asked for at places are at least so many spacings from ends, and from each other."""
+MIN_DISTANCE = 0.5
+"""Least distance of requested nodes from ends and from each other, in spacings."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Spacing:
     def at(self, points: FloatArray) -> FloatArray:
         """Spacing (n,) at ``points`` (n, 2)."""
         table = self.table()
-        piece = PIECE * 8 // (len(table) + 1) + 1
+        piece = BLOCK_SIZE * 8 // (len(table) + 1) + 1
         return in_pieces(lambda some: spacing_at(self.far, table, some), np.ascontiguousarray(points), piece)
 
     def with_zones(self, zones: tuple[Zone, ...]) -> Spacing:
@@ -67,9 +67,9 @@ class Spacing:
         """Whether it is its own mirror image: every zone has one among the zones."""
         marks, asked = _marks(self.table())
         images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
-        slack = SAME * asked[:, :1, None]
+        slack = IMAGE_TOLERANCE * asked[:, :1, None]
         for image, wanted in zip(images, asked, strict=True):
-            like = np.isclose(asked, wanted, rtol=SAME, atol=0.0).all(axis=1)
+            like = np.isclose(asked, wanted, rtol=IMAGE_TOLERANCE, atol=0.0).all(axis=1)
             near = [np.abs(marks - way).max(axis=(1, 2)) <= slack[:, 0, 0] for way in (image, image[::-1])]
             if not (like & (near[0] | near[1])).any():
                 return False
@@ -89,9 +89,9 @@ class Spacing:
 
         Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it
         was asked for; two bodies' fine zones would otherwise no longer face each other. Raises RunError for
-        more than MOST_STEPS.
+        more than MAX_CURVE_NODES.
         """
-        if not curve.length <= MOST_STEPS * self.far:
+        if not curve.length <= MAX_CURVE_NODES * self.far:
             raise _too_many()
         s = np.linspace(0.0, curve.length, 257)
         for _ in range(40):
@@ -103,18 +103,18 @@ class Spacing:
             if not coarse.any():
                 break
             s = np.sort(np.concatenate([s, (0.5 * (s[1:] + s[:-1]))[coarse]]))
-            if len(s) > 2 * MOST_STEPS:
+            if len(s) > 2 * MAX_CURVE_NODES:
                 raise _too_many()
         density = 1.0 / self.at(curve.points(s))
         integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (density[1:] + density[:-1]))])
-        if not integral[-1] <= MOST_STEPS:
+        if not integral[-1] <= MAX_CURVE_NODES:
             raise _too_many()
         total, halved = float(integral[-1]), line is not None and _halved(curve, line)
         ends, wanted = [0.0, *([0.5 * total] if halved else ()), total], np.zeros(0)
         if len(places):
             wanted = np.interp(places, s, integral)
         for place in wanted.tolist():
-            if min(abs(place - end) for end in ends) > APART:
+            if min(abs(place - end) for end in ends) > MIN_DISTANCE:
                 ends.append(place)
         # The small shift decides ties the same way in every system of units.
         if len(ends) == 2 + halved:
@@ -135,7 +135,7 @@ class Spacing:
 def _halved(curve: Curve, line: SymmetryLine) -> bool:
     """Whether the middle of a curve is on the ``line``."""
     middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
-    return bool(abs(middle - line.at) <= SAME * curve.length)
+    return bool(abs(middle - line.at) <= IMAGE_TOLERANCE * curve.length)
 
 
 def _marks(table: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -154,4 +154,4 @@ def _marks(table: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _too_many() -> RunError:
-    return RunError(f"more than {MOST_STEPS} nodes along one boundary", "use larger spacings")
+    return RunError(f"more than {MAX_CURVE_NODES} nodes along one boundary", "use larger spacings")

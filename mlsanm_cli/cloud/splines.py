@@ -22,9 +22,9 @@ GAUSS = 6
 SAMPLES = 4
 """Points per interval among which the closest is looked for first."""
 ITERATIONS = 60
-EXACT = 4.0 * np.finfo(float).eps
-LAST = 5e-8
-"""Steps of Newton's method below this part of the curve are the last ones: errors go with their square."""
+PRECISION = 4.0 * np.finfo(float).eps
+FINAL_STEP = 5e-8
+"""Steps of Newton's method below this part of the curve are the last: errors decrease quadratically."""
 
 
 @cache
@@ -131,7 +131,7 @@ class NodeSpline:
             speed = np.hypot(*self.derivative(t, 1).T)
             step = (self.arcs[k] + self._length(low, t) - s) / speed
             t = np.clip(t - step, low, high)
-            if (np.abs(step) <= LAST * self.knots[-1]).all():
+            if (np.abs(step) <= FINAL_STEP * self.knots[-1]).all():
                 break
         return t
 
@@ -225,7 +225,7 @@ class SplinePart:
             newton = t - slope / np.where(growth > 0.0, growth, np.inf)
             inside = (growth > 0.0) & (newton >= low) & (newton <= high)
             following = np.where(inside, newton, 0.5 * (low + high))
-            done = np.abs(following - t) <= EXACT * self.spline.knots[-1]
+            done = np.abs(following - t) <= PRECISION * self.spline.knots[-1]
             t = following
             if done.all():
                 break

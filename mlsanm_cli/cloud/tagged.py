@@ -13,12 +13,12 @@ from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.startup import cKDTree
 
-LEAP = 4.0
-"""A step so many times longer than those next to it is no step along one boundary."""
-BACK = np.radians(150.0)
-"""A boundary that turns by more than this has gone back."""
-ALIGNED = 0.9
-"""A given normal has at least this component along the outline's own."""
+MAX_STEP_RATIO = 4.0
+"""Ratio of a step to its neighbours above which it is not a step along one boundary."""
+REVERSAL_ANGLE = np.radians(150.0)
+"""Turning angle (radian) above which a boundary reverses."""
+MIN_COSINE = 0.9
+"""Least component of a given normal along that of the outline."""
 SMALL = 1e-9
 
 
@@ -56,7 +56,7 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop], normals: FloatArray
         # At a corner the normal of either side will do, and one between them.
         sides = [step / np.hypot(*step.T)[:, None] for step in (before, after, before + after)]
         along = np.max([given[:, 0] * t[:, 1] - given[:, 1] * t[:, 0] for t in sides], axis=0)
-        wrong = ~(np.isnan(along) | (along > ALIGNED))
+        wrong = ~(np.isnan(along) | (along > MIN_COSINE))
         if wrong.any():
             worst = int(np.argmax(wrong))
             node = loop.nodes[worst]
@@ -99,8 +99,8 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
             raise GeometryError(f'{nodes.places[chain[0]]}: "{name}" has one node only', "two nodes or more")
         step = np.hypot(*np.diff(nodes.points[chain], axis=0).T)
         adjacent = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
-        leap = (step > LEAP * adjacent) & (len(step) > 1)
-        back = np.append(False, np.abs(turns(nodes.points[chain]))[1:-1] > BACK)
+        leap = (step > MAX_STEP_RATIO * adjacent) & (len(step) > 1)
+        back = np.append(False, np.abs(turns(nodes.points[chain]))[1:-1] > REVERSAL_ANGLE)
         if (leap | back).any():
             place = int(np.argmax(leap | back))
             one, other = (nodes.places[chain[k]] for k in (place, place + 1))
@@ -154,7 +154,7 @@ def _refuse_gap(
         )
         for name, side in (one, other)
     ]
-    if gap > LEAP * max(steps):
+    if gap > MAX_STEP_RATIO * max(steps):
         raise GeometryError(
             f'the boundary is open between "{one[0]}" ({nodes.places[node]}) and "{other[0]}" '
             f"({nodes.places[facing]}), {gap:.4g} apart",

@@ -10,10 +10,11 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 
-SHARP = 0.3
-"""Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
-REGULAR = 0.97
-"""Displacements r^power with powers above are as good as linear."""
+MIN_REENTRANT_ANGLE = 0.3
+"""Re-entrant corners with a smaller turning angle (radian) count as smooth: their displacements are nearly
+linear."""
+REGULAR_EXPONENT = 0.97
+"""Displacements r^exponent with larger exponents count as linear."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Tips:
     @cached_property
     def modes(self) -> tuple[tuple[tuple[float, bool], ...], ...]:
         """Of each corner the powers of the distance that displacements grow with and that are no more than
-        REGULAR, and whether these open it or shear it: sin(2 power half) = -+ power sin(2 half)
+        REGULAR_EXPONENT, and whether these open it or shear it: sin(2 power half) = -+ power sin(2 half)
         (Williams 1952, doi:10.1115/1.4010553)."""
         return tuple(_modes(2.0 * float(half)) for half in self.half)
 
@@ -50,7 +51,7 @@ def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatA
         ways = points[corner] - points[before[corner]], points[after[corner]] - points[corner]
         one, other = _in_order(normal[index == corner], *ways)
         turn = float(np.arctan2(one[0] * other[1] - one[1] * other[0], one @ other))
-        if turn < -SHARP:
+        if turn < -MIN_REENTRANT_ANGLE:
             place.append(points[corner])
             # Halfway between the faces: their normals might cancel.
             axis.append(one * np.cos(0.5 * turn) + np.array([-one[1], one[0]]) * np.sin(0.5 * turn))
@@ -63,7 +64,7 @@ def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatA
     away = np.hypot(*way.T)
     np.fill_diagonal(away, np.inf)
     # Across the material fields of both add up; along a face one of them is unknown beyond the other's void.
-    across = (way * into[:, None]).sum(axis=2) > np.cos(np.array(half) - SHARP)[:, None] * away
+    across = (way * into[:, None]).sum(axis=2) > np.cos(np.array(half) - MIN_REENTRANT_ANGLE)[:, None] * away
     counted = np.where(across & across.T, 2.0 * away, away)
     return Tips(at, into, np.array(half), counted.min(axis=1) / np.array(edge))
 
@@ -78,7 +79,7 @@ def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) ->
 
 def _modes(angle: float) -> tuple[tuple[float, bool], ...]:
     """The powers of a corner with an interior ``angle`` between free faces, and whether they open it."""
-    grid = np.linspace(0.4, REGULAR, 400)
+    grid = np.linspace(0.4, REGULAR_EXPONENT, 400)
     found = []
     for opens, sign in ((True, 1.0), (False, -1.0)):
         value = np.sin(grid * angle) + sign * grid * np.sin(angle)

@@ -11,8 +11,8 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import Delaunay
 
 FLAT = 1e-9
-FEW = 10_000
-"""Points that are done with before anybody would want to stop it."""
+MAX_UNINTERRUPTED = 10_000
+"""Number of points up to which triangulation is not interruptible."""
 
 
 def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion | None) -> IntArray:
@@ -21,7 +21,7 @@ def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion 
     ``sight`` keeps them from reaching across slits.
     """
     placed = points if sight is None else sight.opened
-    found = Delaunay(placed) if len(placed) < FEW else listening(lambda: Delaunay(placed))
+    found = Delaunay(placed) if len(placed) < MAX_UNINTERRUPTED else listening(lambda: Delaunay(placed))
     triangles = np.asarray(found.simplices, dtype=np.int64)
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])

@@ -7,8 +7,8 @@ others. It then is L D L^T with D the signs of the unknowns, in any order and wi
 Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, counted in order of elimination, each with two
 unknowns, and changes its border: later nodes, which its ancestors eliminate. A front's descendants come right
 before it. Its panel of the factor, (height, pivots), height that of pivots and of what is kept of the border,
-all or as :mod:`mlsanm_cli.kernels.domains` has it, is stored in blocks of BLOCK columns one after the other,
-each column-major and from its diagonal down; the update of the border that it hands to its parent
+all or as :mod:`mlsanm_cli.kernels.domains` has it, is stored in blocks of BLOCK_COLUMNS columns one after the
+other, each column-major and from its diagonal down; the update of the border that it hands to its parent
 ``parent[f]`` as columns from the diagonal down.
 """
 
@@ -25,9 +25,9 @@ from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
 
-BLOCK = 64
+BLOCK_COLUMNS = 64
 """Columns of the factor that are kept together."""
-STRIP = 64
+STRIP_COLUMNS = 64
 """Columns that are eliminated together."""
 
 
@@ -154,13 +154,14 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int
     """Factorise a panel in place and take its product from ``update``; whether the first ``positive`` pivots
     are, and the others negative.
 
-    STRIP columns at a time: products of matrices are several times as fast as substitutions with triangles.
+    STRIP_COLUMNS columns at a time: products of matrices are several times as fast as substitutions with
+    triangles.
     """
     c: Any = letters()
     height, first = pivots + edge, 0
     while first < pivots:
         own = first < positive
-        columns = min(STRIP, (positive if own else pivots) - first)
+        columns = min(STRIP_COLUMNS, (positive if own else pivots) - first)
         rows, rest = height - first - columns, pivots - first - columns
         i: Any = np.array([columns, height, 0], dtype=np.int32)
         strip: Any = front[first * (height + 1) :]
@@ -201,9 +202,9 @@ def _take_product(border: FloatArray, update: FloatArray, sizes: tuple[int, int,
         )
         return
     # In one pass: a second one for a few columns would wait for memory.
-    turned = np.empty(STRIP * pivots)
-    for first in range(0, edge, STRIP):
-        columns = min(STRIP, edge - first)
+    turned = np.empty(STRIP_COLUMNS * pivots)
+    for first in range(0, edge, STRIP_COLUMNS):
+        columns = min(STRIP_COLUMNS, edge - first)
         for column in range(pivots):
             sign = 1.0 if column < positive else -1.0
             for i in range(columns):
@@ -287,7 +288,7 @@ def factorise(
         positive = pivots - 2 * negative[f]
         if pivots > 0 and not _eliminate(front, update, pivots, positive, edge):
             return f
-        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK, values[panel[f] :])
+        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK_COLUMNS, values[panel[f] :])
         _keep_columns(update, edge, edge, edge, 1, waiting[top:])
         top += _triangle(edge)
         owner[depth] = f

@@ -1,6 +1,6 @@
 """Moving least-squares weights: one small weighted QR per evaluation point.
 
-Points whose stencils are equally large are worked on LANES at a time, their numbers side by side in the last
+Points whose stencils are equally large are worked on BATCH at a time, their numbers side by side in the last
 dimension of every array: processors do several of them at once, which they cannot within the short sums of
 one stencil. What comes out does not depend on who is worked on together.
 """
@@ -16,8 +16,8 @@ from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
 from mlsanm_cli.kernels.copies import copy_to
 
-LANES = 32
-"""Points worked on together: half as many take a fifth longer, twice as many as long."""
+BATCH = 32
+"""Points processed together: half as many take a fifth longer, twice as many as long."""
 
 
 @inner
@@ -136,8 +136,8 @@ def _solve(
 
 @inner
 def _alike(indptr: IntArray, first: int) -> int:
-    """How many stencils from the ``first`` on are as large as it, LANES at most."""
-    lanes, last = 1, min(LANES, len(indptr) - 1 - first)
+    """How many stencils from the ``first`` on are as large as it, BATCH at most."""
+    lanes, last = 1, min(BATCH, len(indptr) - 1 - first)
     size = indptr[first + 1] - indptr[first]
     while lanes < last and indptr[first + lanes + 1] - indptr[first + lanes] == size:
         lanes += 1
@@ -172,10 +172,10 @@ def mls_weights(
     several, widest = targets.shape[0] // max(centers.shape[0], 1), 0
     for e in range(centers.shape[0]):
         widest = max(widest, indptr[e + 1] - indptr[e])
-    matrix, solved = np.empty((columns, widest, LANES)), np.empty((kinds, widest, LANES))
-    local_x, local_y = np.empty((widest, LANES)), np.empty((widest, LANES))
-    gauss, dot, wanted = np.empty((widest, LANES)), np.empty(LANES), np.empty(columns)
-    tau, diagonal = np.empty((columns, LANES)), np.empty((columns, LANES))
+    matrix, solved = np.empty((columns, widest, BATCH)), np.empty((kinds, widest, BATCH))
+    local_x, local_y = np.empty((widest, BATCH)), np.empty((widest, BATCH))
+    gauss, dot, wanted = np.empty((widest, BATCH)), np.empty(BATCH), np.empty(columns)
+    tau, diagonal = np.empty((columns, BATCH)), np.empty((columns, BATCH))
     done = 0
     while done < centers.shape[0]:
         first, lanes, rows = done, _alike(indptr, done), indptr[done + 1] - indptr[done]

@@ -1,9 +1,9 @@
 """A body's equations from the conditions on its surfaces: rows of its nodes and of its pieces, their weights.
 
-Least squares takes all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD``/h, which makes all
-rows strains; towards singular corners, notches and holes they are lowered. The equilibrium of the pieces
-(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. The square schemes choose among the rows
-of the nodes (:mod:`mlsanm_cli.mechanics.equations`).
+Least squares takes all rows. Weights: equilibrium h/E, traction 1/E, displacement ``FIXED_WEIGHT``/h, which
+makes all rows strains; towards singular corners, notches and holes they are lowered. The equilibrium of the
+pieces (:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. The square schemes choose among
+the rows of the nodes (:mod:`mlsanm_cli.mechanics.equations`).
 
 Equation (2) of docs/method.md.
 """
@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.corners import corner_weight, inward_corners, inward_w
 from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
-from mlsanm_cli.mechanics.pieces import SOFTEST, Pieces
+from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
 from mlsanm_cli.memo import digest
@@ -39,8 +39,8 @@ from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
 
-HOLD = 5.0
-"""Weight of held displacements, measured: between 3 and 10 the bulk error no longer depends on it."""
+FIXED_WEIGHT = 5.0
+"""Weight of fixed displacements: between 3 and 10 the bulk error does not depend on it."""
 
 
 def assemble(
@@ -121,7 +121,7 @@ def _strong(
         # Springs pull with what tractions are less than their right-hand sides.
         rows = rows + loads[:, : pulls.shape[0]] @ pulls
     modulus = model.material.modulus
-    soft = min(1.0, SOFTEST * model.material.shear / modulus)
+    soft = min(1.0, MAX_MODULUS_RATIO * model.material.shear / modulus)
     scale = np.where(known, np.tile(soft * pieces.strength / (modulus * pieces.size), 3), 0.0)
     scaled = sparse.diags_array(scale)
     return sparse.csr_array(scaled @ rows), sparse.csr_array(scaled @ loads), scale
@@ -226,10 +226,12 @@ def row_weights(
         for component, holds in enumerate(held.get(name, (False, False))):
             # A spring so stiff that it holds counts as such.
             weights.append(
-                HOLD / spacing if holds else traction / table.moduli(name, component, spacing / HOLD)
+                FIXED_WEIGHT / spacing
+                if holds
+                else traction / table.moduli(name, component, spacing / FIXED_WEIGHT)
             )
     single = np.array([node for node, _ in held_nodes], dtype=np.int64)
-    return np.concatenate([*weights, HOLD / cloud.spacing[single]])
+    return np.concatenate([*weights, FIXED_WEIGHT / cloud.spacing[single]])
 
 
 def _unknown_corners(model: BodyModel, grips: Held) -> IntArray:

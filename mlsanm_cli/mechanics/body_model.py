@@ -36,16 +36,14 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils
 from mlsanm_cli.startup import cKDTree
 
-MORE_NEIGHBORS = 1.3
-"""Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13
-over the clouds of one graded scene, with these by 3, and halved."""
+INCOMPRESSIBLE_STENCILS = 1.3
+"""Size of stencils of nearly incompressible materials over the usual one, with which errors scattered by a
+factor of 13 over the clouds of one graded scene, instead of 3, and were twice as large."""
 
-COINCIDENT = 0.02
-"""Nodes closer than this part of the spacing are refused: only their difference distinguishes them.
-
-Measured with an extra node next to another one, degrees 2, 4 and 6: at 0.03 the error is the same as without
-it, at 0.01 fourteen times larger for degree 6, at 0.003 ten times for degree 2, then soon beyond all bounds.
-"""
+MIN_DISTANCE = 0.02
+"""Least distance of nodes in spacings: closer ones are distinguished by their difference only. Measured with
+an extra node next to another one, degrees 2, 4 and 6: at 0.03 the error is the same as without it, at 0.01
+fourteen times larger for degree 6, at 0.003 ten times for degree 2, and grows rapidly below."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +242,7 @@ def known_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
     """The settings with the stencils that the material needs, unless the case says how large they are."""
     if material.nearly_incompressible and settings.neighbors is None:
-        return replace(settings, neighbors=math.ceil(MORE_NEIGHBORS * settings.stencil_size))
+        return replace(settings, neighbors=math.ceil(INCOMPRESSIBLE_STENCILS * settings.stencil_size))
     return settings
 
 
@@ -265,7 +263,7 @@ def _kind(settings: MlsSettings) -> list[object]:
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:
-    if cloud.separation.closest < COINCIDENT:
+    if cloud.separation.closest < MIN_DISTANCE:
         x, y = cloud.points[cloud.separation.node]
         distance = cloud.separation.closest
         raise NumericalError(

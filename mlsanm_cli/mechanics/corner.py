@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.mechanics.corner_faces import STEP, Face, Line, smooth_step
+from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, Line, smooth_step
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
     SurfaceForces,
@@ -17,19 +17,20 @@ from mlsanm_cli.mechanics.near_field import (
 )
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
 
-LOW, HIGH = 9.0, 16.0
-"""Forces along the faces reach so far, in the logarithm of their distance from the tip, below the nearest
-source and beyond the farthest; those still nearer to the tip, or farther, act at one place."""
-FADING = 2.0
-"""Forces along faces of a limited span fade out over so much of this logarithm."""
-ON = 1e-9
-"""Places off a straight face by less than this part of its length lie on it."""
-AT_TIP = 1e-3
-"""Tractions on curved faces are looked at no nearer to the tip than this part of their span."""
-ON_NORMAL = 1e-2
-"""Places at the tip belong to the face whose normal differs from theirs by less, as 1 less the cosine."""
-NONE = 1e-12
-"""Distances from the tip are taken as at least this part of the length: fields at the tip have no value."""
+REACH_INWARD, REACH_OUTWARD = 9.0, 16.0
+"""Extent of the forces along the faces, in the logarithm of their distance from the tip, below the nearest
+source and beyond the farthest; the forces beyond act at one place."""
+FADE_LENGTH = 2.0
+"""Length of the logarithm over which forces along faces of limited span decrease to zero."""
+FACE_TOLERANCE = 1e-9
+"""Distance from a straight face, relative to its length, below which a point lies on it."""
+TIP_INSET = 1e-3
+"""Least distance from the tip at which tractions on curved faces are evaluated, relative to their span."""
+NORMAL_TOLERANCE = 1e-2
+"""Points at the tip belong to the face whose normal differs by less (1 - cosine)."""
+MIN_TIP_DISTANCE = 1e-12
+"""Least distance from the tip, relative to the length, at which fields are evaluated: at the tip they have no
+value."""
 ROUND_OFF = 1e-12
 """Densities below are none."""
 
@@ -100,17 +101,19 @@ class Corner:
         found = []
         for face in self.faces[:1] if self.wedge.sliding or self.wedge.clamped else self.faces:
             w = (z - self.tip) * np.conj(face.along)
-            on = (np.abs(w.imag) <= ON * self.length) & (w.real >= -ON * self.length)
-            on &= np.abs((normal * np.conj(face.along)).real) <= ON
+            on = (np.abs(w.imag) <= FACE_TOLERANCE * self.length) & (w.real >= -FACE_TOLERANCE * self.length)
+            on &= np.abs((normal * np.conj(face.along)).real) <= FACE_TOLERANCE
             found.append(on & (self.curved is None))
         return found[0], found[-1] if len(found) > 1 else np.zeros(len(z), dtype=bool)
 
     def off_tip(self, z: ComplexArray, normal: ComplexArray) -> ComplexArray:
         """Places (e,) with outward normals, those at the tip a little along their curved face."""
-        least = AT_TIP * self.span
+        least = TIP_INSET * self.span
         for face in self.curved or ():
             place, inward = face.places(np.array([least]))
-            at = (np.abs(z - self.tip) < least) & ((normal * np.conj(-inward[0])).real > 1.0 - ON_NORMAL)
+            at = (np.abs(z - self.tip) < least) & (
+                (normal * np.conj(-inward[0])).real > 1.0 - NORMAL_TOLERANCE
+            )
             z = np.where(at, self.tip + place[0], z)
         return z
 
@@ -132,11 +135,11 @@ class Corner:
         if not acting.any():
             return ()
         source, force = source[acting], force[acting]
-        first, last = np.log(source.min()) - LOW, np.log(source.max()) + HIGH
-        logarithm = np.arange(first, min(last, np.log(self.span)), STEP)
-        before = np.arange(first - STEP, first - LOW, -STEP)
-        after = np.arange(logarithm[-1] + STEP, last + LOW, STEP)
-        kept = 1.0 - smooth_step((np.log(self.span) - logarithm) / FADING)
+        first, last = np.log(source.min()) - REACH_INWARD, np.log(source.max()) + REACH_OUTWARD
+        logarithm = np.arange(first, min(last, np.log(self.span)), LOG_STEP)
+        before = np.arange(first - LOG_STEP, first - REACH_INWARD, -LOG_STEP)
+        after = np.arange(logarithm[-1] + LOG_STEP, last + REACH_INWARD, LOG_STEP)
+        kept = 1.0 - smooth_step((np.log(self.span) - logarithm) / FADE_LENGTH)
         found = []
         for face, table in zip(self.faces, self.wedge.densities, strict=True):
             if np.abs(table).max() <= ROUND_OFF:
@@ -144,14 +147,14 @@ class Corner:
             by = interpolated(table, logarithm[:, None] - np.log(source))
             for row, more in ((0, before), (-1, after)):
                 by[row] += interpolated(table, more[:, None] - np.log(source)).sum(axis=0)
-            density = np.einsum("p,pkdf,kfc->pdc", STEP * kept, by, force, optimize=True)
+            density = np.einsum("p,pkdf,kfc->pdc", LOG_STEP * kept, by, force, optimize=True)
             found.append(Line(self.wedge.kernel, face, logarithm, density, self.center))
         return tuple(found)
 
     def beyond_wedge(self, z: ComplexArray) -> FloatArray:
         """By how much unit forces at places ``z`` (k,) of the first face move these (k, k, 2, 2) otherwise
         than :meth:`Wedge.compliance` says, if faces are curved."""
-        count, x = len(z), np.maximum(self.distance(z), NONE * self.length)
+        count, x = len(z), np.maximum(self.distance(z), MIN_TIP_DISTANCE * self.length)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
         moved = sum(
             (line.displacement(z) for line in self.lines(x, unit)), start=np.zeros((count, 2, 2 * count))

@@ -23,18 +23,18 @@ from mlsanm_cli.mechanics.near_field import (
 )
 from mlsanm_cli.mechanics.wedge import cubic
 
-STEP = 0.1
-"""Forces along the faces stand so far apart in the logarithm of their distance from the tip."""
-ON_FACE = 1e-6
-"""Places and directions that differ by less are those of one curved face."""
-NEAR_SURFACE = 0.2
-"""Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
+LOG_STEP = 0.1
+"""Distance of the forces along the faces in the logarithm of their distance from the tip."""
+FACE_TOLERANCE = 1e-6
+"""Difference below which places and directions belong to one curved face."""
+INTEGRATION_ANGLE = 0.2
+"""Angle to a face below which forces along it are integrated instead of summed."""
 INNER, OUTER = 0.2, 1.6
 """Between these in the logarithm of the distance the one goes over into the other."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 """Gauss's points of these integrals on either side of the closest place."""
-LEAST_ANGLE = 1e-6
-"""Places on a face are looked at from this angle inside: on it fields jump."""
+MIN_ANGLE = 1e-6
+"""Least angle from a face at which fields are evaluated: on it they are discontinuous."""
 Field: TypeAlias = Callable[[SurfaceForces, ComplexArray], FloatArray]
 
 
@@ -95,16 +95,18 @@ class Line:
         x = np.maximum(self.face.distance(z), np.exp(self.logarithm[0]))
         place, inward = self.face.places(x)
         size = np.exp(self.logarithm[-1])
-        on = (np.abs(z - self.face.tip - place) <= ON_FACE * size) & (np.abs(normal + inward) <= ON_FACE)
+        on = (np.abs(z - self.face.tip - place) <= FACE_TOLERANCE * size) & (
+            np.abs(normal + inward) <= FACE_TOLERANCE
+        )
         total = np.zeros((len(z), 2, self.density.shape[2]))
         if not on.all():
             total[~on] = traction(self.stress(z[~on]), normal[~on])
         if on.any():
             found = self._forces.traction(z[on], normal[on], curvature[on])
             total[on] = np.einsum("epcd,pdm->ecm", found, self.density, optimize=True)
-            row = (np.log(x[on]) - self.logarithm[0]) / STEP
+            row = (np.log(x[on]) - self.logarithm[0]) / LOG_STEP
             inside = (row <= len(self.logarithm) - 1.0)[:, None, None]
-            total[on] += inside * cubic(self.density, row) / (STEP * x[on, None, None])
+            total[on] += inside * cubic(self.density, row) / (LOG_STEP * x[on, None, None])
         return total
 
     @cached_property
@@ -124,9 +126,11 @@ class Line:
         place, inward = self.face.places(x)
         w = (z - self.face.tip - place) * np.conj(inward)
         deep = w.real
-        near = np.flatnonzero((x > 0.0) & (np.abs(deep) < NEAR_SURFACE * x) & (np.abs(w.imag) <= ON_FACE * x))
+        near = np.flatnonzero(
+            (x > 0.0) & (np.abs(deep) < INTEGRATION_ANGLE * x) & (np.abs(w.imag) <= FACE_TOLERANCE * x)
+        )
         apart = self.logarithm - np.log(x[near, None])
-        slope = np.maximum(deep[near] / x[near], LEAST_ANGLE)
+        slope = np.maximum(deep[near] / x[near], MIN_ANGLE)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
         total = by_all(self._forces, self.density, inside)
@@ -142,8 +146,8 @@ class Line:
         end = np.arcsinh(OUTER / slope)[:, None]
         v = np.concatenate([0.5 * side * end * (1.0 + NODES) for side in (-1.0, 1.0)], axis=1)
         away = slope[:, None] * np.sinh(v)
-        size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / STEP * _window(away)
-        row = (np.log(x)[:, None] + away - self.logarithm[0]) / STEP
+        size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / LOG_STEP * _window(away)
+        row = (np.log(x)[:, None] + away - self.logarithm[0]) / LOG_STEP
         size[(row < 0.0) | (row > len(self.logarithm) - 1.0)] = 0.0
         place, inward = self.face.places(x)
         seen = np.repeat(place + slope * x * inward, away.shape[1])

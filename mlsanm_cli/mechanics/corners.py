@@ -33,7 +33,7 @@ Measured on a clamped beam of 8 x 1, degree 2: with spacing 0.05 the tip moves 0
 weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side becomes useless.
 """
 
-REACH = 0.5
+WEIGHT_REACH = 0.5
 """Part of the thickness over which the weights near such corners grow to 1.
 
 With five nodes across, ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
@@ -41,11 +41,12 @@ frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %, wi
 1.6 % too soft.
 """
 
-CLOSEST = 0.5
+MIN_DISTANCE = 0.5
 """Distances are never taken below this part of the node spacing."""
 
-SHARP = 0.3
-"""Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
+MIN_REENTRANT_ANGLE = 0.3
+"""Re-entrant corners with a smaller turning angle (radian) count as smooth: their displacements are nearly
+linear."""
 
 
 def thickness(cloud: Cloud) -> float:
@@ -56,7 +57,7 @@ def thickness(cloud: Cloud) -> float:
 
 def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
     """Factor (n,) on the equilibrium and traction rows of every node: up to 1, near corners
-    (distance / (REACH thickness))^POWER.
+    (distance / (WEIGHT_REACH thickness))^POWER.
 
     Weights that grew all the way to the far end would leave the rows at a thin body's support with next to
     nothing, and cost the strong rows their digits.
@@ -70,8 +71,10 @@ def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatA
     nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *corners]))
     if not len(nodes):
         return np.ones(len(cloud.points))
-    distance = np.maximum(nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], CLOSEST * cloud.spacing)
-    factor: FloatArray = np.minimum(distance / (REACH * thickness(cloud)), 1.0) ** POWER
+    distance = np.maximum(
+        nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], MIN_DISTANCE * cloud.spacing
+    )
+    factor: FloatArray = np.minimum(distance / (WEIGHT_REACH * thickness(cloud)), 1.0) ** POWER
     return factor
 
 
@@ -82,7 +85,7 @@ def inward_corners(cloud: Cloud) -> IntArray:
         for other in cloud.surfaces.values():
             if not one.curve.closed and one.index[-1] == other.index[0]:
                 (x, y), (u, v) = one.normal[-1], other.normal[0]
-                if np.arctan2(x * v - y * u, x * u + y * v) < -SHARP:
+                if np.arctan2(x * v - y * u, x * u + y * v) < -MIN_REENTRANT_ANGLE:
                     found.append(other.index[0])
     return np.array(found, dtype=np.int64)
 
@@ -99,6 +102,6 @@ def inward_weight(cloud: Cloud, corners: IntArray) -> FloatArray:
     size = cloud.room
     if len(corners):
         away = nearest(cKDTree(cloud.points[corners]), cloud.points)[0]
-        size = np.minimum(size, np.maximum(away, CLOSEST * cloud.spacing))
+        size = np.minimum(size, np.maximum(away, MIN_DISTANCE * cloud.spacing))
     factor: FloatArray = np.minimum(size / thickness(cloud), 1.0) ** POWER
     return factor

@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.fits import fitted_derivatives
-from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
+from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE, MAX_UPDATES, STALL_RATIO
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
@@ -30,17 +30,17 @@ DEGREES = (2, 3, 4)
 """Degrees whose errors were measured to be reported. At degree 1 the estimate was up to 300 times too large,
 from 5 on up to 10 times."""
 
-ROUGH = 1e-3
-"""Relative error of a correction that is left alone: an estimate has a digit or two."""
-UNSETTLED = 0.15
+CORRECTION_TOLERANCE = 1e-3
+"""Relative error accepted in a correction: an estimate has one or two digits."""
+MAX_RESIDUAL_SHARE = 0.15
 """Part of a correction that the displacements it was found from may be away from their own equations'.
 
 That distance is smooth, and its own defect a small part of it: with 0.3 the estimates of all published cases
 are those of refined displacements to 2e-3. Not so in nearly incompressible bodies, where it may be 500 times
 as large: there displacements are refined as far as they can be.
 """
-SETTLED = 1e-13
-"""The same as part of the displacements, for scenes that the fits meet exactly."""
+EXACT_TOLERANCE = 1e-13
+"""The same relative to the displacements, for scenes that the fits represent exactly."""
 
 
 def next_degree(settings: MlsSettings) -> MlsSettings:
@@ -70,9 +70,9 @@ class Corrected:
     rough: float
 
     def response(self, body: ElasticBody, sources: sparse.csc_array) -> FloatArray:
-        """Displacements (2N, c) of the body under ``sources`` (r, c), to ROUGH or better."""
-        if self.rough > ROUGH:
-            return body.system.solve(sources, QUICK)
+        """Displacements (2N, c) of the body under ``sources`` (r, c), to CORRECTION_TOLERANCE or better."""
+        if self.rough > CORRECTION_TOLERANCE:
+            return body.system.solve(sources, FUNCTIONAL_TOLERANCE)
         return body.system.solve_unrefined(sources)
 
 
@@ -88,19 +88,22 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
-    part = 0.0 if body.model.material.nearly_incompressible else UNSETTLED
-    for _ in range(MOST):
+    part = 0.0 if body.model.material.nearly_incompressible else MAX_RESIDUAL_SHARE
+    for _ in range(MAX_UPDATES):
         defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2))
         beyond = sparse.csc_array(defect.source[:, None])
         step, change = body.system.step(source, solution, beyond).T
         solution = solution + step[:, None]
         length = float(np.linalg.norm(step))
         rough = max(rough, length / size if size > 0.0 else 0.0)
-        if length <= max(part * float(np.linalg.norm(change)), SETTLED * size) or length >= STALLED * before:
+        if (
+            length <= max(part * float(np.linalg.norm(change)), EXACT_TOLERANCE * size)
+            or length >= STALL_RATIO * before
+        ):
             break
         before = length
-    if rough > ROUGH:
-        change = body.system.solve(beyond, QUICK)[:, 0]
+    if rough > CORRECTION_TOLERANCE:
+        change = body.system.solve(beyond, FUNCTIONAL_TOLERANCE)[:, 0]
     return Corrected((solution[:, 0] + moved).reshape(-1, 2), solution, defect, change, rough)
 
 

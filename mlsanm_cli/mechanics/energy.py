@@ -27,23 +27,23 @@ from mlsanm_cli.operators.stencils import build_stencils
 if TYPE_CHECKING:
     from mlsanm_cli.mechanics.body_model import BodyModel
 
-UNDECIDED = 1e-13
+MIN_MOTION = 1e-13
 """Rigid motions with less of a mean square than this part of a unit motion's are not seen, but round-off."""
 
-STEPS = 500
-SMOOTH = 1e-6
-"""Extensions of boundary values are as smooth as that, or as so many steps make them: any serves."""
+MAX_STEPS = 500
+EXTENSION_TOLERANCE = 1e-6
+"""Tolerance of extensions of boundary values, or the result of so many steps: any smooth one suffices."""
 
 
-AROUND_TIPS = 3.0
-"""Triangles within so many spacings of a sharp corner have the energy of fits. A bracket with six nodes
-across misses 10 % of its energy if stresses are linear in all of them."""
-RULE = tuple(
+TIP_SPACINGS = 3.0
+"""Distance from a sharp corner, in spacings, within which the energy of triangles is that of fits. A bracket
+with six nodes across lacks 10 % of its energy if stresses are linear in all of them."""
+GAUSS_RULE = tuple(
     0.5 * (one + shift) for one, shift in zip(np.polynomial.legendre.leggauss(3), (1.0, 0.0), strict=True)
 )
 """Gauss's points and weights between 0 and 1."""
-INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-"""Points of triangles, by their corners' shares, whose mean is exact up to quadratics."""
+TRIANGLE_POINTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+"""Barycentric coordinates of points of triangles whose mean is exact for quadratics."""
 
 
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
@@ -113,8 +113,8 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
         field = result[:, component]
         rest = -np.where(free, matrix @ field, 0.0)
         way, size = rest.copy(), float(rest @ rest)
-        enough = SMOOTH**2 * size
-        for _ in range(STEPS):
+        enough = EXTENSION_TOLERANCE**2 * size
+        for _ in range(MAX_STEPS):
             if size <= enough:
                 break
             image = np.where(free, matrix @ way, 0.0)
@@ -145,8 +145,8 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
     own = model.cloud.triangles[around]
     own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
     shares, weights = [], []
-    for out, weight in zip(*RULE, strict=True):
-        for across, other_weight in zip(*RULE, strict=True):
+    for out, weight in zip(*GAUSS_RULE, strict=True):
+        for across, other_weight in zip(*GAUSS_RULE, strict=True):
             shares.append([1.0 - out, out * (1.0 - across), out * across])
             weights.append(2.0 * out * weight * other_weight)
     return _beyond_linear(model, displacement, stress, own, np.array(shares), np.array(weights))
@@ -158,7 +158,7 @@ def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: Flo
     if len(model.nodes) > len(displacement):
         return 0.0
     own = model.cloud.triangles[~_at_tips(model)[0]]
-    return _beyond_linear(model, displacement, stress, own, INNER, np.full(3, 1.0 / 3.0))
+    return _beyond_linear(model, displacement, stress, own, TRIANGLE_POINTS, np.full(3, 1.0 / 3.0))
 
 
 def _at_tips(model: BodyModel) -> tuple[BoolArray, FloatArray]:
@@ -168,7 +168,7 @@ def _at_tips(model: BodyModel) -> tuple[BoolArray, FloatArray]:
         return np.zeros(len(cloud.triangles), dtype=bool), np.full(len(cloud.points), np.inf)
     near = cloud.tree.query(tips.place)[1]
     away = np.hypot(*(cloud.points[:, None] - tips.place).transpose(2, 0, 1))
-    around = (away <= AROUND_TIPS * cloud.spacing[near]).any(axis=1)
+    around = (away <= TIP_SPACINGS * cloud.spacing[near]).any(axis=1)
     return around[cloud.triangles].any(axis=1), away.min(axis=1)
 
 
@@ -219,7 +219,7 @@ def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArr
         weight = one.ravel() / max(float(one.sum()), np.finfo(float).tiny)
         motions, missing = patterns @ free, displacement.ravel() - patterns @ chosen
         size_of, axes = np.linalg.eigh(motions.T @ (weight[:, None] * motions))
-        decided = size_of > UNDECIDED
+        decided = size_of > MIN_MOTION
         found = (axes.T @ (motions.T @ (weight * missing)))[decided] / size_of[decided]
         chosen = chosen + free @ (axes[:, decided] @ found)
         free = free @ axes[:, ~decided]

@@ -15,13 +15,13 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.half_plane import surface_compliance
 
-LOCKING = 8.0
-"""Ratio of Lame's constants, lambda over mu, above which equilibrium is written for nearly incompressible
-materials (Poisson's ratio 0.444 in plane strain); it costs two and a half times the fill of the factor."""
+INCOMPRESSIBLE_RATIO = 8.0
+"""Ratio of Lame's constants, lambda over mu, above which the mean pressure is a nodal field (Poisson's ratio
+0.444 in plane strain); the fill of the factor is then two and a half times as large."""
 
 
-DIGITS = 5
-"""Digits of what the roots of a characteristic equation tell: equal ones are found to half of all digits."""
+ROOT_DIGITS = 5
+"""Digits of the roots of a characteristic equation: equal ones are found to half of all digits."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,12 @@ class PlaneMaterial:
         found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
         roots = found[found.imag > 0.0]
         size = np.abs((1.0 + 1j * roots) / (1.0 - 1j * roots))
-        return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(DIGITS))
+        return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(ROOT_DIGITS))
 
     @property
     def nearly_incompressible(self) -> bool:
         """Whether equilibrium by second derivatives would lock."""
-        return self._first > LOCKING * self.shear
+        return self._first > INCOMPRESSIBLE_RATIO * self.shear
 
     @property
     def bulk_part(self) -> FloatArray:

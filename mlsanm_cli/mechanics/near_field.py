@@ -27,10 +27,10 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 
 ComplexArray = NDArray[np.complex128]
 
-ALL = np.zeros((0, 0), dtype=bool)
-"""Every pair of points and forces counts."""
-ALIKE = 1e-8
-"""Stiffnesses that differ from an isotropic one's by less than this part are isotropic: the roots of nearly
+NO_EXCLUSIONS = np.zeros((0, 0), dtype=bool)
+"""No pair of points and forces is excluded."""
+ISOTROPY_TOLERANCE = 1e-8
+"""Relative difference from an isotropic stiffness below which a material is isotropic: the roots of nearly
 isotropic materials are nearly equal, and their fields differences of large numbers."""
 
 
@@ -134,7 +134,7 @@ def kernel_of(material: PlaneMaterial) -> PointForceField:
     c = material.stiffness
     shear, first = c[2, 2], c[0, 1]
     even = np.array([[first + 2.0 * shear, first, 0.0], [first, first + 2.0 * shear, 0.0], [0.0, 0.0, shear]])
-    if np.abs(c - even).max() <= ALIKE * np.abs(c).max():
+    if np.abs(c - even).max() <= ISOTROPY_TOLERANCE * np.abs(c).max():
         return Isotropic(float(shear), float((first + 3.0 * shear) / (first + shear)))
     a = np.linalg.inv(c)
     found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
@@ -210,7 +210,9 @@ class SurfaceForces:
         own = self.kernel.stress(z[:, None] - self.place)
         return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
 
-    def displacement_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
+    def displacement_by(
+        self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_EXCLUSIONS
+    ) -> FloatArray:
         """Displacements (e, 2, c) at places ``z`` (e,) by all forces (k, 2, c), but for pairs that are
         ``left_out`` (e, k)."""
         if not isinstance(self.kernel, Isotropic):
@@ -220,7 +222,9 @@ class SurfaceForces:
         found = radial_displacements(as_real(z), places, bases, self._center, force, kappa, left_out)
         return found / (4.0 * np.pi * shear)
 
-    def stress_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
+    def stress_by(
+        self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_EXCLUSIONS
+    ) -> FloatArray:
         """Stresses (e, 3, c) of the same."""
         if not isinstance(self.kernel, Isotropic):
             return _added(self.stress(z), force, left_out)
@@ -249,7 +253,7 @@ class SurfaceForces:
         """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and
         ``curvature`` (e,); at a force's own place what is left next to it."""
         w = z[:, None] - self.place
-        at = np.abs(w) <= ALMOST * np.abs(z).max(initial=0.0)
+        at = np.abs(w) <= COINCIDENCE * np.abs(z).max(initial=0.0)
         outward = np.broadcast_to(normal[:, None], w.shape)
         found = traction(self.kernel.stress(np.where(at, 1.0, w)), outward)
         e, k = np.nonzero(at)
@@ -264,11 +268,11 @@ class SurfaceForces:
         one, other = first[:, None] - self.place, last[:, None] - self.place
         ahead = -1j * self.inward
         # At the end of a part the way along the outline stands for the line of sight.
-        none = TINY * np.abs(last - first)[:, None]
+        none = ZERO_DISTANCE * np.abs(last - first)[:, None]
         starts, ends = np.abs(one) <= none, np.abs(other) <= none
         one, other = np.where(starts, ahead, one), np.where(ends, -ahead, other)
         behind, before = (one / ahead).real < 0.0, (other / ahead).real > 0.0
-        near = np.maximum(np.abs(one), np.abs(other)) <= ON * np.abs(last - first)[:, None]
+        near = np.maximum(np.abs(one), np.abs(other)) <= SEGMENT_SLACK * np.abs(last - first)[:, None]
         return self.kernel.through(np.where(behind & before & near, -one, one), other)
 
     def through_center(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
@@ -277,10 +281,11 @@ class SurfaceForces:
         return -self.kernel.through(first - self.center, last - self.center)
 
 
-ALMOST = 5e-6
-"""Places of the outline closer to a force than this part of the coordinates have the traction there: w . n,
-which is of the order of |w|^2, drowns in their round-off."""
-TINY = 1e-9
-"""Distances below this part of a part of the outline are none."""
-ON = 1.01
-"""A force lies on a part of the outline if both its ends are no farther than the part's length times this."""
+COINCIDENCE = 5e-6
+"""Points of the outline closer to a force than this part of the coordinates have the traction there: w . n,
+of the order of |w|^2, would be round-off."""
+ZERO_DISTANCE = 1e-9
+"""Distances below this part of a part of the outline are zero."""
+SEGMENT_SLACK = 1.01
+"""A force lies on a part of the outline if the distances from both ends are at most this multiple of its
+length."""

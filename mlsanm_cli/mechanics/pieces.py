@@ -32,28 +32,29 @@ from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, c
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.mechanics.corners import REACH, thickness
+from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
 
 if TYPE_CHECKING:
     from mlsanm_cli.mechanics.body_model import BodyModel
 
-SIZE = 16
-"""Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose
-some per cent near supports and fillets."""
-STRENGTH = 3000.0
+BOUNDARY_NODES = 16
+"""Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose some
+per cent near supports and fillets."""
+EQUILIBRIUM_WEIGHT = 3000.0
 """Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains.
 
 A ring of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far
 beyond, the normal equations run out of digits. Pieces smaller than half a body's thickness are weaker in
 proportion: all forces count alike, as in H^-1, and clouds refined a thousandfold keep their digits.
 """
-SOFTEST = 150.0
-"""Modulus over shear modulus up to which that is so. Beyond, where materials hardly change their volume, rows
-of shear have so few digits left that pieces must be weaker in proportion."""
-PAIRED = 10.0
-"""The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
+MAX_MODULUS_RATIO = 150.0
+"""Modulus over shear modulus up to which the weight is constant. For nearly incompressible materials rows of
+shear have so few digits that pieces must have a smaller weight in proportion."""
+PAIR_WEIGHT = 10.0
+"""Factor of the weight for pairs of nodes at contacts, which separate the pressure of a node from that of its
+neighbours."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +75,15 @@ class Pieces:
 
     @classmethod
     def of(cls, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})) -> Pieces:
-        """Pieces of about SIZE nodes, and pairs along surfaces that are ``touching`` others."""
-        labels = divide(cloud, SIZE)
+        """Pieces of about BOUNDARY_NODES nodes, and pairs along surfaces that are ``touching`` others."""
+        labels = divide(cloud, BOUNDARY_NODES)
         levels: tuple[IntArray, ...] = (labels,)
-        strength: FloatArray = np.full(int(labels.max()) + 1, STRENGTH)
+        strength: FloatArray = np.full(int(labels.max()) + 1, EQUILIBRIUM_WEIGHT)
         stops = [name for name, components in held.items() if any(components)]
         paired = pair_up(cloud, touching, stops) if touching else np.full(len(labels), -1)
         if (paired >= 0).any():
             first = len(strength)
-            strength = np.append(strength, np.full(int(paired.max()) + 1, PAIRED))
+            strength = np.append(strength, np.full(int(paired.max()) + 1, PAIR_WEIGHT))
             levels = (labels, np.where(paired >= 0, first + paired, -1))
         parts = [measure(cloud.points, cloud.faces, cloud.surfaces, level) for level in levels]
         whole = Measures(
@@ -91,7 +92,7 @@ class Pieces:
         nodal = sum(np.bincount(one[one >= 0], cloud.areas[one >= 0], len(strength)) for one in levels)
         size = np.sqrt(np.where(whole.closed, whole.area, nodal))
         main = slice(0, int(labels.max()) + 1)
-        strength[main] *= np.minimum(1.0, size[main] / (REACH * thickness(cloud)))
+        strength[main] *= np.minimum(1.0, size[main] / (WEIGHT_REACH * thickness(cloud)))
         return cls(cloud, levels, whole, size, strength)
 
     @property

@@ -23,11 +23,11 @@ from mlsanm_cli.mechanics.corner import CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 
-ALONG = 1e-6
-"""Places nearer to a surface than this part of its length lie on it."""
+SURFACE_TOLERANCE = 1e-6
+"""Distance from a surface, relative to its length, below which a point lies on it."""
 
-CROWDED = 14
-"""Half a cell at a corner is halved towards it so many times."""
+CORNER_HALVINGS = 14
+"""Number of halvings of half a cell towards a corner."""
 
 
 def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -> FloatArray:
@@ -149,7 +149,7 @@ def _bears(surface: Surface, place: ComplexArray) -> bool:
     """Whether forces at places (k,) act on a surface, at least some of them."""
     points = as_real(place)
     away = surface.curve.points(surface.curve.closest(points)) - points
-    return bool((np.abs(away) <= ALONG * surface.curve.length).all(axis=1).any())
+    return bool((np.abs(away) <= SURFACE_TOLERANCE * surface.curve.length).all(axis=1).any())
 
 
 def _halves(surface: Surface, forces: Forces) -> Halves:
@@ -159,7 +159,7 @@ def _halves(surface: Surface, forces: Forces) -> Halves:
         return halves
     arc, last = surface.arc_length, len(surface.index) - 1
     inner = (halves.own != 0) & (halves.own != last)
-    crowd = np.concatenate([[0.0], 0.5 ** np.arange(CROWDED, -1, -1)])
+    crowd = np.concatenate([[0.0], 0.5 ** np.arange(CORNER_HALVINGS, -1, -1)])
     parts = [tuple(one[inner] for one in (halves.own, halves.other, halves.share, halves.arc, halves.length))]
     for own, other in ((0, 1), (last, last - 1)):
         way = 0.5 * (arc[other] - arc[own])

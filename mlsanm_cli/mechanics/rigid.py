@@ -20,15 +20,15 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.refinement import PRECISE
+from mlsanm_cli.operators.refinement import FULL_TOLERANCE
 from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.startup import dgeqp3
 
 ROTATION = 2
-DIGITS = 9
-"""Places of nodes, relative to the body's size, to so many digits decide where it is pinned."""
-HELD = 1e-9
-"""Smaller singular values of what holds a body are round-off."""
+PIN_DIGITS = 9
+"""Digits of the positions of nodes, relative to the size of the body, that determine where it is pinned."""
+RANK_TOLERANCE = 1e-9
+"""Singular values of the restraints of a body, relative to the largest, below which they are round-off."""
 
 
 def rigid_pattern(points: FloatArray, center: tuple[float, float], component: int) -> FloatArray:
@@ -75,7 +75,7 @@ def left_free(rows: FloatArray, center: tuple[float, float], size: float) -> Rig
     if not len(rows) or not np.abs(rows).max():
         return RigidBodyModes(center, (0, 1, ROTATION))
     _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= HELD * sizes[0]]
+    free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= RANK_TOLERANCE * sizes[0]]
     along = [axis for axis in (0, 1) if np.abs(rows[:, axis]).max() == 0.0]
     if len(free) == len(along):
         return RigidBodyModes(center, tuple(along))
@@ -121,7 +121,7 @@ def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
         return []
     patterns = patterns / np.maximum(np.abs(patterns).max(axis=0), np.finfo(float).tiny)
     # Places as far from each other are many: their last digits, other ones in other units, must not choose.
-    patterns = np.round(patterns, DIGITS)
+    patterns = np.round(patterns, PIN_DIGITS)
     return [(place // 2, place % 2) for place in independent_rows(patterns)]
 
 
@@ -157,7 +157,7 @@ class FreeSystem:
         dense[self._pins] = 0.0
         return sparse.csc_array(dense + self.balance @ (self.work @ dense))
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), balanced first."""
         return self._centred(self.system.solve(self._balanced(sources), tolerance), self._wanted(sources))
 

@@ -9,8 +9,9 @@ import numpy as np
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 
-SHIFTED = 1e-9
-"""Nodes of two bodies that are alike differ by less than this part of the spacing, but for a shift."""
+TRANSLATION_TOLERANCE = 1e-9
+"""Difference of the nodes of two bodies, in spacings and apart from a translation, below which they are
+copies."""
 
 
 def is_translated_copy(one: BodyModel, other: BodyModel) -> bool:
@@ -20,7 +21,9 @@ def is_translated_copy(one: BodyModel, other: BodyModel) -> bool:
         return False
     same = one.settings == other.settings and np.array_equal(one.material.stiffness, other.material.stiffness)
     shift = b.points[0] - a.points[0]
-    near = np.abs(b.points - a.points - shift).max(axis=1) <= SHIFTED * np.minimum(a.spacing, b.spacing)
+    near = np.abs(b.points - a.points - shift).max(axis=1) <= TRANSLATION_TOLERANCE * np.minimum(
+        a.spacing, b.spacing
+    )
     rows = all(np.array_equal(a.surfaces[name].index, b.surfaces[name].index) for name in a.surfaces)
     return bool(same and rows and near.all())
 

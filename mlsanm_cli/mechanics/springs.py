@@ -17,10 +17,10 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 Springs = Mapping[str, tuple[float, float]]
 Held = Mapping[str, tuple[bool, bool]]
 
-AT_CORNERS = 30.0
-"""Springs up to so many times the stiffest soft one pull at nothing that counts next to a corner. Of a block
-on a rough base, beside springs 2.6 times as stiff, the force is within 0.3 % of that of fine nodes, and of 87
-times as stiff ones too; nodal pressures, where the corner has no fields, were 8 and 22 % off."""
+MAX_STIFFNESS_RATIO = 30.0
+"""Stiffness over that of the stiffest soft spring up to which springs have little influence next to a corner.
+For a block on a rough base, beside springs 2.6 or 87 times as stiff, the force is within 0.3 % of that with
+fine nodes; nodal pressures, for which the corner has no fields, were 8 and 22 % off."""
 NO_SPRING = (0.0, 0.0)
 FREE = (False, False)
 
@@ -42,7 +42,7 @@ def gripped(held: Held, springs: Springs, limit: float) -> dict[str, tuple[bool,
 
 def occupying(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list[str]:
     """The surfaces whose springs do not leave them free next to their corners."""
-    limit = AT_CORNERS * stiffest_soft(cloud, material)
+    limit = MAX_STIFFNESS_RATIO * stiffest_soft(cloud, material)
     return [name for name, both in springs.items() if max(both) > limit]
 
 

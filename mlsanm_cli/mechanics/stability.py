@@ -10,8 +10,8 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 
 ITERATIONS = 8
-TRACE = 1e-6
-"""Loads whose trace in the equations is smaller than this part of the largest have none."""
+MIN_RESIDUAL = 1e-6
+"""Loads whose residual in the equations is smaller than this part of the largest are ignored."""
 
 
 def bulk_stability(body: ElasticBody) -> float:
@@ -39,7 +39,7 @@ def bulk_stability(body: ElasticBody) -> float:
     scaled = system.scaled(loads, strong=False)
     # Loads that leave no trace in the equations, or the same as others on a few nodes, bring no response.
     _, sizes, turned = np.linalg.svd(scaled, full_matrices=False)
-    kept = sizes > TRACE * sizes[0]
+    kept = sizes > MIN_RESIDUAL * sizes[0]
     smooth = np.linalg.norm(response @ turned[kept].T / sizes[kept], 2) ** 2
     rough = np.random.default_rng(0).normal(size=(len(measure), 2))
     space: FloatArray = np.concatenate([response, rough], axis=1)

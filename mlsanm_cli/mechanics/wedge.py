@@ -39,10 +39,10 @@ from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, tract
 
 STEP, COUNT = 0.02, 4096
 """The grid of ln(x / x')."""
-REACH = 38.0
-"""Densities beyond are nothing."""
-DIFFERENCE = 0.01
-"""Differences of displacements are over this part of a step."""
+MAX_LOG = 38.0
+"""Densities are zero beyond."""
+DIFFERENCE_STEP = 0.01
+"""Step of differences of displacements, relative to that of the grid."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Wedge:
 
         def back(values: NDArray[Any]) -> FloatArray:
             found = np.fft.fftshift(np.fft.ifft(values, axis=0), axes=0).real / STEP
-            found[np.abs(self.grid) > REACH] = 0.0
+            found[np.abs(self.grid) > MAX_LOG] = 0.0
             return np.asarray(found)
 
         own, beyond = back(first), back(second)
@@ -120,7 +120,7 @@ class Wedge:
         C grows to the logarithm's tensor L at infinity, as L / (1 + exp(-t)), of which -pi / sin(pi z) is the
         transform; D is L / (1 - exp(-t)), whose is -pi cot(pi z), and the step under the force.
         """
-        shift = DIFFERENCE * STEP
+        shift = DIFFERENCE_STEP * STEP
         before, after = (
             self.kernel.displacement(
                 np.asarray(np.exp(self.grid + sign * shift) * self.second - self.along),
@@ -151,7 +151,7 @@ class Wedge:
     def moved(self) -> FloatArray:
         """Displacements (n, 2, 2) of the first face by the densities, and by the image, of a unit force at
         the distance 1."""
-        kept = np.abs(self.grid) <= REACH
+        kept = np.abs(self.grid) <= MAX_LOG
         total = np.zeros((COUNT, 2, 2))
         # Half a step off the densities, so that none is at the place itself.
         apart = STEP * (np.arange(-COUNT + 1, COUNT) + 0.5)

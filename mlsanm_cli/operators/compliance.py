@@ -12,16 +12,17 @@ from collections.abc import Callable
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.refinement import BLOCK
+from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
 
 RANK = 8
 """Random columns at first; on published cases 12 leave no smaller error, 6 up to ten times as much."""
-PROBES = 4
-"""Columns that judge the result."""
-ENOUGH = 1e-9
-"""Error of the whole that is left alone, relatively."""
-NOISE = 5.0
-"""Error outside of the shapes found left alone, against the one inside, the refined solutions' own."""
+CHECK_COLUMNS = 4
+"""Random columns by which the result is checked."""
+ERROR_TOLERANCE = 1e-9
+"""Relative error of the whole matrix that is accepted."""
+NOISE_RATIO = 5.0
+"""Accepted ratio of the error outside the computed subspace to that inside, which is the error of the refined
+solutions."""
 SEED = 0
 
 Apply = Callable[[FloatArray], FloatArray]
@@ -38,8 +39,8 @@ def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArra
     row[row == 0.0] = 1.0
     rng = np.random.default_rng(SEED)
     rank, tried, found = RANK, np.zeros((start.shape[1], 0)), np.zeros((start.shape[0], 0))
-    while 2 * (rank + PROBES) < min(start.shape):
-        more = rng.normal(size=(len(tried), rank + PROBES - tried.shape[1])) / column[:, None]
+    while 2 * (rank + CHECK_COLUMNS) < min(start.shape):
+        more = rng.normal(size=(len(tried), rank + CHECK_COLUMNS - tried.shape[1])) / column[:, None]
         tried, found = np.hstack([tried, more]), np.hstack([found, of_columns(more) / row])
         basis = np.linalg.qr((found - start @ tried / row)[:, :rank])[0]
         result = start + row * (basis @ (of_rows(basis / row) - (basis / row).T @ start))
@@ -47,10 +48,12 @@ def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArra
         within = basis.T @ left
         noise = np.linalg.norm(within)
         if np.linalg.norm(left - basis @ within) <= max(
-            ENOUGH * np.linalg.norm(found[:, rank:]), NOISE * noise
+            ERROR_TOLERANCE * np.linalg.norm(found[:, rank:]), NOISE_RATIO * noise
         ):
             return np.asarray(result)
         rank *= 2
     unit = np.eye(start.shape[1])
-    blocks = [of_columns(unit[:, first : first + BLOCK]) for first in range(0, len(unit), BLOCK)]
+    blocks = [
+        of_columns(unit[:, first : first + BLOCK_COLUMNS]) for first in range(0, len(unit), BLOCK_COLUMNS)
+    ]
     return np.concatenate([start[:, :0], *blocks], axis=1)

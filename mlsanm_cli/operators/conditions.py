@@ -19,8 +19,8 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 
-NOTHING = 1e-9
-"""Conditions whose terms cancel to this part say nothing, nor do those that follow from others as well."""
+CANCELLATION = 1e-9
+"""Conditions whose terms cancel to this part are void, as are those that follow from others."""
 ROUND_OFF = 1e-13
 """Single terms that cancel to this part are nothing."""
 
@@ -50,7 +50,7 @@ def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sp
     size = _largest(sparse.csr_array(abs(sums) @ abs(rows)))
     taken.data[np.abs(taken.data) <= ROUND_OFF * np.repeat(size, np.diff(taken.indptr))] = 0.0
     taken.eliminate_zeros()
-    kept = np.flatnonzero(_largest(taken) > NOTHING * size)
+    kept = np.flatnonzero(_largest(taken) > CANCELLATION * size)
     return sparse.csr_array(taken[kept]), kept
 
 
@@ -60,7 +60,7 @@ def conditions_of(rows: sparse.csr_array, answer: FloatArray) -> Conditions:
     soft = np.asarray(rows @ answer)
     unit = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft)))
     count = len(soft)
-    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > NOTHING:
+    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > CANCELLATION:
         count -= 1
     # Not made symmetric: so conditions hold to round-off, whatever the answer is worth.
     stiffness = np.linalg.inv(soft[:count, :count])

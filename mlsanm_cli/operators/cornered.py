@@ -25,30 +25,30 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
-from mlsanm_cli.operators.neighbors import SPARE, TIE, distances, neighbors_of
+from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances, neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 if TYPE_CHECKING:
     from mlsanm_cli.operators.stencils import Stencils
 
-REACH = 2.0
-"""Fits whose middle is within so many radii of the fit around the tip know its functions. Anything from 1 to
-3 is as good."""
-ALONE = 3.6
-"""Corners nearer to each other than so many radii of the fit around them, or than half as many across the
-material, are none: fits that know of one of them see the fields of both. At 3 a slit with two corners at
-its root opened by up to 31 % less than it should, with polynomials by 1 % (degree 2; 29 and 0.2 % at 4)."""
-TOLD = 1e-3
-"""What polynomials leave over of the functions counts down to this part of them; 1e-4 is as good, 1e-2 loses
-1 % at degree 4."""
+FIT_REACH = 2.0
+"""Distance from a tip, in radii of the fit around it, within which fits contain its functions. Anything from
+1 to 3 is as good."""
+MIN_TIP_DISTANCE = 3.6
+"""Least distance of corners with singular functions, in radii of the fit around them, or in half as many
+across the material: fits with the functions of one of them see the fields of both. At 3 a slit with two
+corners at its root opened by up to 31 % too little, with polynomials by 1 % (degree 2; 29 and 0.2 % at 4)."""
+MIN_INDEPENDENCE = 1e-3
+"""Least part of the singular functions that polynomials do not represent; 1e-4 is as good, 1e-2 loses 1 % at
+degree 4."""
 PER_COEFFICIENT = 2.5
 """Neighbours for each coefficient, as everywhere."""
-ASIDE = 0.2
-"""Nodes farther than this angle (radian) beyond a corner's faces are across a void: fits to them do not know
-the corner."""
-AT = 1e-9
-"""Places nearer to a tip than this part of a fit's radius are the tip."""
+VOID_ANGLE = 0.2
+"""Nodes farther than this angle (radian) beyond the faces of a corner are across a void: their fits do not
+contain its functions."""
+TIP_TOLERANCE = 1e-9
+"""Distance from a tip, relative to the radius of a fit, below which a point is the tip."""
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
@@ -76,12 +76,12 @@ class SharpCorner:
 
     def near(self, centers: FloatArray) -> BoolArray:
         """Which fits at ``centers`` (e, 2) are near the corner."""
-        return np.asarray(np.abs(self._seen(centers)) <= REACH)
+        return np.asarray(np.abs(self._seen(centers)) <= FIT_REACH)
 
     def beyond(self, points: FloatArray) -> BoolArray:
         """Which of the ``points`` (n, 2) are beyond the corner's faces."""
         seen = self._seen(points)
-        return np.asarray((np.abs(np.angle(seen)) > self.half + ASIDE) & (np.abs(seen) > AT))
+        return np.asarray((np.abs(np.angle(seen)) > self.half + VOID_ANGLE) & (np.abs(seen) > TIP_TOLERANCE))
 
     def derivatives(self, where: FloatArray, orders: tuple[int, int]) -> FloatArray:
         """Derivatives (..., kinds, m) of its functions at places (..., 2); 0 at the tip, where they have no
@@ -89,7 +89,7 @@ class SharpCorner:
         seen = self._seen(where)
         kinds = _kinds(orders)
         found = np.zeros((*seen.shape, len(kinds), 2 * len(self.modes)))
-        off = np.abs(seen) > AT
+        off = np.abs(seen) > TIP_TOLERANCE
         size, angle = np.abs(seen[off]), np.angle(seen[off])
         for number, (power, opens) in enumerate(self.modes):
             # kappa a z^p - p conj(a) z conj(z)^(p - 1) - c conj(a) conj(z)^p leaves both faces free.
@@ -117,10 +117,10 @@ def sharp_corners(
     for number in range(0 if tips is None else len(tips.place)):
         assert tips is not None
         place, size = tips.place[number : number + 1], _nodes_around(settings, tips, number)
-        numbers = neighbors_of(points, tree, place, min(size + SPARE, tree.n), sight)[1]
+        numbers = neighbors_of(points, tree, place, min(size + EXTRA_NODES, tree.n), sight)[1]
         # All that are as far as the last: images of corners are images then.
         away = distances(points, place, numbers)[0]
-        around = numbers[0][away <= (1.0 + TIE) * np.sort(away)[min(size, len(away)) - 1]]
+        around = numbers[0][away <= (1.0 + TIE_TOLERANCE) * np.sort(away)[min(size, len(away)) - 1]]
         corner = _sharp_corner(points[around], around, settings, tips, number)
         if corner is not None:
             found.append(corner)
@@ -179,7 +179,7 @@ def far_apart(settings: MlsSettings, tips: Tips) -> Tips | None:
     """Those of the ``tips`` that have no other one near; None without any."""
     count = np.array([_nodes_around(settings, tips, number) for number in range(len(tips.place))])
     # A sector of the radius R, in edges, has half R^2 nodes.
-    kept = tips.apart >= ALONE * np.sqrt(count / tips.half)
+    kept = tips.apart >= MIN_TIP_DISTANCE * np.sqrt(count / tips.half)
     if not kept.any():
         return None
     return Tips(tips.place[kept], tips.axis[kept], tips.half[kept], tips.apart[kept], tips.kappa)
@@ -205,7 +205,7 @@ def _sharp_corner(
     rest = singular - q @ (q.T @ singular)
     rest -= q @ (q.T @ rest)
     u, sigma, v = np.linalg.svd(rest, full_matrices=False)
-    kept = sigma > TOLD * np.linalg.norm(singular, axis=0).max()
+    kept = sigma > MIN_INDEPENDENCE * np.linalg.norm(singular, axis=0).max()
     strengths = (v[kept].T / sigma[kept]) @ (gauss * u[:, kept]).T
     return replace(corner, strengths=strengths)
 

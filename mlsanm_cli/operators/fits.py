@@ -14,7 +14,7 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import build_stencils, sound_fits
 from mlsanm_cli.startup import cKDTree
 
-TOGETHER = 4096
+BLOCK_SIZE = 4096
 """Points whose neighbours are in memory together."""
 
 
@@ -47,8 +47,8 @@ def fitted_derivatives(
         )
         return (found,), ratio
 
-    for first in range(0, len(targets), TOGETHER):
-        some = np.arange(first, min(first + TOGETHER, len(targets)))
+    for first in range(0, len(targets), BLOCK_SIZE):
+        some = np.arange(first, min(first + BLOCK_SIZE, len(targets)))
         for which, (found,), _ in sound_fits(len(points), targets, some, settings, fit):
             result[which] = found
     near = np.zeros(len(targets), dtype=bool)

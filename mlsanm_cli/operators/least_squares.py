@@ -32,11 +32,11 @@ from mlsanm_cli.operators.conditions import Conditions, conditions_of, independe
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
-    CHECKED,
-    MOST,
-    PRECISE,
-    QUICK,
+    FULL_TOLERANCE,
+    FUNCTIONAL_TOLERANCE,
+    MAX_UPDATES,
     TINY,
+    VERIFIED_TOLERANCE,
     Progress,
     best_part,
     relative,
@@ -77,7 +77,7 @@ class LeastSquares:
     factor: Factor
     conditions: Conditions
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
         scaled = self.scaled(sources)
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
@@ -93,12 +93,12 @@ class LeastSquares:
         if start is None:
             solution = self.factor.solve(self._gather(misfit))
             misfit = misfit - self._apply(solution)
-            progress = Progress.of(solution, PRECISE, CHECKED)
+            progress = Progress.of(solution, FULL_TOLERANCE, VERIFIED_TOLERANCE)
         else:
             image = self._apply(start)
             part = best_part(image, misfit)
             solution, misfit = start @ part, misfit - image @ part
-            progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
+            progress = Progress.begun(sources.shape[1], FULL_TOLERANCE, VERIFIED_TOLERANCE)
         solution, _, progress = self._further(force, misfit, solution, progress)
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
@@ -126,11 +126,13 @@ class LeastSquares:
 
         def of_columns(chosen: FloatArray) -> FloatArray:
             misfit = weighted @ (mixed @ chosen)
-            return np.asarray(rows @ self._refined(np.zeros((self.rows.shape[1], 1)), misfit, QUICK)[0])
+            return np.asarray(
+                rows @ self._refined(np.zeros((self.rows.shape[1], 1)), misfit, FUNCTIONAL_TOLERANCE)[0]
+            )
 
         def of_rows(chosen: FloatArray) -> FloatArray:
             misfit = np.zeros((count, chosen.shape[1]))
-            images = -self._refined(np.asarray(rows.T @ chosen), misfit, QUICK)[1]
+            images = -self._refined(np.asarray(rows.T @ chosen), misfit, FUNCTIONAL_TOLERANCE)[1]
             return np.asarray((weighted.T @ images).T @ mixed)
 
         gathered = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
@@ -156,7 +158,7 @@ class LeastSquares:
     ) -> tuple[FloatArray, FloatArray, Progress]:
         """The ``solution`` (n, c), which ``misfit`` is left of, refined until there is no more progress."""
         step, before = np.zeros_like(solution), np.ones(solution.shape[1])
-        for _ in range(MOST):
+        for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
             wanted = self.factor.solve(gradient)
             now = (gradient * wanted).sum(axis=0)
@@ -308,7 +310,7 @@ def factorise(
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
     force, count = kept.T.toarray(), rows.shape[0] + len(strong.owner)
-    answer = without._refined(force, np.zeros((count, len(numbers))), QUICK)[0]
+    answer = without._refined(force, np.zeros((count, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
     conditions = conditions_of(kept, answer)
     sums = sparse.csr_array(strong.sums[numbers[: conditions.rows.shape[0]]])
     return LeastSquares(rows, weight, replace(strong, sums=sums), alone, conditions)

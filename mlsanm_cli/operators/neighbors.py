@@ -10,10 +10,10 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.startup import cKDTree
 
-SPARE = 8
-"""Nodes looked at beyond a stencil's size where more are equally far than it takes."""
-TIE = 1e-7
-"""Distances closer to each other than this, relatively, count as equal."""
+EXTRA_NODES = 8
+"""Nodes searched in addition to the size of a stencil, as several may have the same distance."""
+TIE_TOLERANCE = 1e-7
+"""Relative difference below which distances are equal."""
 
 
 def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
@@ -60,11 +60,11 @@ def _nearest(
     radius = distances(points, targets, known[:, size - 1 : size])[:, 0]
     if known.shape[1] > size:
         beyond = distances(points, targets, known[:, size : size + 1])[:, 0]
-        tied = np.flatnonzero(beyond <= (1.0 + TIE) * radius)
+        tied = np.flatnonzero(beyond <= (1.0 + TIE_TOLERANCE) * radius)
         if len(tied):
-            more = nearest_nodes(tree, targets[tied], size + SPARE - 1)
+            more = nearest_nodes(tree, targets[tied], size + EXTRA_NODES - 1)
             distance = distances(points, targets[tied], more)
-            order = np.argsort(distance * (1.0 + TIE * more / len(points)), axis=1)[:, :size]
+            order = np.argsort(distance * (1.0 + TIE_TOLERANCE * more / len(points)), axis=1)[:, :size]
             indices[tied] = np.take_along_axis(more, order, axis=1)
             radius[tied] = np.take_along_axis(distance, order[:, -1:], axis=1)[:, 0]
     return radius, indices

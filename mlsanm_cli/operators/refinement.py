@@ -9,19 +9,17 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-PRECISE = 1e-11
-"""Refinement ends when the next update is foreseen to change no solution by more, relatively."""
-QUICK = 1e-8
-"""The same for many solutions of which only functionals are wanted.
-
-On graded clouds round-off in the residual moves solutions by 1e-9 to 2e-8 in every update, for ever.
-"""
-CHECKED = 1e-7
-"""Where solutions are to estimate their own error, the last update has changed none by more than this."""
-BLOCK = 64
+FULL_TOLERANCE = 1e-11
+"""Refinement ends when the expected next update changes no solution by more, relatively."""
+FUNCTIONAL_TOLERANCE = 1e-8
+"""The same for many solutions of which only functionals are required. On graded clouds round-off in the
+residual changes solutions by 1e-9 to 2e-8 in every update."""
+VERIFIED_TOLERANCE = 1e-7
+"""Largest change of a solution by the last update, if it is to be used for error estimates."""
+BLOCK_COLUMNS = 64
 """Solutions refined together: enough for dense products, few enough to keep them all."""
-MOST = 15
-STALLED = 0.5
+MAX_UPDATES = 15
+STALL_RATIO = 0.5
 """An update this large a part of both before it brings nothing any more.
 
 Not of one: where the factor has lost a mode altogether, as the bending of bodies a hundred times as long as
@@ -63,7 +61,7 @@ class Progress:
         # Nothing is known of what an update does before there are two.
         next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
         small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
-        stalled = change >= STALLED * np.maximum(self.before, self.last)
+        stalled = change >= STALL_RATIO * np.maximum(self.before, self.last)
         last = np.where(self.done, self.last, change)
         return Progress(self.last, last, self.done | small | stalled, self.tolerance, self.limit)
 
@@ -81,7 +79,7 @@ def refine(
     ``update`` gives what the factor thinks is missing (Higham 2002, doi:10.1137/1.9780898718027). Where the
     updates do not shrink, they end too, as the size of the last one then shows.
     """
-    for _ in range(MOST):
+    for _ in range(MAX_UPDATES):
         step = update(solution)
         solution = solution + step
         progress = progress.after(step, solution)

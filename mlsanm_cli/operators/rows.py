@@ -7,7 +7,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.operators.stencils import Stencils
-from mlsanm_cli.operators.structure import MOST
+from mlsanm_cli.operators.structure import MAX_ENTRIES
 
 
 def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | None) -> sparse.csr_array:
@@ -36,7 +36,7 @@ def pair_rows(stencils: Stencils, values: FloatArray) -> sparse.csr_array:
 def _entries(stencils: Stencils) -> tuple[IndexArray | IntArray, IndexArray | IntArray]:
     """Where the stencils begin and which nodes they have, in 32 bits where rows of them can be counted so:
     products with sparse matrices wait for memory."""
-    if 2 * len(stencils.indices) > MOST:
+    if 2 * len(stencils.indices) > MAX_ENTRIES:
         return stencils.indptr, stencils.indices
     return stencils.indptr.astype(np.int32), stencils.indices.astype(np.int32)
 

@@ -20,13 +20,13 @@ from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
-GROWTH = 1.3
-LARGEST = 3.0
-MARGIN, STEEP, PATIENT = 20.0, 3, 1.9
+ENLARGEMENT = 1.3
+MAX_ENLARGEMENT = 3.0
+CONDITION_MARGIN, MARGIN_DEGREE, MARGIN_ENLARGEMENT = 20.0, 3, 1.9
 """From this degree on fits are first sought so many times above the limit, with up to so many times the
 neighbours. On a structured mesh of an eye 15 of 1,362 were below, and its displacement 19 % off at degree 3
 and 9 % at degree 4; with more neighbours there 5 and 4 %."""
-SLICE = 4096
+BLOCK_SIZE = 4096
 """Stencils that are fitted at once: a tenth of a second at high degrees."""
 
 
@@ -161,8 +161,8 @@ def _fit_in_slices(
 ) -> None:
     """Fill ``weights`` and ``ratio`` a slice of stencils at a time: signals are handled in between."""
     size = indices.shape[1]
-    for first in range(0, len(centers), SLICE):
-        here = slice(first, min(first + SLICE, len(centers)))
+    for first in range(0, len(centers), BLOCK_SIZE):
+        here = slice(first, min(first + BLOCK_SIZE, len(centers)))
         indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
         mls_weights(
             *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
@@ -195,22 +195,24 @@ def sound_fits(
         size = min(size, nodes)
         parts, ratio = fit(pending, size)
         # Above one it is no ratio: the nodes are so close together that no radius separates them.
-        patient = settings.degree >= STEEP and size < min(nodes, PATIENT * settings.stencil_size)
-        margin = MARGIN if patient else 1.0
+        patient = settings.degree >= MARGIN_DEGREE and size < min(
+            nodes, MARGIN_ENLARGEMENT * settings.stencil_size
+        )
+        margin = CONDITION_MARGIN if patient else 1.0
         sound = (ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0)
         if sound.all():
             yield pending, parts, ratio
             return
         yield pending[sound], tuple(part[sound] for part in parts), ratio[sound]
         pending = pending[~sound]
-        if size == nodes or size >= LARGEST * settings.stencil_size:
+        if size == nodes or size >= MAX_ENLARGEMENT * settings.stencil_size:
             x, y = targets[pending[0]]
             raise NumericalError(
                 f"the nodes around ({x:.6g}, {y:.6g}) do not determine polynomials of degree "
                 f"{settings.degree}, not even {size} of them",
                 "use a smaller spacing there, or a lower mls.degree",
             )
-        size = int(np.ceil(GROWTH * size))
+        size = int(np.ceil(ENLARGEMENT * size))
 
 
 def _merge(

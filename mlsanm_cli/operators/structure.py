@@ -8,8 +8,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import IndexArray
 from mlsanm_cli.errors import NumericalError
 
-MOST = np.iinfo(np.int32).max
-"""Entries that can be counted."""
+MAX_ENTRIES = np.iinfo(np.int32).max
+"""Largest number of entries that can be counted."""
 
 
 def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
@@ -33,8 +33,8 @@ def compact(matrix: sparse.csr_array) -> sparse.csr_array:
 
 def refuse_too_many(entries: int) -> None:
     """Raise NumericalError where so many entries cannot be counted in 32 bits, which would wrap around."""
-    if entries > MOST:
+    if entries > MAX_ENTRIES:
         raise NumericalError(
-            f"the equations of a body have {entries:.3g} entries, more than {MOST:.3g} cannot be counted",
-            "make its spacing larger, or mls.degree lower",
+            f"the equations of a body have {entries:.3g} entries, more than the limit of {MAX_ENTRIES:.3g}",
+            "increase its spacing, or reduce mls.degree",
         )

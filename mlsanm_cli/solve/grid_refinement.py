@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.compressed import MANY
+from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
 from mlsanm_cli.contact.response.condensation import BodyResponses
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
@@ -82,7 +82,7 @@ def refined(
         chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
         aim = accuracy[name] * max(1.0, len(errors) / limits[0]) ** 3
         if float(np.sqrt((errors**2).sum())) > aim:
-            part = (WORST if len(errors) <= MANY else WORST_OF_MANY) * float(errors.max())
+            part = (WORST if len(errors) <= COMPRESSED_CONTACT else WORST_OF_MANY) * float(errors.max())
             chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), part)
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():

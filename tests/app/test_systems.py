@@ -86,7 +86,7 @@ def test_kept_kernels_are_not_left_to_numba_where_users_are_not_known(
     """They had been on Windows, at every run: no file was taken for one of this user."""
     monkeypatch.delattr(os, "getuid")
     assert not kept.left_to_numba(tmp_path)
-    (tmp_path / kept.LEFT).touch()
+    (tmp_path / kept.LEFT_TO_NUMBA).touch()
     assert kept.left_to_numba(tmp_path)
 
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.search import PIECE, listening, nearest
+from mlsanm_cli.cloud.search import BLOCK_SIZE, listening, nearest
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
@@ -188,7 +188,7 @@ def test_a_call_beside_hears_signals_and_hands_on_what_it_raises() -> None:
 
 
 def test_searches_in_pieces_are_searches() -> None:
-    points = np.random.default_rng(1).random((3 * PIECE // 2, 2))
+    points = np.random.default_rng(1).random((3 * BLOCK_SIZE // 2, 2))
     tree = cKDTree(points)
     for k in (1, 2, np.arange(2, 4)):
         for found, expected in zip(nearest(tree, points, k), tree.query(points, k=k), strict=True):

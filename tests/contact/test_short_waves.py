@@ -14,7 +14,7 @@ from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.linear_map import LinearMap
-from mlsanm_cli.contact.response.short_waves import SMOOTH, resolved
+from mlsanm_cli.contact.response.short_waves import WINDOW, resolved
 from tests.case_text import annulus, body, contact, head, item, load, material, support, table
 from tests.contact.scenes import Small, build, cylinder
 
@@ -53,7 +53,7 @@ def fit_of(one: Small) -> FloatArray:
     pairing = one.pairing
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
-    return np.asarray(surface_fit(arc, one.condensed.weight, arc, SMOOTH * spacing).toarray())
+    return np.asarray(surface_fit(arc, one.condensed.weight, arc, WINDOW * spacing).toarray())
 
 
 def test_linear_tractions_only_lose_the_short_waves_of_their_slips() -> None:

@@ -96,7 +96,7 @@ def test_rows_beside_a_corner_know_its_field(
     shape: str, turn: float, mode: int, degree: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # However little a function differs from polynomials.
-    monkeypatch.setattr(cornered, "TOLD", 1e-7)
+    monkeypatch.setattr(cornered, "MIN_INDEPENDENCE", 1e-7)
     cloud = polygon(TIPS[shape][0], 1.0, turn)
     model = BodyModel.build("body", cloud, isotropic(1.3, 0.3, "stress"), MlsSettings(degree))
     assert model.tips is not None

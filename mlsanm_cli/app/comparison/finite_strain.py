@@ -109,7 +109,7 @@ def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
     if analytic:
         raise RunError("--analytic: there is no closed formula for finite strain", "--newton")
     if not methods:
-        raise RunError("nothing to compare ANM with", "add --newton")
+        raise RunError("no method to compare with ANM", "add --newton")
 
 
 def _followed(

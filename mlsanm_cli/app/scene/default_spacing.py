@@ -16,7 +16,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import Joined, part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.cloud.tips import SHARP
+from mlsanm_cli.cloud.tips import MIN_REENTRANT_ANGLE
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
 PER_SIZE, PER_THICKNESS = 20.0, 6.0
@@ -139,7 +139,7 @@ def _roots(outline: Outline) -> set[int]:
         crossed = [
             a[1, 0] * b[0, 1] - a[1, 1] * b[0, 0] for a, b in zip(ends, ends[1:] + ends[:1], strict=True)
         ]
-        inward = [turn < -SHARP for turn in crossed]
+        inward = [turn < -MIN_REENTRANT_ANGLE for turn in crossed]
         found |= {number for k, number in enumerate(numbers) if inward[k] and inward[k - 1]}
     return found
 

@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.operators.linear.scratch import LARGE
+from mlsanm_cli.operators.linear.scratch import FILE_BYTES
 from mlsanm_cli.system import physical_memory_mb
 
 COUNT_LIMIT = 2e8
@@ -57,8 +57,8 @@ def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
     else:
         ours = [CHOLESKY * count * stencil * _levels(count, 8.6) for count in counts]
         # Only one large factor at a time is in memory.
-        factors = sum(size for size in ours if size < LARGE) + max(
-            (size for size in ours if size >= LARGE), default=0.0
+        factors = sum(size for size in ours if size < FILE_BYTES) + max(
+            (size for size in ours if size >= FILE_BYTES), default=0.0
         )
     made = (115.0 * stencil + 1400.0) * max(counts)
     return PROCESS_MB + (kept + factors + made) / 1e6

@@ -29,16 +29,16 @@ from mlsanm_cli.contact.geometry.hat_pairs import (
 )
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 
-LEAF = 16
+LEAF_SIZE = 16
 """Functions of the smallest clusters."""
-POINTS = 12
-"""Chebyshev's points of a cluster: what is left of integrals far away is 1e-11 of them."""
-APART = 0.7
-"""Clusters farther apart than this many times the wider are far."""
-AT_ONCE = 2000
-"""Functions of clusters that are worked on together, for the sake of the processor's memory."""
-AS_POINTS = 10.0
-"""They also are so many of the widest interval apart, or Gauss's points would not do."""
+CHEBYSHEV_POINTS = 12
+"""Chebyshev points of a cluster; the relative error of far integrals is 1e-11."""
+FAR_RATIO = 0.7
+"""Distance of clusters over the width of the wider one above which they are far."""
+BLOCK_SIZE = 2000
+"""Functions of clusters that are processed together, which fit in the processor's cache."""
+POINT_DISTANCE = 10.0
+"""Least distance of far clusters in the widest intervals, as Gauss points require."""
 
 Chain = tuple[Any, ...]
 """Matrices, sparse or not, whose product is meant."""
@@ -62,9 +62,9 @@ class Clusters:
         place, nodes, widths = pairs.hats.place, pairs.hats.nodes, pairs.widths
         bounds, halves = [(0, len(place))], dict[int, tuple[int, int]]()
         for number, (first, last) in enumerate(bounds):  # which grows
-            if last - first > LEAF:
+            if last - first > LEAF_SIZE:
                 middle = int(np.searchsorted(place, 0.5 * (place[first] + place[last - 1])))
-                middle = min(max(middle, first + LEAF // 4), last - LEAF // 4)
+                middle = min(max(middle, first + LEAF_SIZE // 4), last - LEAF_SIZE // 4)
                 halves[number] = len(bounds), len(bounds) + 1
                 bounds += [(first, middle), (middle, last)]
         supports = np.array([(nodes[first], nodes[last + 1]) for first, last in bounds])
@@ -74,7 +74,7 @@ class Clusters:
         while left:
             a, b = left.pop()
             gap = max(supports[a, 0] - supports[b, 1], supports[b, 0] - supports[a, 1])
-            if gap >= max(APART * max(size[a], size[b]), AS_POINTS * max(widest[a], widest[b])):
+            if gap >= max(FAR_RATIO * max(size[a], size[b]), POINT_DISTANCE * max(widest[a], widest[b])):
                 far.append((a, b))
             elif a not in halves and b not in halves:
                 close.append((a, b))
@@ -126,7 +126,7 @@ class Clusters:
         for function, table in ((LOGARITHM, log), (SIGN, turn)):
             if not len(self.far) or not self.pairs.meet(table, along, along @ table.T):
                 continue
-            count = 1 if function.constant else POINTS
+            count = 1 if function.constant else CHEBYSHEV_POINTS
             between = self._between(function, count)
             shares = {c: self._shares(values, count) for c, values in enumerate(along.T) if values.any()}
             for seen, by in product(shares, repeat=2):
@@ -167,8 +167,8 @@ class Clusters:
         cluster = np.repeat(np.arange(len(size)), size)
         rows = np.arange(len(cluster)) - np.repeat(np.cumsum(size) - size, size) + first[cluster]
         found = np.empty((len(rows), count))
-        for start in range(0, len(rows), AT_ONCE):
-            some = slice(start, start + AT_ONCE)
+        for start in range(0, len(rows), BLOCK_SIZE):
+            some = slice(start, start + BLOCK_SIZE)
             nodes = np.repeat(places[cluster[some]], at.shape[1], axis=0)
             shares = lagrange(at[rows[some]].ravel(), nodes).reshape(-1, at.shape[1], count)
             found[some] = np.einsum("mq,mqk->mk", weights[rows[some]], shares)

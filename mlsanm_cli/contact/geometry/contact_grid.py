@@ -33,16 +33,16 @@ from mlsanm_cli.mechanics.near_field import (
     by_component,
 )
 
-STEP = 1e-4
-"""Difference quotients along a contact are taken over this part of its range."""
-STRAIGHT = 1e-9
-"""Directions, and parts of lengths, that differ by less are the same."""
-NOTHING = 1e-14
-"""Components of directions that are none."""
-LEAST = 1e-12
-"""Pressures are no nearer to a corner than this part of its faces."""
-KEPT = 1000
-"""What corners add is kept for grids of up to so many nodes: of more it would take memory."""
+DIFFERENCE_STEP = 1e-4
+"""Step of difference quotients along a contact, relative to its range."""
+EQUAL = 1e-9
+"""Difference below which directions, and parts of lengths, are equal."""
+ZERO_COMPONENT = 1e-14
+"""Components of directions below this are zero."""
+MIN_TIP_DISTANCE = 1e-12
+"""Least distance of pressures from a corner, relative to its faces."""
+MAX_STORED_NODES = 1000
+"""Largest grid whose corner terms are stored; for more nodes they would take too much memory."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class ContactGrid:
         The mean tractions then are tractions of these surfaces as others are, to which bodies answer exactly
         if they are all there is; fields in closed form are those of what differs from them.
         """
-        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHT
+        straight = float(np.ptp(self.directions[0], axis=0).max()) <= EQUAL
         if self.hats.whole != (True, True) or not straight:
             return False
         ends = np.array([self.first, self.last])
@@ -158,7 +158,7 @@ class ContactGrid:
                 if curve.closed:
                     return False
                 long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
-                if abs(long - curve.length) > STRAIGHT * curve.length or len(self.corners_of(slave)) != 2:
+                if abs(long - curve.length) > EQUAL * curve.length or len(self.corners_of(slave)) != 2:
                     return False
         return True
 
@@ -240,7 +240,7 @@ class ContactGrid:
         if key in kept:
             return kept[key]
         found = self._cornered(slave, which, by)
-        if len(found) <= KEPT:
+        if len(found) <= MAX_STORED_NODES:
             kept[key] = found
         return found
 
@@ -265,9 +265,9 @@ class ContactGrid:
             return
         points, integrals = self.hats.towards_ends
         place, _, directions = self.facing.loaded(points, slave)
-        present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
+        present = [np.flatnonzero(np.abs(one).max(axis=0) > ZERO_COMPONENT).tolist() for one in directions]
         for corner in corners:
-            x, shares = on_panels(np.maximum(corner.distance(place), LEAST * corner.length))
+            x, shares = on_panels(np.maximum(corner.distance(place), MIN_TIP_DISTANCE * corner.length))
             parts = {
                 (side, c): integrals @ (shares * directions[side][:, c, None])
                 for side in {which, by}
@@ -287,7 +287,7 @@ class ContactGrid:
 
     def _way(self, slave: bool) -> ComplexArray:
         """Derivatives (k,) of the places on one of the two surfaces by the arc length."""
-        step = STEP * (self.last - self.first)
+        step = DIFFERENCE_STEP * (self.last - self.first)
         ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
         return np.asarray((ahead - behind) / (2.0 * step))
 

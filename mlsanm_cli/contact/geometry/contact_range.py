@@ -12,10 +12,10 @@ from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.mechanics.corner import Corner
 
-AT_END = 1e-6
-"""Places nearer to an end of a range than this part of it are there."""
-SIGHTS = 2000
-"""Places at which a range is looked at for summits of its profile."""
+END_TOLERANCE = 1e-6
+"""Distance from the end of a range, relative to the range, below which a point coincides with the end."""
+SAMPLES = 2000
+"""Points at which a range is searched for summits of its profile."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class ContactRange:
 
     def within(self, s: FloatArray) -> BoolArray:
         """Whether places (e,) lie between its ends, not at a corner."""
-        inset = AT_END * (self.last - self.first)
+        inset = END_TOLERANCE * (self.last - self.first)
         away = s - self.first
         away = np.mod(away, self.facing.base.length) if self.facing.base.closed else away
         return np.asarray(self.around | (away > inset) & (away < self.last - self.first - inset))
@@ -52,5 +52,5 @@ class ContactRange:
     @cached_property
     def drawn_gaps(self) -> tuple[FloatArray, FloatArray]:
         """Places (e,) close to each other all over the range, and the gaps (e,) as drawn there."""
-        places = np.linspace(self.first, self.last, SIGHTS)
+        places = np.linspace(self.first, self.last, SAMPLES)
         return places, self.facing.gap(places)

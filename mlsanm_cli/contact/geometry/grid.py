@@ -16,10 +16,10 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 
 RULE = GAUSS[3]
-CROWDED = 8
-"""An interval that ends at a corner is halved towards it so many times."""
-STEEPEST = 2.5
-"""Neighbouring intervals differ by this factor at most."""
+CORNER_HALVINGS = 8
+"""Number of halvings of an interval towards a corner."""
+MAX_LENGTH_RATIO = 2.5
+"""Largest ratio of the lengths of adjacent intervals."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Hats:
         """Points (e,) that crowd towards the ends, for kernels that change with the logarithm of the distance
         from there, and what makes integrals (m, e) with the functions."""
         starts, steps, interval = self.nodes[:-1], self.steps, np.arange(len(self.steps))
-        parts = 0.5 ** np.arange(CROWDED, -1, -1)
+        parts = 0.5 ** np.arange(CORNER_HALVINGS, -1, -1)
         first, last = int(self.whole[0]), len(self.steps) - 1 - self.whole[1]
         for number, ends in ((last, 1.0 - np.append(parts[::-1], 0.0)), (first, np.append(0.0, parts))):
             crowded = starts[number] + steps[number] * ends
@@ -133,8 +133,8 @@ class Hats:
             nodes = np.sort(np.append(nodes, (0.5 * (nodes[1:] + nodes[:-1]))[chosen]))
             steps = np.diff(nodes)
             chosen = np.zeros(len(steps), dtype=bool)
-            chosen[:-1] |= (steps[:-1] > STEEPEST * steps[1:]) & (steps[1:] > 0.0)
-            chosen[1:] |= (steps[1:] > STEEPEST * steps[:-1]) & (steps[:-1] > 0.0)
+            chosen[:-1] |= (steps[:-1] > MAX_LENGTH_RATIO * steps[1:]) & (steps[1:] > 0.0)
+            chosen[1:] |= (steps[1:] > MAX_LENGTH_RATIO * steps[:-1]) & (steps[:-1] > 0.0)
         return replace(self, nodes=nodes)
 
     def errors(self, values: FloatArray) -> FloatArray:

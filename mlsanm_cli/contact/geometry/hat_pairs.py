@@ -20,15 +20,15 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.grid import Hats, logarithm
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
-NEAR = 5.0
-"""Hats closer than this many widths are integrated exactly, others by their moments: those have 1e-9 left
-there."""
-ORDERS = 8
-"""Powers of the distances from their places that moments of hats are of."""
+NEAR_WIDTHS = 5.0
+"""Hat functions closer than this many widths are integrated exactly, others by moments with an error of
+1e-9."""
+MOMENT_ORDERS = 8
+"""Largest order of the moments of hat functions."""
 NOTHING = 1e-14
 THREE = np.arange(3)
-AT_ONCE = 50_000
-"""Pairs that are worked on together, for the sake of the processor's memory."""
+BLOCK_SIZE = 50_000
+"""Pairs that are processed together, which fit in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class HatPairs:
         points, weights = self.hats.own_points
         away, part = self.hats.points[points] - self.hats.place[:, None], weights * values[points]
         found = [part.sum(axis=1)]
-        for _ in range(ORDERS):
+        for _ in range(MOMENT_ORDERS):
             part *= away
             found.append(part.sum(axis=1))
         return np.stack(found, axis=1)
@@ -203,7 +203,7 @@ def _beyond(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
     either side and Taylor's series."""
     total, inverse = np.zeros_like(way), 1.0 / way
     power = np.ones_like(way)
-    for order in range(1, ORDERS + 1):
+    for order in range(1, MOMENT_ORDERS + 1):
         power *= inverse
         share = np.arange(order + 1)
         total += power * ((one[:, order - share] * taylor(order)) @ other[:, share].T)
@@ -220,11 +220,11 @@ def taylor(order: int) -> FloatArray:
 def far_logarithms(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
     """Integrals (e,) of logarithms at distances ``way`` (e,) by moments (e, k) of pairs."""
     total = np.empty(len(way))
-    for first in range(0, len(way), AT_ONCE):
-        some = slice(first, first + AT_ONCE)
+    for first in range(0, len(way), BLOCK_SIZE):
+        some = slice(first, first + BLOCK_SIZE)
         a, b, inverse = one[some].T, other[some].T, 1.0 / way[some]
         part, power = np.log(np.abs(way[some])) * a[0] * b[0], np.ones(len(inverse))
-        for order in range(1, ORDERS + 1):
+        for order in range(1, MOMENT_ORDERS + 1):
             power = power * inverse
             factors = taylor(order)
             part += power * sum(factors[k] * a[order - k] * b[k] for k in range(order + 1))
@@ -251,7 +251,7 @@ def _signed(order: int, factor: int) -> Table:
 LOGARITHM = Distance(
     logarithm,
     (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
-    NEAR,
+    NEAR_WIDTHS,
     constant=False,
 )
 SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0, constant=True)

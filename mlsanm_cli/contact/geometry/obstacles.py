@@ -18,21 +18,21 @@ from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.startup import cKDTree
 
 ROUND_OFF = 1e-9
-SHARP = np.deg2rad(15.0)
-"""Corners of a chain that turn by more are meant."""
-ALIKE, NEIGHBORS = 0.6, 2
+MAX_SMOOTH_TURN = np.deg2rad(15.0)
+"""Turning angle (radian) above which the corner of a chain is sharp."""
+TURN_VARIATION, TURN_NEIGHBORS = 0.6, 2
 """Samples of a smooth curve turn by the mean of those before and after, but for this part of the largest turn
 among so many on either side. A corner alone among straight sides differs by all of it."""
-CANDIDATES = 8
-"""So many sides are looked at closely, where there are more than twice as many."""
-PARTED = 4.0
-"""Sides longer than this many times most are looked at in parts."""
-AT_ONCE = 200_000
-"""Pairs of points and sides worked on together, for the sake of memory."""
-RUN = 3
-"""So many corners in a row are a curve, two are a chamfer."""
-LONGER = 3.0
-"""Sides this many times as long as both next to them are straight."""
+CLOSEST_SIDES = 8
+"""Sides that are examined exactly, if there are more than twice as many."""
+MAX_SIDE_RATIO = 4.0
+"""Sides longer than this many times most others are divided in the search."""
+BLOCK_SIZE = 200_000
+"""Pairs of points and sides that are processed together, to limit memory."""
+MIN_RUN = 3
+"""Least number of consecutive corners that form a curve; two are a chamfer."""
+STRAIGHT_RATIO = 3.0
+"""Sides this many times as long as both adjacent ones are straight."""
 
 
 class Shape(Protocol):
@@ -102,19 +102,22 @@ class Chain:
         count = len(self.points)
         along = np.diff(self.points, axis=0)
         result = np.zeros(count, dtype=bool)
-        if count < RUN + 2:
+        if count < MIN_RUN + 2:
             return result
         angle = np.arctan2(along[:, 1], along[:, 0])
         turn = np.angle(np.exp(1j * np.diff(angle)))
         turn[np.abs(turn) <= ROUND_OFF] = 0.0
         # Beyond the ends the curve continues as it is there.
-        wide = np.pad(turn, NEIGHBORS, mode="edge")
-        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * NEIGHBORS + 1)
-        mean = 0.5 * (wide[NEIGHBORS - 1 : -NEIGHBORS - 1] + wide[NEIGHBORS + 1 : count - 2 + NEIGHBORS + 1])
-        even = np.abs(turn - mean) <= ALIKE * window.max(axis=1)
-        result[1:-1] = even & (np.abs(turn) <= SHARP) & (window.max(axis=1) > 0.0)
+        wide = np.pad(turn, TURN_NEIGHBORS, mode="edge")
+        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * TURN_NEIGHBORS + 1)
+        mean = 0.5 * (
+            wide[TURN_NEIGHBORS - 1 : -TURN_NEIGHBORS - 1]
+            + wide[TURN_NEIGHBORS + 1 : count - 2 + TURN_NEIGHBORS + 1]
+        )
+        even = np.abs(turn - mean) <= TURN_VARIATION * window.max(axis=1)
+        result[1:-1] = even & (np.abs(turn) <= MAX_SMOOTH_TURN) & (window.max(axis=1) > 0.0)
         for first, last in _runs(result):
-            result[first:last] &= last - first >= RUN
+            result[first:last] &= last - first >= MIN_RUN
         return result
 
     @cached_property
@@ -123,7 +126,7 @@ class Chain:
         place is from the middle of its part."""
         along = np.diff(self.points, axis=0)
         length = np.hypot(along[:, 0], along[:, 1])
-        parts = np.ceil(length / max(PARTED * np.median(length), length.mean())).astype(np.int64)
+        parts = np.ceil(length / max(MAX_SIDE_RATIO * np.median(length), length.mean())).astype(np.int64)
         side = np.repeat(np.arange(len(length)), parts)
         number = np.arange(len(side)) - np.repeat(np.cumsum(parts) - parts, parts)
         share = (number + 0.5) / parts[side]
@@ -136,14 +139,14 @@ class Chain:
         length = np.hypot(*np.diff(self.points, axis=0).T)
         neighbours = np.pad(length, 1)
         curved = (self.smooth[1:] | self.smooth[:-1]) & (
-            length <= LONGER * np.maximum(neighbours[:-2], neighbours[2:])
+            length <= STRAIGHT_RATIO * np.maximum(neighbours[:-2], neighbours[2:])
         )
         found = []
         for first, last in _runs(curved):
             inner = np.flatnonzero(~self.smooth[first + 1 : last]) + first + 1
             ends = [first, *inner.tolist(), last]
             for a, b in pairwise(ends):
-                if b - a >= RUN:
+                if b - a >= MIN_RUN:
                     spline = NodeSpline(self.points[a : b + 1], False)
                     found.append((a, b, SplinePart(spline, 0, b - a)))
         return tuple(found)
@@ -201,17 +204,17 @@ class Chain:
         """Rows (r,) of ``points`` and the sides (r, k) among which the closest to each is: those with the
         nearest middles where that is certain, all where not."""
         count, rows = len(self.points) - 1, np.arange(len(points))
-        if count > 2 * CANDIDATES:
+        if count > 2 * CLOSEST_SIDES:
             tree, side, reach = self._middles
-            distance, chosen = nearest(tree, points, CANDIDATES)
+            distance, chosen = nearest(tree, points, CLOSEST_SIDES)
             chosen = side[chosen]
             # No side beyond the last of these comes nearer than the first does.
             certain = distance[:, -1] - reach > distance[:, 0]
             if certain.any():
                 yield rows[certain], np.sort(chosen[certain], axis=1)
             rows = rows[~certain]
-        for first in range(0, len(rows), AT_ONCE // count + 1):
-            some = rows[first : first + AT_ONCE // count + 1]
+        for first in range(0, len(rows), BLOCK_SIZE // count + 1):
+            some = rows[first : first + BLOCK_SIZE // count + 1]
             yield some, np.tile(np.arange(count), (len(some), 1))
 
 

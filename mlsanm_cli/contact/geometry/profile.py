@@ -7,8 +7,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 
 THRESHOLD = 0.01
-SHARE, TIMES = 0.02, 3.0
-"""Pressures are singular at an end where a part of the loaded length has so many times what the rest has."""
+END_SHARE, SINGULAR_RATIO = 0.02, 3.0
+"""Pressures at an end are singular if this part of the loaded length has so many times the pressure of the
+rest."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -64,8 +65,8 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
     order = np.argsort(pressure)
     order = order[pressure[order] > 0.0]
     lengths = np.cumsum(np.gradient(arc_length)[order])
-    rest = float(pressure[order][np.searchsorted(lengths, (1.0 - SHARE) * lengths[-1])])
-    return float(pressure[top]) if inside or pressure[top] <= TIMES * rest else rest
+    rest = float(pressure[order][np.searchsorted(lengths, (1.0 - END_SHARE) * lengths[-1])])
+    return float(pressure[top]) if inside or pressure[top] <= SINGULAR_RATIO * rest else rest
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:

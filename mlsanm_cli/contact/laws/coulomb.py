@@ -18,7 +18,7 @@ from mlsanm_cli.contact.laws.set_search import (
     FloatingError,
     moving,
 )
-from mlsanm_cli.contact.response.condensed import EVEN, Condensed
+from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 
 NOTHING = 1e-10
 """Pressures below this part of those that would move the surfaces as far as bodies went are none."""
@@ -93,7 +93,7 @@ def increment(
     ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with ``slipping``
     FloatingError where surfaces that were apart would touch without pressure."""
     before = state.values.slip
-    closed = state.sets.closed | (state.values.gap <= EVEN * condensed.weight)
+    closed = state.sets.closed | (state.values.gap <= EQUAL_GAP * condensed.weight)
     floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()
     if floating:
         closed |= condensed.closest(state.values.gap)

@@ -5,10 +5,11 @@ other contacts move of them, their own pressures and tractions take back. These 
 are eliminated from the contact problem, so that contact laws do not see them.
 
 Least squares follow tractions the less the shorter their waves are, and tractions are singular where bonds
-end. So they are linear between knots that are COARSE spacings apart, and the means of displacements with the
-same functions are alike on both sides. With every node a knot tractions oscillate: the energy of a bimetal
-strip was 36 % off; what keeps friction smooth (:mod:`mlsanm_cli.contact.response.short_waves`) would make the
-bond a soft one, by 30 % there. Between 2 and 4 spacings the strip's curvature is Timoshenko's to 3e-7.
+end. So they are linear between knots that are KNOT_SPACINGS spacings apart, and the means of displacements
+with the same functions are alike on both sides. With every node a knot tractions oscillate: the energy of a
+bimetal strip was 36 % off; what keeps friction smooth (:mod:`mlsanm_cli.contact.response.short_waves`) would
+make the bond a soft one, by 30 % there. Between 2 and 4 spacings the strip's curvature is Timoshenko's to
+3e-7.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 
-COARSE = 3.0
+KNOT_SPACINGS = 3.0
 """Distance of the knots, in spacings of the coarser surface."""
 ROUND_OFF = 1e-9
-APART = 3.0
-"""Nodes farther apart than so many spacings belong to two stretches of a bond."""
+MAX_NODE_DISTANCE = 3.0
+"""Distance in spacings above which nodes belong to two stretches of a bond."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:
         knots = _knots(np.append(arc, around), np.append(spacing, spacing[0]), least=3)
         hats = _hats(arc, knots)
         return np.column_stack([hats[:, 0] + hats[:, -1], hats[:, 1:-1]])
-    cuts = np.flatnonzero(np.diff(arc) > APART * np.maximum(spacing[1:], spacing[:-1])) + 1
+    cuts = np.flatnonzero(np.diff(arc) > MAX_NODE_DISTANCE * np.maximum(spacing[1:], spacing[:-1])) + 1
     parts = zip(np.split(arc, cuts), np.split(spacing, cuts), strict=True)
     return _diagonal([_hats(own, _knots(own, length)) for own, length in parts])
 
@@ -154,7 +155,7 @@ def _knots(arc: FloatArray, spacing: FloatArray, least: int = 1) -> FloatArray:
     if len(arc) == 1:
         return arc
     share = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(arc) / (spacing[1:] + spacing[:-1]))])
-    count = max(least, int(share[-1] / COARSE + ROUND_OFF))
+    count = max(least, int(share[-1] / KNOT_SPACINGS + ROUND_OFF))
     return np.asarray(np.interp(np.linspace(0.0, share[-1], count + 1), share, arc))
 
 

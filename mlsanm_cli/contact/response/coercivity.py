@@ -16,10 +16,11 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
 
 ROUND_OFF = 1e-9
-ROW, ROWS = 300, 8
-"""Candidates in a row that are judged together where there are many, and how many such rows at least."""
-SUPPORTED = 1e-6
-"""Lack of balance below this part of the forces is round-off, as that of a body with supports."""
+WINDOW, MIN_WINDOWS = 300, 8
+"""Number of adjacent candidates that are evaluated together in large contacts, and least number of such
+windows."""
+BALANCE_TOLERANCE = 1e-6
+"""Force imbalance, relative to the forces, below which it is round-off, as for a body with supports."""
 
 
 def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[int] = ()) -> float:
@@ -31,11 +32,11 @@ def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[i
     looked at: pressures that are resisted least change from node to node.
     """
     kept = np.flatnonzero(chosen)
-    if compressed(condensed.gap.pressure) is None or len(kept) <= ROW:
+    if compressed(condensed.gap.pressure) is None or len(kept) <= WINDOW:
         return _stability(condensed, kept, loose)
-    rows = np.array_split(kept, -(-len(kept) // ROW))
+    rows = np.array_split(kept, -(-len(kept) // WINDOW))
     finest = int(np.argmin([condensed.weight[row].min() for row in rows]))
-    some = {finest, *np.linspace(0, len(rows) - 1, ROWS).astype(int).tolist()}
+    some = {finest, *np.linspace(0, len(rows) - 1, MIN_WINDOWS).astype(int).tolist()}
     return min(_stability(condensed, rows[number], loose) for number in some)
 
 
@@ -64,7 +65,7 @@ def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> fl
             for one in (condensed.balance, condensed.imbalance.take(np.array(rows, dtype=np.int64)))
         ]
         size = np.linalg.norm(condensed.weight[place])
-        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > SUPPORTED * size]
+        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > BALANCE_TOLERANCE * size]
         unbalanced = np.concatenate(parts)
     # Normal and tangent of a material with a grain answer unlike, and to each other.
     way = np.repeat([0, 1], [len(kept), len(friction_nodes)])

@@ -21,24 +21,24 @@ from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces, as_complex, as_real
 from mlsanm_cli.startup import cKDTree
 
-FAR = 2.0
-"""Intervals farther away than so many of their lengths are integrated by the points of the grid."""
-POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
-"""Gauss's points over an interval nearby, from so many of its lengths away on."""
-NEAR_SURFACE = 1e-3
-"""Points nearer to the surface than this part of the interval beneath are moved so far inside: on it, fields
-jump."""
-BEYOND, CLOSE, DISTANT = 1.0 / 6.0, 48, 12
-"""Farther away than this part of the range so many samples stand for all pressures, to 1e-7; farther than all
-of it so many."""
-STEPS = 3
-"""Steps to the place on the surface closest to a point."""
-UNDIVIDED = 100
-"""So many intervals are looked at one by one from nearer."""
-AT_TIP = 2e-3
-"""Points nearer to a corner's tip than this part of its faces are moved so far inside."""
-AT_ONCE = 100_000
-"""Pairs of points and places that are worked on together, for the sake of memory."""
+GRID_POINT_DISTANCE = 2.0
+"""Distance, in interval lengths, above which intervals are integrated at the points of the grid."""
+GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
+"""Distances, in interval lengths, from which on an interval has so many Gauss points."""
+SURFACE_INSET = 1e-3
+"""Points nearer to the surface than this part of the adjacent interval are moved inside by it: fields are
+discontinuous on the surface."""
+FAR_DISTANCE, FAR_SAMPLES, DISTANT_SAMPLES = 1.0 / 6.0, 48, 12
+"""Distance, relative to the range, above which so many samples represent all pressures, to 1e-7; fewer above
+the whole range."""
+PROJECTION_STEPS = 3
+"""Newton steps of the projection onto the surface."""
+MAX_SINGLE_INTERVALS = 100
+"""Largest number of intervals that are integrated one by one for nearer points."""
+TIP_INSET = 2e-3
+"""Points nearer to the tip of a corner than this part of its faces are moved inside by it."""
+BLOCK_SIZE = 100_000
+"""Pairs of points and places that are processed together, to limit memory."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,8 @@ def fields_of(
     pressure, traction = grid.uneven(pressure), grid.uneven(traction)
     for corner in grid.corners_of(slave):
         # At the tip itself fields of what is spread along both faces have no meaning.
-        within = np.abs(z - corner.tip) < AT_TIP * corner.length
-        z = np.where(within, corner.tip + AT_TIP * corner.length * corner.bisector, z)
+        within = np.abs(z - corner.tip) < TIP_INSET * corner.length
+        z = np.where(within, corner.tip + TIP_INSET * corner.length * corner.bisector, z)
     loads = _Loads.of(grid, slave, kernel, pressure, traction)
     if not loads.ends.size:
         return np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
@@ -155,7 +155,7 @@ def fields_of(
     corners = grid.corners_of(slave)
     if not corners:
         return displacement, stress
-    close = replace(grid, count=CLOSE)
+    close = replace(grid, count=FAR_SAMPLES)
     place, force = grid.places(slave), _on_points(grid, pressure, traction)
     few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
     for corner in corners:
@@ -166,7 +166,7 @@ def fields_of(
         for image, distant in zip(whole, corner.images(corner.distance(few), on), strict=True):
             # Behind a wall all but those near it are far away.
             away = np.abs(z[:, None] - distant.places.place).min(axis=1) / (grid.last - grid.first)
-            for some, one in ((away > BEYOND, distant), (away <= BEYOND, image)):
+            for some, one in ((away > FAR_DISTANCE, distant), (away <= FAR_DISTANCE, image)):
                 displacement[some] += one.displacement(z[some])
                 stress[some] += one.stress(z[some])
     return displacement, stress
@@ -177,15 +177,15 @@ def _own_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]
     nearer, for those of either half of the intervals, and so on."""
     columns = loads.pressure.shape[2]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    close = loads.sampled(CLOSE)
+    close = loads.sampled(FAR_SAMPLES)
     away = np.abs(z[:, None] - close[0].place).min(axis=1, initial=np.inf) / loads.extent
-    for some, count in ((away > 1.0, DISTANT), ((away <= 1.0) & (away > BEYOND), CLOSE)):
+    for some, count in ((away > 1.0, DISTANT_SAMPLES), ((away <= 1.0) & (away > FAR_DISTANCE), FAR_SAMPLES)):
         if some.any():
-            sources, force = close if count == CLOSE else loads.sampled(count)
+            sources, force = close if count == FAR_SAMPLES else loads.sampled(count)
             displacement[some] = sources.displacement_by(force, z[some])
             stress[some] = sources.stress_by(force, z[some])
-    adjacent = np.flatnonzero(away <= BEYOND)
-    if len(adjacent) and len(loads.steps) <= UNDIVIDED:
+    adjacent = np.flatnonzero(away <= FAR_DISTANCE)
+    if len(adjacent) and len(loads.steps) <= MAX_SINGLE_INTERVALS:
         displacement[adjacent], stress[adjacent] = _close_fields(loads, z[adjacent])
     elif len(adjacent):
         for half in loads.halves():
@@ -214,12 +214,12 @@ def _close_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArra
     ends = loads.grid.facing.side(loads.ends.ravel(), loads.slave)[0]
     starts, chords = ends[:count], ends[count:] - ends[:count]
     parts, pairs = [], []
-    step = max(1, AT_ONCE // (len(RULE) * count))
+    step = max(1, BLOCK_SIZE // (len(RULE) * count))
     for first in range(0, len(z), step):
         some = z[first : first + step]
         foot = _feet(some, starts, chords)
         away = np.abs(some[:, None] - (starts + foot * chords))
-        close = away < FAR * size
+        close = away < GRID_POINT_DISTANCE * size
         parts.append(_far(loads, some, close))
         row, interval = np.nonzero(close)
         pairs.append((row + first, some[row], interval, foot[close]))
@@ -250,7 +250,7 @@ def _nearest(
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
     """Places (p,) in a row, on the surface, and inward normals (p,), closest to points (p,) ``within`` two
     bounds (p,), from places nearby."""
-    for _ in range(STEPS):
+    for _ in range(PROJECTION_STEPS):
         place, inward = grid.facing.side(s, slave)
         # Places increase with the slave's arc length, which has the slave on its left.
         along = ((z - place) * np.conj(1j * inward)).real
@@ -268,7 +268,7 @@ def _inside(grid: ContactGrid, slave: bool, z: ComplexArray) -> ComplexArray:
     around = np.concatenate([[bounds[0]], ends, [bounds[1]]])
     s, place, inward = _nearest(grid, slave, z, ends[near], (around[near], around[near + 2]))
     step = np.diff(ends)[np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2)]
-    deep, size = ((z - place) * np.conj(inward)).real, NEAR_SURFACE * step
+    deep, size = ((z - place) * np.conj(inward)).real, SURFACE_INSET * step
     on = np.abs(z - place) <= 2.0 * step
     return np.where(on & (deep < size), z + (size - deep) * inward, z)
 
@@ -294,11 +294,11 @@ def _add_close(
 ) -> None:
     """Add to displacements and stresses (e, ., c) what intervals close by do. Pairs (p,) are a row of these,
     its place, an interval, where on it the foot is, and the distance from there over its length."""
-    last = [first for first, _ in POINTS[1:]] + [np.inf]
-    for (first, count), beyond in zip(POINTS, last, strict=True):
+    last = [first for first, _ in GAUSS_POINTS[1:]] + [np.inf]
+    for (first, count), beyond in zip(GAUSS_POINTS, last, strict=True):
         chosen = np.flatnonzero((pairs[4] >= first) & (pairs[4] < beyond))
         rule = _rule(count)
-        for some in np.array_split(chosen, 1 + len(chosen) * count // AT_ONCE):
+        for some in np.array_split(chosen, 1 + len(chosen) * count // BLOCK_SIZE):
             row, *places = (one[some] for one in pairs)
             moved, stressed = _close_integrals(loads, rule, *places)
             np.add.at(displacement, row, moved)

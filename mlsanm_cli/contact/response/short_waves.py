@@ -12,8 +12,9 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.transfer import candidates_fit
 from mlsanm_cli.contact.response.linear_map import LinearMap
 
-SMOOTH = 6.0
-"""Half-width in spacings of the windows of the local fits: linear functions over a window are left alone."""
+WINDOW = 6.0
+"""Half-width of the windows of the local fits, in spacings: linear functions over a window are not
+changed."""
 SHORTEST = 3.0 / np.pi
 """Compliance for a traction that changes its sign from node to node, times E*/h.
 
@@ -77,7 +78,7 @@ def resolved(
 def slip_fit(pairing: Pairing) -> sparse.csr_array:
     """The local linear fit F (n, n) of nodal values along a contact."""
     chosen = pairing.candidate
-    return candidates_fit(pairing, pairing.arc[chosen], SMOOTH * pairing.spacing[chosen])
+    return candidates_fit(pairing, pairing.arc[chosen], WINDOW * pairing.spacing[chosen])
 
 
 def _linear_part(pairing: Pairing) -> FloatArray:

@@ -20,12 +20,12 @@ import numpy as np
 from mlsanm_cli.kernels.aot.machine import Code, UnloadableError, numba_root
 from mlsanm_cli.system import replacing, who_else_may_write
 
-NAME = "machine-code"
-LEFT = "left-to-numba"
+FILE_NAME = "machine-code"
+LEFT_TO_NUMBA = "left-to-numba"
 """Says why there is no machine code: numba keeps the kernels beside this file itself."""
 SETTINGS = "NUMBA_"
-HARMLESS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
-"""Settings of numba's that change no machine code."""
+NEUTRAL_SETTINGS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
+"""Settings of numba that do not change machine code."""
 DIGEST = 64
 
 
@@ -47,7 +47,7 @@ def circumstances() -> tuple[str, ...]:
         version = (Path(numba_root()) / "_version.py").read_text()
     except (OSError, UnloadableError) as error:
         version = str(error)
-    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in HARMLESS)
+    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in NEUTRAL_SETTINGS)
     settings = (f"{name}={os.environ[name]}" for name in sorted(names))
     features = llvm.get_host_cpu_features().flatten()
     processor = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
@@ -83,9 +83,9 @@ def read(place: Path) -> Code | None:
     """The machine code in a directory; None where there is none, it is damaged, or another user may have put
     it there: it runs as this user, and its digest says nothing of who made it."""
     try:
-        if who_else_may_write(place / NAME):
+        if who_else_may_write(place / FILE_NAME):
             return None
-        return decoded((place / NAME).read_bytes())
+        return decoded((place / FILE_NAME).read_bytes())
     except (OSError, ValueError):
         return None
 
@@ -98,8 +98,8 @@ def write(place: Path, code: Code) -> None:
     if reason:
         raise PermissionError(reason)
     # Not by tempfile, whose files no other user may read: one may compile for all.
-    temporary = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
-    with replacing(place / NAME, temporary):
+    temporary = place / f"{FILE_NAME}.{os.getpid()}.{os.urandom(8).hex()}"
+    with replacing(place / FILE_NAME, temporary):
         temporary.write_bytes(encoded(code))
         _shut(temporary)
 
@@ -108,7 +108,7 @@ def left_to_numba(place: Path) -> bool:
     """Whether an earlier process found that code cannot be kept but by numba, in a directory that is safe."""
     try:
         # Windows judges no file, and so none that is not there either.
-        return (place / LEFT).is_file() and not who_else_may_write(place / LEFT)
+        return (place / LEFT_TO_NUMBA).is_file() and not who_else_may_write(place / LEFT_TO_NUMBA)
     except OSError:
         return False
 
@@ -120,8 +120,8 @@ def leave_to_numba(place: Path, reason: str) -> None:
     found = who_else_may_write(place)
     if found:
         raise PermissionError(found)
-    (place / LEFT).write_text(f"{reason}\n", encoding="utf-8")
-    _shut(place / LEFT)
+    (place / LEFT_TO_NUMBA).write_text(f"{reason}\n", encoding="utf-8")
+    _shut(place / LEFT_TO_NUMBA)
 
 
 def _make(place: Path) -> None:

@@ -11,8 +11,9 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.operators.structure import structure
 
-LEAF = 16
-"""Parts that are not cut any more: twice as many make the factor 5 % larger, half as many nothing smaller."""
+LEAF_SIZE = 16
+"""Parts that are not divided: with twice as many nodes the factor is 5 % larger, with half as many no
+smaller."""
 DIRECTIONS = 8
 
 
@@ -45,7 +46,7 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     ranked = np.argsort(heights.T, axis=1, kind="stable").astype(np.int32)
     order = np.empty(len(points), dtype=np.int64)
     begins, parents = np.empty((2, 2 * len(points) + 1), dtype=np.int64)
-    count = dissect(*structure(graph), ranked, LEAF, order, begins, parents)
+    count = dissect(*structure(graph), ranked, LEAF_SIZE, order, begins, parents)
     # Fronts were found from the last to the first, and their parents counted the same way.
     parent = parents[:count][::-1]
     return Dissection(

@@ -11,12 +11,12 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 
-SOUND = 1e-11
-"""Largest backward error of a factor that is believed; what is expected is round-off."""
-LOST, CORRECTED = 1e-9, 1e-14
-"""Or so large a one that becomes so small with one correction, as all solutions get: equations of nearly
-incompressible bodies lose digits in any factor without pivoting, 1e-11 and more, and a correction brings them
-back (1e-17)."""
+MAX_BACKWARD_ERROR = 1e-11
+"""Largest backward error of an accepted factor; expected is round-off."""
+CORRECTABLE, CORRECTED_ERROR = 1e-9, 1e-14
+"""Or a backward error that one correction, which all solutions get, reduces to the second value: equations of
+nearly incompressible bodies lose digits in any factor without pivoting, 1e-11 and more, and a correction
+recovers them (1e-17)."""
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
@@ -42,6 +42,6 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
 def _sound(matrix: Matrix, factor: Factor) -> bool:
     """Whether a factor solves, with the corrections that solutions get."""
     error = backward_error(matrix, factor)
-    if error <= SOUND:
+    if error <= MAX_BACKWARD_ERROR:
         return True
-    return error <= LOST and backward_error(matrix, factor, corrections=1) <= CORRECTED
+    return error <= CORRECTABLE and backward_error(matrix, factor, corrections=1) <= CORRECTED_ERROR

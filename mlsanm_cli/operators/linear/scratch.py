@@ -17,10 +17,10 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 
-LARGE = 2**26
-"""Bytes from which an array lies in a file: then it costs less than 1 % of what is done with it."""
-DISK = "/var/tmp"
-"""Where files go unless TMPDIR says it: what is under /tmp often is in memory itself."""
+FILE_BYTES = 2**26
+"""Size from which an array is in a file, at less than 1 % of the cost of its use."""
+DEFAULT_DIRECTORY = "/var/tmp"
+"""Directory of the files unless TMPDIR is set: /tmp is often in memory."""
 
 
 class MappedArray:
@@ -30,7 +30,7 @@ class MappedArray:
     """
 
     def __init__(self, size: int) -> None:
-        mapped = _mapped(8 * size) if 8 * size >= LARGE else None
+        mapped = _mapped(8 * size) if 8 * size >= FILE_BYTES else None
         self._mapped = mapped
         self._values: FloatArray = np.empty(size) if mapped is None else np.frombuffer(mapped, dtype=float)
 
@@ -59,7 +59,7 @@ def _mapped(size: int) -> mmap.mmap | None:
     """A file of ``size`` bytes in memory, None where there can be none."""
     if not hasattr(mmap, "MADV_DONTNEED") or not hasattr(os, "posix_fallocate"):
         return None
-    place = DISK if "TMPDIR" not in os.environ and os.path.isdir(DISK) else None
+    place = DEFAULT_DIRECTORY if "TMPDIR" not in os.environ and os.path.isdir(DEFAULT_DIRECTORY) else None
     with contextlib.suppress(OSError), tempfile.TemporaryFile(dir=place) as file:
         # With all its room, since a full disk would be noticed by a signal that ends the process.
         os.posix_fallocate(file.fileno(), 0, size)
