@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import fill_region
 from mlsanm_cli.cloud.halves import halved
-from mlsanm_cli.cloud.joined import SMOOTH
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.places import Places
@@ -196,7 +196,7 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
     for place in () if surface.curve.closed else (0, -1):
         node, normal = surface.index[place], surface.normal[place]
         for name, other in cloud.surfaces.items():
-            smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH)
+            smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH_ANGLE)
             if name not in own and smooth.any():
                 yield place, name
 

@@ -9,9 +9,9 @@ from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 LIMIT = 24
-TOLERANCE = 1.25
+SPACING_TOLERANCE = 1.25
 """Accepted ratio of actual to wanted spacing."""
-NEAR_LINE = 0.5
+SNAP_DISTANCE = 0.5
 """Zone centres closer to the symmetry line than this fraction of the wanted spacing are moved onto it."""
 
 
@@ -36,15 +36,15 @@ def cover(
     for _ in range(LIMIT):
         ratio = has / wanted
         worst = int(np.argmax(ratio))
-        if ratio[worst] <= TOLERANCE:
+        if ratio[worst] <= SPACING_TOLERANCE:
             break
         h = float(wanted[worst])
         middle = points[worst]
-        if line is not None and abs(middle[line.axis] - line.at) < NEAR_LINE * h:
+        if line is not None and abs(middle[line.axis] - line.at) < SNAP_DISTANCE * h:
             middle = np.where(np.arange(2) == line.axis, line.at, middle)
         distance = np.hypot(*(points - middle).T)
         near = np.argsort(distance)
-        fine = area[near] * (wanted[near] <= TOLERANCE * h)
+        fine = area[near] * (wanted[near] <= SPACING_TOLERANCE * h)
         mostly = np.cumsum(fine) >= 0.7 * np.cumsum(area[near])
         # The largest circle such that this spacing is needed in most of it and of all smaller ones.
         last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1

@@ -19,11 +19,11 @@ from mlsanm_cli.errors import Fault, OutlineError
 Point = tuple[float, float]
 Named = tuple[str, Curve]
 
-SMALL = 1e-9
+ZERO_LENGTH = 1e-9
 """Lengths below this fraction of the outline's size are zero."""
-JOINED = 1e-6
+JOIN_TOLERANCE = 1e-6
 """Ends closer than this fraction of the outline's size coincide: coordinates in files are rounded."""
-CHORDS = 16
+ARC_CHORDS = 16
 """Chords per arc in the search for crossings."""
 MAX_CHORDS = 4000
 """Largest number of chords of an outline of sides: with more, the search for crossings takes seconds."""
@@ -60,7 +60,7 @@ def polygon(
     Raises OutlineError for repeated points, collinear points, and radii that are too large.
     """
     count = len(points)
-    size, small = extent(points), SMALL * extent(points)
+    size, small = extent(points), ZERO_LENGTH * extent(points)
     _refuse(_point_faults(points, small, size))
     order = list(range(count))
     if signed_area(np.array(points)) < 0.0:
@@ -107,7 +107,7 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
     """
     known = [point for side in sides for point in (side.points or (side.to,)) if point is not None]
     size, count = extent(known or [(0.0, 0.0)]), len(sides)
-    _refuse(_join_faults(sides, JOINED * size))
+    _refuse(_join_faults(sides, JOIN_TOLERANCE * size))
     chain: list[tuple[str, tuple[Point, ...]]] = []
     closed = False
     for number, side in enumerate(sides):
@@ -131,7 +131,7 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
     area = signed_area(corners)
     if len(corners) > MAX_CHORDS:
         raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MAX_CHORDS}")])
-    if abs(area) <= SMALL * size**2:
+    if abs(area) <= ZERO_LENGTH * size**2:
         raise OutlineError([Fault(("sides",), "all points lie on a line")])
     if area < 0.0:
         chain = [(name, points[::-1]) for name, points in reversed(chain)]
@@ -151,9 +151,9 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
     chords = np.concatenate(parts)
     names = [name for (name, _), part in zip(outer, parts, strict=True) for _ in part]
     size = float(np.ptp(chords[:, :2], axis=0).max())
-    meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, SMALL * size))
+    meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, ZERO_LENGTH * size))
     _refuse(Fault((key,), f'the boundaries "{one}" and "{other}" cross or touch') for one, other in meeting)
-    _refuse(_hole_faults(outer, chords, holes, SMALL * size))
+    _refuse(_hole_faults(outer, chords, holes, ZERO_LENGTH * size))
     circles = [(name, Arc(center, r, 0.5 * math.pi, -2.0 * math.pi)) for name, center, r in holes]
     chain = [*outer, *circles]
     starts = (0, *range(len(outer), len(chain)))
@@ -201,7 +201,7 @@ def _rounding_faults(
         following = (place + 1) % len(order)
         if radius[place] and cut[place] <= small:
             yield Fault(("rounding", number), "there is no corner to round at this point", "write 0.0")
-        elif cut[place] + cut[following] > room[place] * (1.0 + SMALL):
+        elif cut[place] + cut[following] > room[place] * (1.0 + ZERO_LENGTH):
             larger, other = (place, following) if cut[place] >= cut[following] else (following, place)
             rest = float(room[place] - cut[other])
             text = f"a radius of {radius[larger]:g} takes {cut[larger]:g} of a side that has {rest:g} left"
@@ -280,7 +280,7 @@ def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
 def _folds_back(first: FloatArray, then: FloatArray) -> bool:
     came, goes = first[2:] - first[:2], then[2:] - then[:2]
     back = float(came @ goes)
-    return back < 0.0 and bool(abs(_cross(came, goes)) <= SMALL * abs(back))
+    return back < 0.0 and bool(abs(_cross(came, goes)) <= ZERO_LENGTH * abs(back))
 
 
 def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
@@ -305,7 +305,7 @@ def _chords(curve: Curve) -> FloatArray:
     if isinstance(curve, SplinePart):
         points = curve.spline.nodes[curve.first : curve.last + 1]
     else:
-        count = CHORDS if isinstance(curve, Arc) else 1
+        count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))
     return np.hstack([points[:-1], points[1:]])
 

@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
 
-SLICE = 0.05
+SLICE_SECONDS = 0.05
 """Target duration of a slice, s: the delay of Ctrl-C."""
 FIRST_PARENTS = 500
 """Parent nodes processed in the first slice."""
@@ -61,7 +61,8 @@ def fill_region(
             progress[2] = progress[3] = 0
         else:
             spent = time.monotonic() - begun
-            parents = int(np.clip(parents * SLICE / max(spent, 1e-3 * SLICE), parents / 8, 2 * parents)) + 1
+            wanted = parents * SLICE_SECONDS / max(spent, 1e-3 * SLICE_SECONDS)
+            parents = int(np.clip(wanted, parents / 8, 2 * parents)) + 1
 
 
 def _empty(room: int) -> IntArray:

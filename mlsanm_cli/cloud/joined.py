@@ -14,11 +14,11 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.splines import SplinePart
 
-SMOOTH = math.radians(1.0)
+SMOOTH_ANGLE = math.radians(1.0)
 """Largest angle between two curves that counts as a smooth joint: the stress effect of a kink scales with its
 angle."""
 MAX_CHORDS, MAX_TURN = 64, 0.2
-SAME = 1e-9
+ROUND_OFF = 1e-9
 """Relative differences below this are round-off."""
 
 
@@ -98,7 +98,7 @@ class Joined:
             pairs.append((self.pieces[-1], self.pieces[0]))
         turns = [turn(before, after) for before, after in pairs]
         places = [*self.starts[1:-1].tolist(), 0.0]
-        return np.array([at for at, angle in zip(places, turns, strict=False) if abs(angle) > SMOOTH])
+        return np.array([at for at, angle in zip(places, turns, strict=False) if abs(angle) > SMOOTH_ANGLE])
 
     def _number(self, s: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
@@ -148,7 +148,7 @@ def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArra
     """Outward normals (n, 2) at arc lengths ``s`` (n,); at a corner that of the side which is more opposed to
     the vectors ``other`` (n, 2)."""
     normals = curve.normals(s)
-    small = SAME * curve.length
+    small = ROUND_OFF * curve.length
     for corner in corners_of(curve):
         at = np.flatnonzero(np.abs(s - corner) <= small)
         ways = (corner + small, corner - small if corner > 0.0 else curve.length - small)
@@ -187,20 +187,20 @@ def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
 
 def _merged(one: Curve, other: Curve) -> Curve | None:
     if isinstance(one, Segment) and isinstance(other, Segment):
-        straight = abs(turn(one, other)) <= SAME
+        straight = abs(turn(one, other)) <= ROUND_OFF
         return Segment(one.start, other.end) if straight else None
     if isinstance(one, Arc) and isinstance(other, Arc):
-        size = SAME * one.radius
+        size = ROUND_OFF * one.radius
         same = math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
         if not same or one.sweep * other.sweep <= 0.0:
             return None
         sweep = one.sweep + other.sweep
-        if abs(abs(sweep) - 2.0 * math.pi) <= SAME:
+        if abs(abs(sweep) - 2.0 * math.pi) <= ROUND_OFF:
             sweep = math.copysign(2.0 * math.pi, sweep)
         return Arc(one.center, one.radius, one.start, sweep)
     if isinstance(one, CurvePart) and isinstance(other, CurvePart) and one.whole is other.whole:
         whole, length = one.whole, one.length + other.length
-        if abs(length - whole.length) > SAME * whole.length:
+        if abs(length - whole.length) > ROUND_OFF * whole.length:
             return CurvePart(whole, one.first, length)
         # The whole of a closed curve starts where the curve does, not at the first part.
         return whole if not whole.closed or one.first == 0.0 else None

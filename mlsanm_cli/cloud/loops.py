@@ -26,7 +26,7 @@ from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
 
 ALIGNED = 0.9
-STRAIGHT = 1e-8
+COLLINEARITY_TOLERANCE = 1e-8
 """Nodes within this fraction of the body's extent of a line lie on it."""
 
 
@@ -63,7 +63,10 @@ def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
     share a name.
     """
     size = float(np.ptp(points, axis=0).max())
-    cut = [list(_pieces(points, _begun(points, loop, corner), corner, STRAIGHT * size)) for loop in loops]
+    cut = [
+        list(_pieces(points, _begun(points, loop, corner), corner, COLLINEARITY_TOLERANCE * size))
+        for loop in loops
+    ]
     outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
     cut = [cut[k] for k in sorted(range(len(cut)), key=lambda k: not outer[k])]
     pieces = [piece for loop in cut for piece in loop]

@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.startup import cKDTree
 
-SAME = 1e-9
+IMAGE_TOLERANCE = 1e-9
 """A node within this fraction of the spacing of an image is that image."""
 
 
@@ -40,12 +40,12 @@ class SymmetryLine:
         return signs
 
     def images(self, points: FloatArray, size: FloatArray) -> IntArray | None:
-        """Indices (n,) of the images of ``points`` (n, 2), within SAME times ``size`` (n,); None if the
-        points are not mirror-symmetric."""
+        """Indices (n,) of the images of ``points`` (n, 2), within IMAGE_TOLERANCE times ``size`` (n,); None
+        if the points are not mirror-symmetric."""
         away, image = nearest(cKDTree(points), self.reflect(points))
         found: IntArray = np.asarray(image, dtype=np.int64)
         paired = np.array_equal(found[found], np.arange(len(points)))
-        return found if paired and (np.asarray(away) <= SAME * size).all() else None
+        return found if paired and (np.asarray(away) <= IMAGE_TOLERANCE * size).all() else None
 
 
 @dataclass(frozen=True)

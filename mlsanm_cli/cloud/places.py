@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.membership import inside_body
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
 from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface
 
@@ -44,7 +44,7 @@ class Places:
         """Whether all interior points are on a ``line``."""
         points = self.points[self.curve < 0]
         size = np.abs(points).max(initial=0.0) + abs(line.at)
-        return bool((np.abs(points[:, line.axis] - line.at) <= SAME * size).all())
+        return bool((np.abs(points[:, line.axis] - line.at) <= IMAGE_TOLERANCE * size).all())
 
     def inside(self, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing) -> FloatArray:
         """Interior points (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""

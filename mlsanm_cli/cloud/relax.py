@@ -23,7 +23,7 @@ DOUBLINGS = 2
 clouds with 13 nodes across was 1.1e-5 off instead of 1.7e-5 at degree 4, but the outline of an eye 3.6 %
 instead of 2.8 %, and a rubber block with friction up to its corners folded onto itself."""
 STEP = 0.05
-LONGEST = 0.2
+MAX_STEP = 0.2
 """Longest step, in spacings: a node must not pass its neighbours or leave the body."""
 
 
@@ -62,7 +62,7 @@ def relax(
         push /= distance
         force = np.stack([(push * across).sum(axis=0), (push * along).sum(axis=0)], axis=1)
         size = np.sqrt((force**2).sum(axis=1))
-        length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
+        length = np.minimum(STEP * size / (1.0 + 0.25 * size), MAX_STEP)
         points[moving] += (own * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
         if line is not None:
             points[on, line.axis] = line.at

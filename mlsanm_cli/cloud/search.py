@@ -15,7 +15,7 @@ Result = TypeVar("Result")
 
 BATCH_SIZE = 8192
 """Points per batch: a few hundredths of a second."""
-WAIT = 0.1
+POLL_SECONDS = 0.1
 """Polling interval of a waiting thread, s, on systems where signals do not wake it."""
 
 
@@ -55,7 +55,7 @@ def run_interruptible(call: Callable[[], Result]) -> Result:
     thread: Any = threading.Thread(target=work, daemon=True)
     thread.start()
     while thread.is_alive():
-        thread.join(WAIT)
+        thread.join(POLL_SECONDS)
     if failed:
         raise failed[0]
     return done[0]

@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.startup import cKDTree
 
-DETOUR = 3.0
+MIN_DETOUR = 3.0
 """A void is a slit if the way along the outline from face to face is at least this many times its width.
 
 A notch is a slit if it is deeper than wide, a wedge if it opens by less than about 40 degrees.
@@ -66,7 +66,7 @@ class VisibilityCriterion:
             self.along,
             self.loop,
             self.normals,
-            DETOUR,
+            MIN_DETOUR,
         )
 
     def apart(self, one: IntArray, other: IntArray) -> BoolArray:
@@ -179,7 +179,7 @@ def _slits(
     at = along.mean(axis=1)
     way = np.abs(at[one] - at[other])
     way = np.where(number[one] == number[other], np.minimum(way, loop[one] - way), np.inf)
-    narrow = way > DETOUR * width
+    narrow = way > MIN_DETOUR * width
     return np.unique(np.concatenate([one[narrow], other[narrow]]))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
 from mlsanm_cli.cloud.search import BATCH_SIZE, in_batches
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
@@ -67,9 +67,9 @@ class Spacing:
         """Whether every zone is symmetric about ``line`` or has its mirror image among the zones."""
         marks, asked = _zone_points(self.table())
         images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
-        slack = SAME * asked[:, :1, None]
+        slack = IMAGE_TOLERANCE * asked[:, :1, None]
         for image, wanted in zip(images, asked, strict=True):
-            like = np.isclose(asked, wanted, rtol=SAME, atol=0.0).all(axis=1)
+            like = np.isclose(asked, wanted, rtol=IMAGE_TOLERANCE, atol=0.0).all(axis=1)
             near = [np.abs(marks - way).max(axis=(1, 2)) <= slack[:, 0, 0] for way in (image, image[::-1])]
             if not (like & (near[0] | near[1])).any():
                 return False
@@ -134,7 +134,7 @@ class Spacing:
 def _halved(curve: Curve, line: SymmetryLine) -> bool:
     """Whether the middle of a curve is on the symmetry ``line``."""
     middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
-    return bool(abs(middle - line.at) <= SAME * curve.length)
+    return bool(abs(middle - line.at) <= IMAGE_TOLERANCE * curve.length)
 
 
 def _zone_points(table: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -17,7 +17,7 @@ GAP_RATIO = 4.0
 """A step this many times longer than adjacent ones is a gap in the boundary."""
 BACKWARD_ANGLE = np.radians(150.0)
 """A boundary that turns by more than this runs backwards."""
-ALIGNED = 0.9
+MIN_COSINE = 0.9
 """Least cosine between a given normal and the outline's own."""
 SMALL = 1e-9
 
@@ -56,7 +56,7 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop], normals: FloatArray
         # At a corner the normal of either side, or one between them, is accepted.
         sides = [step / np.hypot(*step.T)[:, None] for step in (before, after, before + after)]
         along = np.max([given[:, 0] * t[:, 1] - given[:, 1] * t[:, 0] for t in sides], axis=0)
-        wrong = ~(np.isnan(along) | (along > ALIGNED))
+        wrong = ~(np.isnan(along) | (along > MIN_COSINE))
         if wrong.any():
             worst = int(np.argmax(wrong))
             node = loop.nodes[worst]

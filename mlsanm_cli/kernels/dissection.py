@@ -9,7 +9,7 @@ from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Index1, IndexOut2, Int1, IntOut1
 from mlsanm_cli.kernels.copies import copy_to
 
-DEPTH = 256
+STACK_SIZE = 256
 """Stack size: pending parts, halved by every cut."""
 
 
@@ -112,7 +112,7 @@ def dissect(
     _extents(indptr, indices, rank, lowest, highest)
     # Label of the last half every vertex was in; its group: kept half, other half, separator.
     side, group = np.full(count, -1, dtype=np.int64), np.zeros(count, dtype=np.int32)
-    waiting = np.zeros((DEPTH, 4), dtype=np.int64)
+    waiting = np.zeros((STACK_SIZE, 4), dtype=np.int64)
     waiting[0, 1], waiting[0, 2], waiting[0, 3] = count, count, -1
     depth, fronts, cuts = 1, 0, 0
     while depth > 0:

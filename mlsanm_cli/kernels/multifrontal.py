@@ -7,9 +7,9 @@ doi:10.1137/0805005). A front's negative unknowns come last among its pivots.
 Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, in order of elimination, each with two
 unknowns, and updates its border: later nodes, eliminated by its ancestors. A front's descendants come right
 before it. Its panel of the factor, (height, pivots) with height the pivots and the stored part of the border
-(all, or as :mod:`mlsanm_cli.kernels.domains` decides), consists of blocks of BLOCK columns, each column-major
-from its diagonal down. The update passed to the parent ``parent[f]`` is stored by columns from the diagonal
-down.
+(all, or as :mod:`mlsanm_cli.kernels.domains` decides), consists of blocks of BLOCK_COLUMNS columns, each
+column-major from its diagonal down. The update passed to the parent ``parent[f]`` is stored by columns from
+the diagonal down.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
 
-BLOCK = 64
+BLOCK_COLUMNS = 64
 """Columns per stored block of the factor."""
-STRIP = 64
+STRIP_COLUMNS = 64
 """Columns eliminated at once."""
 
 
@@ -154,13 +154,13 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int
     """Factorise a panel in place and subtract its Schur complement from ``update``; false if one of the first
     ``positive`` pivots is not positive or one of the others not negative.
 
-    STRIP columns at a time: matrix products are several times as fast as triangular solves.
+    STRIP_COLUMNS columns at a time: matrix products are several times as fast as triangular solves.
     """
     c: Any = letters()
     height, first = pivots + edge, 0
     while first < pivots:
         own = first < positive
-        columns = min(STRIP, (positive if own else pivots) - first)
+        columns = min(STRIP_COLUMNS, (positive if own else pivots) - first)
         rows, rest = height - first - columns, pivots - first - columns
         i: Any = np.array([columns, height, 0], dtype=np.int32)
         strip: Any = front[first * (height + 1) :]
@@ -203,9 +203,9 @@ def _subtract_schur(
         )
         return
     # In one pass: a second one for a few columns would be limited by memory bandwidth.
-    turned = np.empty(STRIP * pivots)
-    for first in range(0, edge, STRIP):
-        columns = min(STRIP, edge - first)
+    turned = np.empty(STRIP_COLUMNS * pivots)
+    for first in range(0, edge, STRIP_COLUMNS):
+        columns = min(STRIP_COLUMNS, edge - first)
         for column in range(pivots):
             sign = 1.0 if column < positive else -1.0
             for i in range(columns):
@@ -289,7 +289,7 @@ def factorise(
         positive = pivots - 2 * negative[f]
         if pivots > 0 and not _eliminate(front, update, pivots, positive, edge):
             return f
-        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK, values[panel[f] :])
+        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK_COLUMNS, values[panel[f] :])
         _keep_columns(update, edge, edge, edge, 1, waiting[top:])
         top += _triangle(edge)
         owner[depth] = f

@@ -15,7 +15,7 @@ from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, Float3, FloatOut1, Int1
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import PLAIN, TRANSPOSED, apply, multiply, solve_right, solve_vector
-from mlsanm_cli.kernels.multifrontal import BLOCK, locate
+from mlsanm_cli.kernels.multifrontal import BLOCK_COLUMNS, locate
 
 Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
 """``start``, ``negative``, ``begin``, ``border``, ``kept``, ``panel`` and ``values``."""
@@ -28,8 +28,8 @@ def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int)
     """Forward substitution with one panel: solve for the first ``pivots`` rows of ``x`` (height, c) and
     update the others."""
     begin = 0
-    for first in range(0, pivots, BLOCK):
-        columns, rows = min(BLOCK, pivots - first), height - first
+    for first in range(0, pivots, BLOCK_COLUMNS):
+        columns, rows = min(BLOCK_COLUMNS, pivots - first), height - first
         block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
         # Matrix products copy the panel first: for a single vector BLAS level 2 is faster.
         if c == 1:
@@ -48,8 +48,8 @@ def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int)
 def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
     """Solve with the transposed panel for the first ``pivots`` rows of ``x`` (height, c)."""
     begin = len(panel)
-    for first in range((pivots - 1) // BLOCK * BLOCK, -1, -BLOCK):
-        columns, rows = min(BLOCK, pivots - first), height - first
+    for first in range((pivots - 1) // BLOCK_COLUMNS * BLOCK_COLUMNS, -1, -BLOCK_COLUMNS):
+        columns, rows = min(BLOCK_COLUMNS, pivots - first), height - first
         begin -= columns * rows
         block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
         if c == 1:

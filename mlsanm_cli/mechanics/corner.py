@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.mechanics.corner_faces import STEP, Face, FaceForces, smooth_step
+from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth_step
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
     SurfaceForces,
@@ -135,9 +135,9 @@ class Corner:
             return ()
         source, force = source[acting], force[acting]
         first, last = np.log(source.min()) - RANGE_BELOW, np.log(source.max()) + RANGE_ABOVE
-        logarithm = np.arange(first, min(last, np.log(self.span)), STEP)
-        before = np.arange(first - STEP, first - RANGE_BELOW, -STEP)
-        after = np.arange(logarithm[-1] + STEP, last + RANGE_BELOW, STEP)
+        logarithm = np.arange(first, min(last, np.log(self.span)), LOG_STEP)
+        before = np.arange(first - LOG_STEP, first - RANGE_BELOW, -LOG_STEP)
+        after = np.arange(logarithm[-1] + LOG_STEP, last + RANGE_BELOW, LOG_STEP)
         kept = 1.0 - smooth_step((np.log(self.span) - logarithm) / FADE_LENGTH)
         found = []
         for face, table in zip(self.faces, self.wedge.densities, strict=True):
@@ -146,7 +146,7 @@ class Corner:
             by = interpolated(table, logarithm[:, None] - np.log(source))
             for row, more in ((0, before), (-1, after)):
                 by[row] += interpolated(table, more[:, None] - np.log(source)).sum(axis=0)
-            density = np.einsum("p,pkdf,kfc->pdc", STEP * kept, by, force, optimize=True)
+            density = np.einsum("p,pkdf,kfc->pdc", LOG_STEP * kept, by, force, optimize=True)
             found.append(FaceForces(self.wedge.kernel, face, logarithm, density, self.center))
         return tuple(found)
 

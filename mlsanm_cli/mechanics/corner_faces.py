@@ -23,7 +23,7 @@ from mlsanm_cli.mechanics.near_field import (
 )
 from mlsanm_cli.mechanics.wedge import cubic
 
-STEP = 0.1
+LOG_STEP = 0.1
 """Step of the forces along a face in the logarithm of their distance from the tip."""
 FACE_TOLERANCE = 1e-6
 """Tolerance for points and directions on a curved face."""
@@ -106,9 +106,9 @@ class FaceForces:
         if on.any():
             found = self._forces.traction(z[on], normal[on], curvature[on])
             total[on] = np.einsum("epcd,pdm->ecm", found, self.density, optimize=True)
-            row = (np.log(x[on]) - self.logarithm[0]) / STEP
+            row = (np.log(x[on]) - self.logarithm[0]) / LOG_STEP
             inside = (row <= len(self.logarithm) - 1.0)[:, None, None]
-            total[on] += inside * cubic(self.density, row) / (STEP * x[on, None, None])
+            total[on] += inside * cubic(self.density, row) / (LOG_STEP * x[on, None, None])
         return total
 
     @cached_property
@@ -148,8 +148,8 @@ class FaceForces:
         end = np.arcsinh(BLEND_END / slope)[:, None]
         v = np.concatenate([0.5 * side * end * (1.0 + NODES) for side in (-1.0, 1.0)], axis=1)
         away = slope[:, None] * np.sinh(v)
-        size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / STEP * _window(away)
-        row = (np.log(x)[:, None] + away - self.logarithm[0]) / STEP
+        size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / LOG_STEP * _window(away)
+        row = (np.log(x)[:, None] + away - self.logarithm[0]) / LOG_STEP
         size[(row < 0.0) | (row > len(self.logarithm) - 1.0)] = 0.0
         place, inward = self.face.places(x)
         seen = np.repeat(place + slope * x * inward, away.shape[1])

@@ -34,7 +34,7 @@ Clamped beam of 8 x 1, degree 2, spacing 0.05: the tip deflection is 0.16 of the
 0.82 with exponent 1, 0.93 with 1.5; with 2 the stress at the clamped side becomes useless.
 """
 
-REACH = 0.5
+WEIGHT_REACH = 0.5
 """Distance from such corners, in thicknesses, at which the weights reach 1.
 
 With five nodes across and ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
@@ -56,7 +56,7 @@ def thickness(cloud: Cloud) -> float:
 
 
 def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
-    """Factor (n,) on equilibrium and traction rows: min(1, distance / (REACH thickness))^POWER.
+    """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER.
 
     Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
     weight, and cost the strong rows their digits.
@@ -73,7 +73,7 @@ def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatA
     distance = np.maximum(
         nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], MIN_DISTANCE * cloud.spacing
     )
-    factor: FloatArray = np.minimum(distance / (REACH * thickness(cloud)), 1.0) ** POWER
+    factor: FloatArray = np.minimum(distance / (WEIGHT_REACH * thickness(cloud)), 1.0) ** POWER
     return factor
 
 

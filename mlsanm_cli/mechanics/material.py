@@ -20,7 +20,7 @@ LOCKING_RATIO = 8.0
 used (Poisson's ratio 0.444 in plane strain); it multiplies the fill of the factor by two and a half."""
 
 
-DIGITS = 5
+ROOT_DIGITS = 5
 """Digits of results from characteristic roots: double roots are accurate to half of all digits."""
 
 
@@ -67,7 +67,7 @@ class PlaneMaterial:
         found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
         roots = found[found.imag > 0.0]
         size = np.abs((1.0 + 1j * roots) / (1.0 - 1j * roots))
-        return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(DIGITS))
+        return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(ROOT_DIGITS))
 
     @property
     def nearly_incompressible(self) -> bool:

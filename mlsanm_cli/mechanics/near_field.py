@@ -268,7 +268,7 @@ class SurfaceForces:
         one, other = first[:, None] - self.place, last[:, None] - self.place
         ahead = -1j * self.inward
         # A force at the end of a part: use the tangent there as the line of sight.
-        none = TINY * np.abs(last - first)[:, None]
+        none = ZERO_DISTANCE * np.abs(last - first)[:, None]
         starts, ends = np.abs(one) <= none, np.abs(other) <= none
         one, other = np.where(starts, ahead, one), np.where(ends, -ahead, other)
         behind, before = (one / ahead).real < 0.0, (other / ahead).real > 0.0
@@ -284,7 +284,7 @@ class SurfaceForces:
 AT_FORCE = 5e-6
 """Points closer to a force than this fraction of the coordinates get the traction at the force: w . n, of
 order |w|^2, is lost in round-off."""
-TINY = 1e-9
+ZERO_DISTANCE = 1e-9
 """Distances below this fraction of a part's length are zero."""
 ON_PART = 1.01
 """A force lies on a part of the outline if both ends are within this times its length."""

@@ -32,7 +32,7 @@ from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, c
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.mechanics.corners import REACH, thickness
+from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
 
@@ -91,7 +91,7 @@ class Pieces:
         nodal = sum(np.bincount(one[one >= 0], cloud.areas[one >= 0], len(strength)) for one in levels)
         size = np.sqrt(np.where(whole.closed, whole.area, nodal))
         main = slice(0, int(labels.max()) + 1)
-        strength[main] *= np.minimum(1.0, size[main] / (REACH * thickness(cloud)))
+        strength[main] *= np.minimum(1.0, size[main] / (WEIGHT_REACH * thickness(cloud)))
         return cls(cloud, levels, whole, size, strength)
 
     @property

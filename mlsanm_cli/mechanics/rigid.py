@@ -24,7 +24,7 @@ from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.startup import dgeqp3
 
 ROTATION = 2
-DIGITS = 9
+PIN_DIGITS = 9
 """Digits of node positions, relative to the body's size, that decide where it is pinned."""
 RANK_TOLERANCE = 1e-9
 """Singular values of the constraints below this fraction of the largest are round-off."""
@@ -117,7 +117,7 @@ def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
         return []
     patterns = patterns / np.maximum(np.abs(patterns).max(axis=0), np.finfo(float).tiny)
     # Many positions tie: their last digits, which differ between units, must not decide.
-    patterns = np.round(patterns, DIGITS)
+    patterns = np.round(patterns, PIN_DIGITS)
     return [(place // 2, place % 2) for place in independent_rows(patterns)]
 
 

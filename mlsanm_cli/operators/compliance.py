@@ -18,7 +18,7 @@ from mlsanm_cli.operators.refinement import BLOCK
 RANK = 8
 """Initial number of random columns; on published cases 12 give no smaller error, 6 up to ten times as
 much."""
-PROBES = 4
+CHECK_COLUMNS = 4
 """Columns for the error estimate."""
 TOLERANCE = 1e-9
 """Accepted relative error."""
@@ -40,8 +40,8 @@ def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArra
     row[row == 0.0] = 1.0
     rng = np.random.default_rng(SEED)
     rank, tried, found = RANK, np.zeros((start.shape[1], 0)), np.zeros((start.shape[0], 0))
-    while 2 * (rank + PROBES) < min(start.shape):
-        more = rng.normal(size=(len(tried), rank + PROBES - tried.shape[1])) / column[:, None]
+    while 2 * (rank + CHECK_COLUMNS) < min(start.shape):
+        more = rng.normal(size=(len(tried), rank + CHECK_COLUMNS - tried.shape[1])) / column[:, None]
         tried, found = np.hstack([tried, more]), np.hstack([found, of_columns(more) / row])
         basis = np.linalg.qr((found - start @ tried / row)[:, :rank])[0]
         result = start + row * (basis @ (of_rows(basis / row) - (basis / row).T @ start))

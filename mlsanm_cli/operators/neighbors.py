@@ -10,9 +10,9 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.startup import cKDTree
 
-SPARE = 8
+EXTRA_NODES = 8
 """Extra nodes searched where more are equidistant than a stencil takes."""
-TIE = 1e-7
+TIE_TOLERANCE = 1e-7
 """Relative tolerance for equal distances."""
 
 
@@ -60,11 +60,11 @@ def _nearest(
     radius = distances(points, targets, known[:, size - 1 : size])[:, 0]
     if known.shape[1] > size:
         beyond = distances(points, targets, known[:, size : size + 1])[:, 0]
-        tied = np.flatnonzero(beyond <= (1.0 + TIE) * radius)
+        tied = np.flatnonzero(beyond <= (1.0 + TIE_TOLERANCE) * radius)
         if len(tied):
-            more = nearest_nodes(tree, targets[tied], size + SPARE - 1)
+            more = nearest_nodes(tree, targets[tied], size + EXTRA_NODES - 1)
             distance = distances(points, targets[tied], more)
-            order = np.argsort(distance * (1.0 + TIE * more / len(points)), axis=1)[:, :size]
+            order = np.argsort(distance * (1.0 + TIE_TOLERANCE * more / len(points)), axis=1)[:, :size]
             indices[tied] = np.take_along_axis(more, order, axis=1)
             radius[tied] = np.take_along_axis(distance, order[:, -1:], axis=1)[:, 0]
     return radius, indices

@@ -10,13 +10,14 @@ Scheme = Literal["least-squares", "collocation", "ghost"]
 NEIGHBORS = {1: 9, 2: 16, 3: 24, 4: 34, 5: 46, 6: 60}
 """Neighbours per stencil by degree: about 2.5 per polynomial coefficient."""
 
-SHARPNESS = 4.0
-"""Rows of a local fit are multiplied by exp(-SHARPNESS r^2), with r the distance over the stencil radius.
+WEIGHT_EXPONENT = 4.0
+"""Rows of a local fit are multiplied by exp(-WEIGHT_EXPONENT r^2), with r the distance over the stencil
+radius.
 
 With 6 the bulk error is a third smaller, but the compliance of Hertzian contact is no longer positive.
 """
 
-SQUARE_SHARPNESS = 6.0
+SQUARE_EXPONENT = 6.0
 """The same for square schemes from degree 4 on, which become unstable more often with flatter weights."""
 
 
@@ -50,7 +51,7 @@ class MlsSettings:
     @property
     def sharpness(self) -> float:
         """Decay rate of a neighbour's weight with its squared relative distance."""
-        return SQUARE_SHARPNESS if self.square and self.degree >= 4 else SHARPNESS
+        return SQUARE_EXPONENT if self.square and self.degree >= 4 else WEIGHT_EXPONENT
 
     @property
     def rank_tolerance(self) -> float:

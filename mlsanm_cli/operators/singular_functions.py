@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
-from mlsanm_cli.operators.neighbors import SPARE, TIE, distances, neighbors_of
+from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances, neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.startup import cKDTree
@@ -118,10 +118,10 @@ def singular_corners(
     for number in range(0 if tips is None else len(tips.place)):
         assert tips is not None
         place, size = tips.place[number : number + 1], _nodes_around(settings, tips, number)
-        numbers = neighbors_of(points, tree, place, min(size + SPARE, tree.n), sight)[1]
+        numbers = neighbors_of(points, tree, place, min(size + EXTRA_NODES, tree.n), sight)[1]
         # With all nodes as far as the last one, mirror images of corners have mirrored fits.
         away = distances(points, place, numbers)[0]
-        around = numbers[0][away <= (1.0 + TIE) * np.sort(away)[min(size, len(away)) - 1]]
+        around = numbers[0][away <= (1.0 + TIE_TOLERANCE) * np.sort(away)[min(size, len(away)) - 1]]
         corner = _singular_corner(points[around], around, settings, tips, number)
         if corner is not None:
             found.append(corner)

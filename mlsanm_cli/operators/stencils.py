@@ -20,13 +20,13 @@ from mlsanm_cli.operators.singular_functions import enriched, singular_corners
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.startup import cKDTree
 
-GROWTH = 1.3
+ENLARGEMENT = 1.3
 MAX_GROWTH = 3.0
-MARGIN, MARGIN_DEGREE, MARGIN_GROWTH = 20.0, 3, 1.9
-"""From degree MARGIN_DEGREE on, fits are first sought MARGIN times above the rank tolerance, with up to
-MARGIN_GROWTH times the neighbours. On a structured mesh of an eye 15 of 1,362 fits were below, and its
+CONDITION_MARGIN, MARGIN_DEGREE, MARGIN_GROWTH = 20.0, 3, 1.9
+"""From degree MARGIN_DEGREE on, fits are first sought CONDITION_MARGIN times above the rank tolerance, with
+up to MARGIN_GROWTH times the neighbours. On a structured mesh of an eye 15 of 1,362 fits were below, and its
 displacement 19 % off at degree 3 and 9 % at degree 4; with more neighbours there 5 and 4 %."""
-SLICE = 4096
+BLOCK_SIZE = 4096
 """Stencils fitted at once: a tenth of a second at high degrees."""
 
 
@@ -124,8 +124,8 @@ def _fit_in_slices(
 ) -> None:
     """Compute ``weights`` and ``ratio`` in slices of stencils, between which signals are handled."""
     size = indices.shape[1]
-    for first in range(0, len(centers), SLICE):
-        here = slice(first, min(first + SLICE, len(centers)))
+    for first in range(0, len(centers), BLOCK_SIZE):
+        here = slice(first, min(first + BLOCK_SIZE, len(centers)))
         indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
         mls_weights(
             *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
@@ -161,7 +161,7 @@ def sound_fits(
         patient = settings.degree >= MARGIN_DEGREE and size < min(
             nodes, MARGIN_GROWTH * settings.stencil_size
         )
-        margin = MARGIN if patient else 1.0
+        margin = CONDITION_MARGIN if patient else 1.0
         sound = (ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0)
         if sound.all():
             yield pending, parts, ratio
@@ -175,7 +175,7 @@ def sound_fits(
                 f"{settings.degree}, not even {size} of them",
                 "use a smaller spacing there, or a lower mls.degree",
             )
-        size = int(np.ceil(GROWTH * size))
+        size = int(np.ceil(ENLARGEMENT * size))
 
 
 def _merge(

@@ -169,7 +169,7 @@ def test_slices_change_no_node(monkeypatch: pytest.MonkeyPatch) -> None:
     spacing = Spacing(0.02, (Zone.around((0.3, 0.4), 0.002, 0.01, 0.1),))
     whole, _ = front(SQUARE, spacing, 3)
     monkeypatch.setattr(slices, "FIRST_PARENTS", 1)
-    monkeypatch.setattr(slices, "SLICE", 1e-9)
+    monkeypatch.setattr(slices, "SLICE_SECONDS", 1e-9)
     pieces, _ = front(SQUARE, spacing, 3)
     assert len(whole) > 3000
     assert np.array_equal(whole, pieces)

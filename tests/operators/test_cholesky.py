@@ -88,7 +88,7 @@ def quasi_definite(
 def domains_of(most: int) -> Iterator[None]:
     """Domains of up to ``most`` nodes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cholesky, "DOMAIN", most)
+        patch.setattr(cholesky, "DOMAIN_NODES", most)
         yield
 
 

@@ -20,7 +20,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
+from mlsanm_cli.operators.linear.dissection import LEAF_SIZE, nested_dissection
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 from mlsanm_cli.operators.refinement import PRECISE, Progress
 from mlsanm_cli.operators.square import Square
@@ -71,7 +71,7 @@ def test_the_last_nodes_separate_the_others() -> None:
     pieces, label = sparse.csgraph.connected_components(graph[rest][:, rest])
     assert pieces == 2
     assert np.bincount(label).min() >= 12 * 14
-    assert len(points) > LEAF
+    assert len(points) > LEAF_SIZE
 
 
 def fill(matrix: sparse.csc_array, order: IntArray) -> int:

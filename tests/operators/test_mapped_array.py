@@ -68,6 +68,6 @@ def test_a_full_disk_and_one_that_cannot_be_written_are_done_without(monkeypatch
         patch.setattr(os, "posix_fallocate", full)
         assert (filled(4.0).values == 4.0).all()
     with monkeypatch.context() as patch:
-        patch.setattr(scratch, "DISK", "/proc")
+        patch.setattr(scratch, "DEFAULT_DIRECTORY", "/proc")
         patch.delenv("TMPDIR", raising=False)
         assert (filled(5.0).values == 5.0).all()

@@ -18,7 +18,7 @@ from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
-from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
@@ -93,7 +93,7 @@ def _clear(
     gap = ahead.gap(s)
     offset = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     across = (outward * normal).sum(axis=1)
-    faces = (across < OPPOSED) & (offset <= EQUAL_GAP * base.length)
+    faces = (across < MAX_FACING_COSINE) & (offset <= EQUAL_GAP * base.length)
     if not faces.any():
         return None
     sides = [

@@ -13,7 +13,7 @@ from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.model.places import listed
 from mlsanm_cli.cloud.curves import Arc
-from mlsanm_cli.cloud.joined import SMOOTH, joined, part_of
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, joined, part_of
 
 COINCIDENCE = 1e-4
 """Largest distance of coincident surfaces, relative to their length."""
@@ -52,7 +52,7 @@ def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Pl
         ends = (own.length, 0.0) if step > 0 else (0.0, curve.length)
         here, there = own.normals(np.array([ends[0]]))[0], curve.normals(np.array([ends[1]]))[0]
         names = [f"{place.body}.{outline.names[k].partition('/')[0]}" for k in (adjacent, beyond)]
-        if float(here @ there) > math.cos(SMOOTH) and _is_free(case, contact, place, *names):
+        if float(here @ there) > math.cos(SMOOTH_ANGLE) and _is_free(case, contact, place, *names):
             found.append((names[0], adjacent))
     # All arcs of a name are included, or none.
     taken = {number for _, number in found}

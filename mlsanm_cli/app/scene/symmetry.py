@@ -10,7 +10,7 @@ from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.case.model.case import Body
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
 
 SAMPLES = 33
 
@@ -31,7 +31,7 @@ def line_of(case: Case) -> SymmetryLine | None:
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
         line = SymmetryLine(axis, float(middle[0, axis]))
-        same = np.abs(middle[:, axis] - line.at).max() <= SAME * size
+        same = np.abs(middle[:, axis] - line.at).max() <= IMAGE_TOLERANCE * size
         if same and all(_symmetric(case, body, line, float(size)) for body in case.body):
             return line
     return None

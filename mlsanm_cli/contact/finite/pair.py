@@ -20,7 +20,7 @@ from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.transfer import Transfer
 from mlsanm_cli.contact.geometry.facing import turned
-from mlsanm_cli.contact.geometry.pairing import OPPOSED
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
 
 DEEP = 3.0
 """Nodes deeper inside the master than this many of its spacings are ignored."""
@@ -92,7 +92,7 @@ class BodyContact:
         normal = sign * turned(along)
         gap = (apart * normal).sum(axis=1)
         own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
-        faced = (own * normal).sum(axis=1) < OPPOSED * np.hypot(*own.T)
+        faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
         deep = gap < -DEEP * self._spacing(place) * length
         facing = inside & faced & ~deep
         moves = _Moves(rows, along, normal, apart, first, second)

@@ -28,9 +28,9 @@ from mlsanm_cli.contact.geometry.hat_pairs import (
 )
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 
-LEAF = 16
+LEAF_SIZE = 16
 """Hats per leaf cluster."""
-POINTS = 12
+CHEBYSHEV_POINTS = 12
 """Chebyshev points per cluster: the relative error of far integrals is 1e-11."""
 ADMISSIBILITY = 0.7
 """Admissibility: least distance of far clusters over the size of the larger one."""
@@ -60,9 +60,9 @@ class Clusters:
         place, nodes, widths = pairs.hats.place, pairs.hats.nodes, pairs.widths
         bounds, halves = [(0, len(place))], dict[int, tuple[int, int]]()
         for number, (first, last) in enumerate(bounds):  # which grows
-            if last - first > LEAF:
+            if last - first > LEAF_SIZE:
                 middle = int(np.searchsorted(place, 0.5 * (place[first] + place[last - 1])))
-                middle = min(max(middle, first + LEAF // 4), last - LEAF // 4)
+                middle = min(max(middle, first + LEAF_SIZE // 4), last - LEAF_SIZE // 4)
                 halves[number] = len(bounds), len(bounds) + 1
                 bounds += [(first, middle), (middle, last)]
         supports = np.array([(nodes[first], nodes[last + 1]) for first, last in bounds])
@@ -124,7 +124,7 @@ class Clusters:
         for function, table in ((LOGARITHM, log), (SIGN, turn)):
             if not len(self.far) or not self.pairs.meet(table, along, along @ table.T):
                 continue
-            count = 1 if function.constant else POINTS
+            count = 1 if function.constant else CHEBYSHEV_POINTS
             between = self._between(function, count)
             shares = {c: self._shares(values, count) for c, values in enumerate(along.T) if values.any()}
             for seen, by in product(shares, repeat=2):

@@ -33,9 +33,9 @@ from mlsanm_cli.mechanics.near_field import (
     by_component,
 )
 
-STEP = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Step of difference quotients along a contact, as a fraction of its range."""
-STRAIGHT = 1e-9
+STRAIGHTNESS = 1e-9
 """Relative tolerance for equal directions and lengths."""
 ZERO_COMPONENT = 1e-14
 """Direction components below this are zero."""
@@ -149,7 +149,7 @@ class ContactGrid:
         The mean traction is then an ordinary surface traction, to which the bodies' response is exact; near
         fields are only used for the deviation from it.
         """
-        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHT
+        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHTNESS
         if self.hats.whole != (True, True) or not straight:
             return False
         ends = np.array([self.first, self.last])
@@ -160,7 +160,7 @@ class ContactGrid:
                 if curve.closed:
                     return False
                 long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
-                if abs(long - curve.length) > STRAIGHT * curve.length or len(self.corners_of(slave)) != 2:
+                if abs(long - curve.length) > STRAIGHTNESS * curve.length or len(self.corners_of(slave)) != 2:
                     return False
         return True
 
@@ -288,7 +288,7 @@ class ContactGrid:
 
     def _way(self, slave: bool) -> ComplexArray:
         """Derivatives (k,) of the points of one surface by the coordinate s."""
-        step = STEP * (self.last - self.first)
+        step = DIFFERENCE_STEP * (self.last - self.first)
         ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
         return np.asarray((ahead - behind) / (2.0 * step))
 

@@ -20,11 +20,11 @@ from mlsanm_cli.startup import cKDTree
 ROUND_OFF = 1e-9
 CORNER_ANGLE = np.deg2rad(15.0)
 """Corners of a polyline sharper than this are intended."""
-ALIKE, NEIGHBORS = 0.6, 2
+TURN_VARIATION, TURN_NEIGHBORS = 0.6, 2
 """Points are samples of a smooth curve if the turning angle differs from the mean of its neighbours by less
-than ALIKE times the largest among NEIGHBORS on either side. A single corner between straight sides differs by
-1."""
-CANDIDATES = 8
+than TURN_VARIATION times the largest among TURN_NEIGHBORS on either side. A single corner between straight
+sides differs by 1."""
+CLOSEST_SIDES = 8
 """Number of nearest sides examined exactly, if there are more than twice as many."""
 SPLIT_RATIO = 4.0
 """Sides longer than this times the median are split in the search tree."""
@@ -109,10 +109,13 @@ class Chain:
         turn = np.angle(np.exp(1j * np.diff(angle)))
         turn[np.abs(turn) <= ROUND_OFF] = 0.0
         # Constant extrapolation of the turning angle beyond the ends.
-        wide = np.pad(turn, NEIGHBORS, mode="edge")
-        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * NEIGHBORS + 1)
-        mean = 0.5 * (wide[NEIGHBORS - 1 : -NEIGHBORS - 1] + wide[NEIGHBORS + 1 : count - 2 + NEIGHBORS + 1])
-        even = np.abs(turn - mean) <= ALIKE * window.max(axis=1)
+        wide = np.pad(turn, TURN_NEIGHBORS, mode="edge")
+        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * TURN_NEIGHBORS + 1)
+        mean = 0.5 * (
+            wide[TURN_NEIGHBORS - 1 : -TURN_NEIGHBORS - 1]
+            + wide[TURN_NEIGHBORS + 1 : count - 2 + TURN_NEIGHBORS + 1]
+        )
+        even = np.abs(turn - mean) <= TURN_VARIATION * window.max(axis=1)
         result[1:-1] = even & (np.abs(turn) <= CORNER_ANGLE) & (window.max(axis=1) > 0.0)
         for first, last in _runs(result):
             result[first:last] &= last - first >= MIN_SAMPLES
@@ -202,9 +205,9 @@ class Chain:
         """Rows (r,) of ``points`` with the sides (r, k) that contain the closest one: those of the nearest
         mid-points if this is certain, else all."""
         count, rows = len(self.points) - 1, np.arange(len(points))
-        if count > 2 * CANDIDATES:
+        if count > 2 * CLOSEST_SIDES:
             tree, side, reach = self._middles
-            distance, chosen = nearest(tree, points, CANDIDATES)
+            distance, chosen = nearest(tree, points, CLOSEST_SIDES)
             chosen = side[chosen]
             # No side beyond the last candidate can be closer than the first.
             certain = distance[:, -1] - reach > distance[:, 0]

@@ -15,7 +15,7 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
-OPPOSED = -0.2
+MAX_FACING_COSINE = -0.2
 """Surfaces face each other where the product of their outward normals is below this."""
 SLACK = 1e-6
 ROUND_OFF = 1e-13
@@ -125,7 +125,7 @@ def facing_parts(
         own = numbers[position]
         on = np.flatnonzero(own >= 0)
         if slave.parts:
-            on = on[(part.normal[own[on]] * normal[on]).sum(axis=1) < OPPOSED]
+            on = on[(part.normal[own[on]] * normal[on]).sum(axis=1) < MAX_FACING_COSINE]
         yield part, own[on], on
 
 
@@ -135,7 +135,7 @@ def opposed(pairing: Pairing, s: FloatArray) -> BoolArray:
     if not pairing.slave.parts or master is None:
         return np.ones(len(s), dtype=bool)
     there = master.curve.closest(slave.points(s))
-    return np.asarray((slave.normals(s) * master.curve.normals(there)).sum(axis=1) < OPPOSED)
+    return np.asarray((slave.normals(s) * master.curve.normals(there)).sum(axis=1) < MAX_FACING_COSINE)
 
 
 def _weights(slave: Surface, position: IntArray, normal: FloatArray) -> FloatArray:
@@ -216,7 +216,7 @@ def _paired(
     away = points - partner
     tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     spacing = slave_cloud.spacing[slave.index]
-    facing = (slave.normal * normal).sum(axis=1) < OPPOSED
+    facing = (slave.normal * normal).sum(axis=1) < MAX_FACING_COSINE
     gap = (away * normal).sum(axis=1)
     # Coincident surfaces have zero gaps, whatever the round-off of their coordinates.
     gap[np.abs(gap) <= ROUND_OFF * np.abs(points).max()] = 0.0

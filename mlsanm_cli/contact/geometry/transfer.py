@@ -9,11 +9,11 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.pairing import OPPOSED, SLACK, Pairing
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, SLACK, Pairing
 
 WINDOW = 2.0
 """Half-width of the transfer window, in spacings."""
-NEWTON = 5
+NEWTON_STEPS = 5
 """Newton steps to a point of the slave: quadratic convergence from an error of the order of the gap."""
 WINDOW_SHARPNESS = 4.0
 """Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
@@ -37,7 +37,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     arc, _, spacing = _unrolled(pairing)
     s, offset, stretch = feet(pairing, master, master.arc_length)
     slack = 1e-6 * float(pairing.spacing.min())
-    facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < OPPOSED
+    facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < MAX_FACING_COSINE
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (offset <= slack))
@@ -61,14 +61,14 @@ def feet(pairing: Pairing, master: Surface, arc: FloatArray) -> tuple[FloatArray
     s = slave.closest(points)
     normal = normals_towards(master.curve, arc, slave.normals(s))
     curvature = master.curve.curvature(arc)
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         off = master.curve.closest(slave.points(s)) - arc
         if master.curve.closed:
             off -= master.curve.length * np.round(off / master.curve.length)
         cosine = -(slave_normals(pairing, s) * normal).sum(axis=1)
         gap = ((slave.points(s) - points) * normal).sum(axis=1)
         # Where surfaces do not face each other nothing is transferred, whatever the stretch.
-        stretch = (1.0 + curvature * gap) / np.maximum(cosine, -OPPOSED)
+        stretch = (1.0 + curvature * gap) / np.maximum(cosine, -MAX_FACING_COSINE)
         # The curves run in opposite directions, each with its material on the left.
         moved = s + stretch * off
         s = np.mod(moved, slave.length) if slave.closed else np.clip(moved, 0.0, slave.length)

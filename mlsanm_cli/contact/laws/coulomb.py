@@ -18,7 +18,7 @@ from mlsanm_cli.contact.laws.set_search import (
     FloatingError,
     moving,
 )
-from mlsanm_cli.contact.response.condensed import EVEN, Condensed
+from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 
 PRESSURE_TOLERANCE = 1e-10
 """Pressures below this fraction of those that correspond to the rigid motions are zero."""
@@ -95,7 +95,7 @@ def increment(
     NoStateError; with ``slipping`` FloatingError if surfaces that were apart would touch without pressure.
     """
     before = state.values.slip
-    closed = state.sets.closed | (state.values.gap <= EVEN * condensed.weight)
+    closed = state.sets.closed | (state.values.gap <= EQUAL_GAP * condensed.weight)
     floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()
     if floating:
         closed |= condensed.closest(state.values.gap)

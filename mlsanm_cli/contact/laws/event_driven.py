@@ -19,7 +19,7 @@ from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatu
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
-from mlsanm_cli.contact.response.condensed import EVEN, Condensed
+from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 from mlsanm_cli.errors import NumericalError
 
 NEAR = 1e-9
@@ -102,7 +102,7 @@ def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
     free = (size > 0.0) & (stiff * condensed.largest_compliance <= NEAR * size)
     widest = float(np.abs(state.values.gap).max())
     rows = gap.motion[:, free] / size[free]
-    depth = (EVEN * condensed.weight - state.values.gap) / widest
+    depth = (EQUAL_GAP * condensed.weight - state.values.gap) / widest
     target = np.append(np.zeros(rows.shape[1]), 1.0)
     multipliers, missed = nnls(np.vstack([rows.T, depth]), target)
     rest = np.vstack([rows.T, depth]) @ multipliers - target

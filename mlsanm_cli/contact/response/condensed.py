@@ -33,7 +33,7 @@ from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 
-EVEN = 1e-9
+EQUAL_GAP = 1e-9
 """Gaps that differ by less than this fraction of the spacing are equal."""
 ROUND_OFF = 1e-9
 
@@ -172,7 +172,7 @@ class Condensed:
 
     def overlap(self, gap: FloatArray) -> bool:
         """Whether some ``gap`` (m,) is negative beyond the tolerance of surfaces drawn touching."""
-        return bool((gap < -EVEN * self.weight).any())
+        return bool((gap < -EQUAL_GAP * self.weight).any())
 
     def closest(self, gap: FloatArray) -> BoolArray:
         """Mask (m,) of nodes with the smallest ``gap`` (m,) in every contact, enough to hold all rigid
@@ -182,7 +182,7 @@ class Condensed:
         for count in 2 ** np.arange(len(gap).bit_length() + 1):
             for name, span in self.spans.items():
                 widest = ordered[name][:count].max(initial=-np.inf)
-                chosen[span] |= gap[span] <= widest + EVEN * self.weight[span]
+                chosen[span] |= gap[span] <= widest + EQUAL_GAP * self.weight[span]
             held = np.concatenate([self.gap.motion[chosen], self.balance.motion])
             size = np.abs(held).max(axis=0, initial=0.0)
             if np.linalg.matrix_rank(held / np.where(size > 0.0, size, 1.0), ROUND_OFF) == held.shape[1]:

@@ -21,21 +21,21 @@ from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces, as_complex, as_real
 from mlsanm_cli.startup import cKDTree
 
-FAR = 2.0
+GRID_POINT_DISTANCE = 2.0
 """Intervals farther away than this many of their lengths are integrated with the grid's quadrature points."""
-POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
+GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
 """Distance in interval lengths, and number of Gauss points from there on, for nearby intervals."""
-NEAR_SURFACE = 1e-3
+SURFACE_INSET = 1e-3
 """Points closer to the surface than this fraction of the interval are shifted inside by as much, as fields
 jump on it."""
-BEYOND, CLOSE, DISTANT = 1.0 / 6.0, 48, 12
-"""Beyond BEYOND ranges CLOSE samples represent all pressures, to 1e-7; beyond one range DISTANT samples
-do."""
+FAR_DISTANCE, FAR_SAMPLES, DISTANT_SAMPLES = 1.0 / 6.0, 48, 12
+"""Beyond FAR_DISTANCE ranges FAR_SAMPLES samples represent all pressures, to 1e-7; beyond one range
+DISTANT_SAMPLES samples do."""
 NEWTON_STEPS = 3
 """Newton steps to the closest point of the surface."""
 MAX_INTERVALS = 100
 """Largest number of intervals that are treated individually when near."""
-AT_TIP = 2e-3
+TIP_INSET = 2e-3
 """Points closer to a corner's tip than this fraction of its faces are shifted inside by as much."""
 BATCH_SIZE = 100_000
 """Point-source pairs processed at once, to limit memory."""
@@ -148,8 +148,8 @@ def fields_of(
     pressure, traction = grid.deviation(pressure), grid.deviation(traction)
     for corner in grid.corners_of(slave):
         # At the tip itself the fields of force densities along the faces are undefined.
-        within = np.abs(z - corner.tip) < AT_TIP * corner.length
-        z = np.where(within, corner.tip + AT_TIP * corner.length * corner.bisector, z)
+        within = np.abs(z - corner.tip) < TIP_INSET * corner.length
+        z = np.where(within, corner.tip + TIP_INSET * corner.length * corner.bisector, z)
     loads = _Loads.of(grid, slave, kernel, pressure, traction)
     if not loads.ends.size:
         return np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
@@ -157,7 +157,7 @@ def fields_of(
     corners = grid.corners_of(slave)
     if not corners:
         return displacement, stress
-    close = replace(grid, count=CLOSE)
+    close = replace(grid, count=FAR_SAMPLES)
     place, force = grid.places(slave), _on_points(grid, pressure, traction)
     few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
     for corner in corners:
@@ -168,7 +168,7 @@ def fields_of(
         for image, distant in zip(whole, corner.images(corner.distance(few), on), strict=True):
             # Images are near only for points close to the wall.
             away = np.abs(z[:, None] - distant.places.place).min(axis=1) / (grid.last - grid.first)
-            for some, one in ((away > BEYOND, distant), (away <= BEYOND, image)):
+            for some, one in ((away > FAR_DISTANCE, distant), (away <= FAR_DISTANCE, image)):
                 displacement[some] += one.displacement(z[some])
                 stress[some] += one.stress(z[some])
     return displacement, stress
@@ -179,14 +179,14 @@ def _own_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]
     the intervals, recursively."""
     columns = loads.pressure.shape[2]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    close = loads.sampled(CLOSE)
+    close = loads.sampled(FAR_SAMPLES)
     away = np.abs(z[:, None] - close[0].place).min(axis=1, initial=np.inf) / loads.extent
-    for some, count in ((away > 1.0, DISTANT), ((away <= 1.0) & (away > BEYOND), CLOSE)):
+    for some, count in ((away > 1.0, DISTANT_SAMPLES), ((away <= 1.0) & (away > FAR_DISTANCE), FAR_SAMPLES)):
         if some.any():
-            sources, force = close if count == CLOSE else loads.sampled(count)
+            sources, force = close if count == FAR_SAMPLES else loads.sampled(count)
             displacement[some] = sources.displacement_by(force, z[some])
             stress[some] = sources.stress_by(force, z[some])
-    adjacent = np.flatnonzero(away <= BEYOND)
+    adjacent = np.flatnonzero(away <= FAR_DISTANCE)
     if len(adjacent) and len(loads.steps) <= MAX_INTERVALS:
         displacement[adjacent], stress[adjacent] = _close_fields(loads, z[adjacent])
     elif len(adjacent):
@@ -221,7 +221,7 @@ def _close_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArra
         some = z[first : first + step]
         foot = _feet(some, starts, chords)
         away = np.abs(some[:, None] - (starts + foot * chords))
-        close = away < FAR * size
+        close = away < GRID_POINT_DISTANCE * size
         parts.append(_far(loads, some, close))
         row, interval = np.nonzero(close)
         pairs.append((row + first, some[row], interval, foot[close]))
@@ -270,7 +270,7 @@ def _inside(grid: ContactGrid, slave: bool, z: ComplexArray) -> ComplexArray:
     around = np.concatenate([[bounds[0]], ends, [bounds[1]]])
     s, place, inward = _nearest(grid, slave, z, ends[near], (around[near], around[near + 2]))
     step = np.diff(ends)[np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2)]
-    deep, size = ((z - place) * np.conj(inward)).real, NEAR_SURFACE * step
+    deep, size = ((z - place) * np.conj(inward)).real, SURFACE_INSET * step
     on = np.abs(z - place) <= 2.0 * step
     return np.where(on & (deep < size), z + (size - deep) * inward, z)
 
@@ -296,8 +296,8 @@ def _add_close(
 ) -> None:
     """Add the contribution of close intervals to displacements and stresses (e, ., c). Pairs (p,) consist of
     row, point, interval, closest fraction of the interval, and distance over its length."""
-    last = [first for first, _ in POINTS[1:]] + [np.inf]
-    for (first, count), beyond in zip(POINTS, last, strict=True):
+    last = [first for first, _ in GAUSS_POINTS[1:]] + [np.inf]
+    for (first, count), beyond in zip(GAUSS_POINTS, last, strict=True):
         chosen = np.flatnonzero((pairs[4] >= first) & (pairs[4] < beyond))
         rule = _rule(count)
         for some in np.array_split(chosen, 1 + len(chosen) * count // BATCH_SIZE):

@@ -9,7 +9,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.facing import turned
-from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing, facing_parts, opposed
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, facing_parts, opposed
 from mlsanm_cli.contact.geometry.transfer import feet, slave_normals, transfer
 from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -117,7 +117,7 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
     for part, place in master.members:
         faces = np.ones(len(place), dtype=bool)
         if towards is not None:
-            faces = (part.normal * towards[place]).sum(axis=1) < OPPOSED
+            faces = (part.normal * towards[place]).sum(axis=1) < MAX_FACING_COSINE
         some = (sparse.diags_array(faces.astype(float)) @ shares[place]).tocoo()
         rows, columns = some.coords
         # The reaction to p n is -p n, with n replaced by the master's own normal; likewise for the tangent.

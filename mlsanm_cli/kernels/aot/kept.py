@@ -20,11 +20,11 @@ import numpy as np
 from mlsanm_cli.kernels.aot.machine import Code, UnloadableError, numba_root
 from mlsanm_cli.system import replacing, who_else_may_write
 
-NAME = "machine-code"
+FILE_NAME = "machine-code"
 LEFT = "left-to-numba"
 """File with the reason why there is no machine code and numba's own cache is used instead."""
 SETTINGS = "NUMBA_"
-HARMLESS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
+NEUTRAL_SETTINGS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
 """Settings of numba that do not affect machine code."""
 DIGEST = 64
 
@@ -47,7 +47,7 @@ def build_environment() -> tuple[str, ...]:
         version = (Path(numba_root()) / "_version.py").read_text()
     except (OSError, UnloadableError) as error:
         version = str(error)
-    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in HARMLESS)
+    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in NEUTRAL_SETTINGS)
     settings = (f"{name}={os.environ[name]}" for name in sorted(names))
     features = llvm.get_host_cpu_features().flatten()
     processor = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
@@ -84,9 +84,9 @@ def read(place: Path) -> Code | None:
     """The machine code in a directory; None if it is missing or damaged, or if another user may have written
     it: it runs with this user's rights, and its digest does not prove its origin."""
     try:
-        if who_else_may_write(place / NAME):
+        if who_else_may_write(place / FILE_NAME):
             return None
-        return decoded((place / NAME).read_bytes())
+        return decoded((place / FILE_NAME).read_bytes())
     except (OSError, ValueError):
         return None
 
@@ -101,8 +101,8 @@ def write(place: Path, code: Code) -> None:
     if reason:
         raise PermissionError(reason)
     # Not tempfile, whose files other users cannot read: one user may compile for all.
-    temporary = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
-    with replacing(place / NAME, temporary):
+    temporary = place / f"{FILE_NAME}.{os.getpid()}.{os.urandom(8).hex()}"
+    with replacing(place / FILE_NAME, temporary):
         temporary.write_bytes(encoded(code))
         _restrict_writing(temporary)
 

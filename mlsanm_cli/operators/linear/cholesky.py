@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.domains import count_links, domains, fill_links
-from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise
+from mlsanm_cli.kernels.multifrontal import BLOCK_COLUMNS, borders, factorise
 from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
 from mlsanm_cli.operators.linear.fallback import verified_or_superlu
@@ -21,7 +21,7 @@ from mlsanm_cli.operators.linear.progress import watched
 from mlsanm_cli.operators.linear.scratch import MappedArray
 from mlsanm_cli.operators.structure import structure
 
-DOMAIN = 512
+DOMAIN_NODES = 512
 """Largest number of nodes of a domain. With 66k nodes domains make the factor 25 % smaller and solutions no
 slower; with twice this size it is 29 %, and blocks of solutions take 5 % longer."""
 
@@ -61,11 +61,13 @@ class Fronts:
         order, place = tree.order, np.empty_like(tree.order)
         place[order] = np.arange(len(points))
         begin, border, waiting = borders(tree.start, tree.parent, *structure(graph), order, place)
-        kept, unit = domains(tree.start, tree.parent, begin, border, DOMAIN)
+        kept, unit = domains(tree.start, tree.parent, begin, border, DOMAIN_NODES)
         pivots, height = 2 * np.diff(tree.start), 2 * np.diff(tree.start) + 2 * kept
-        whole = pivots // BLOCK
-        rest = pivots - BLOCK * whole
-        size = BLOCK * (whole * height - BLOCK * (whole * (whole - 1) // 2)) + rest * (height - BLOCK * whole)
+        whole = pivots // BLOCK_COLUMNS
+        rest = pivots - BLOCK_COLUMNS * whole
+        size = BLOCK_COLUMNS * (whole * height - BLOCK_COLUMNS * (whole * (whole - 1) // 2)) + rest * (
+            height - BLOCK_COLUMNS * whole
+        )
         panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
         return cls(order, place, tree.start, of_front, tree.parent, begin, border, kept, panel, waiting, unit)
 

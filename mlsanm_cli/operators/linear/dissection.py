@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.operators.structure import structure
 
-LEAF = 16
+LEAF_SIZE = 16
 """Largest part that is not cut: with 32 the factor is 5 % larger, with 8 no smaller."""
 DIRECTIONS = 8
 
@@ -44,7 +44,7 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     ranked = np.argsort(heights.T, axis=1, kind="stable").astype(np.int32)
     order = np.empty(len(points), dtype=np.int64)
     begins, parents = np.empty((2, 2 * len(points) + 1), dtype=np.int64)
-    count = dissect(*structure(graph), ranked, LEAF, order, begins, parents)
+    count = dissect(*structure(graph), ranked, LEAF_SIZE, order, begins, parents)
     # The kernel numbers fronts, and parents, from last to first.
     parent = parents[:count][::-1]
     return Dissection(

@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 
-EARLY = 0.02
+MIN_PROGRESS = 0.02
 """No remaining time is shown before this fraction of the work is done."""
 
 
@@ -48,7 +48,7 @@ def progress_text() -> str:
     one = _now[-1]
     count, part = int(one.done[0]), float(one.work[int(one.done[0])])
     text = f"fronts {count} of {len(one.work) - 1}, {100.0 * part:.0f} %"
-    if not EARLY < part < 1.0:
+    if not MIN_PROGRESS < part < 1.0:
         return text
     left = (time.monotonic() - one.begun) * (1.0 - part) / part
     return f"{text}, {left:.0f} s left"

@@ -18,7 +18,7 @@ from mlsanm_cli.arrays import FloatArray
 
 MAPPED_SIZE = 2**26
 """Bytes from which an array is mapped to a file: it then costs less than 1 % of the work on it."""
-DISK = "/var/tmp"
+DEFAULT_DIRECTORY = "/var/tmp"
 """Directory of the files unless TMPDIR is set: /tmp is often in memory itself."""
 
 
@@ -58,7 +58,7 @@ def _mapped(size: int) -> mmap.mmap | None:
     """A mapped file of ``size`` bytes; None if not available."""
     if not hasattr(mmap, "MADV_DONTNEED") or not hasattr(os, "posix_fallocate"):
         return None
-    place = DISK if "TMPDIR" not in os.environ and os.path.isdir(DISK) else None
+    place = DEFAULT_DIRECTORY if "TMPDIR" not in os.environ and os.path.isdir(DEFAULT_DIRECTORY) else None
     with contextlib.suppress(OSError), tempfile.TemporaryFile(dir=place) as file:
         # Allocated in full: writing to a full disk would end the process by a signal.
         os.posix_fallocate(file.fileno(), 0, size)
