@@ -33,6 +33,8 @@ CANDIDATES = 15
 MAX_HOLLOW_RADIUS = 10.0
 """Radius of a hollow, relative to the extent of the body, above which it counts as flat."""
 STRIPS = 512
+ACUTE = math.pi / 3.0
+"""Corners of less than this angle (radian) leave less than a spacing between nodes next to them."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,31 @@ class Cloud:
     @cached_property
     def separation(self) -> NodeSeparation:
         """How the nodes stand to their nearest ones."""
-        return separation(self.points, self.tree, self.spacing, self.sight)
+        return separation(self.points, self.tree, self.spacing, self.sight, self._between_faces)
+
+    @cached_property
+    def acute(self) -> dict[int, float]:
+        """The corner nodes where the material is a tip of less than ACUTE, and the angles (radian) there."""
+        found = {}
+        for one in self.surfaces.values():
+            for other in self.surfaces.values():
+                if not one.curve.closed and one.index[-1] == other.index[0]:
+                    (x, y), (u, v) = one.normal[-1], other.normal[0]
+                    angle = float(np.pi - np.arctan2(x * v - y * u, x * u + y * v))
+                    if angle < ACUTE:
+                        found[int(other.index[0])] = angle
+        return found
+
+    @property
+    def _between_faces(self) -> FloatArray:
+        """What acute corners leave between the nodes (n,) on their two faces."""
+        room = np.full(len(self.points), np.inf)
+        for corner, angle in self.acute.items():
+            away = np.hypot(*(self.points[self.boundary_nodes] - self.points[corner]).T)
+            away[away == 0.0] = np.inf
+            across = np.minimum(room[self.boundary_nodes], 2.0 * np.sin(0.5 * angle) * away)
+            room[self.boundary_nodes] = across
+        return room
 
     @cached_property
     def thinnest(self) -> Thinnest:

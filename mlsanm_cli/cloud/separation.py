@@ -28,17 +28,22 @@ class NodeSeparation:
 
 
 def separation(
-    points: FloatArray, tree: cKDTree, spacing: FloatArray, sight: VisibilityCriterion | None
+    points: FloatArray,
+    tree: cKDTree,
+    spacing: FloatArray,
+    sight: VisibilityCriterion | None,
+    room: FloatArray,
 ) -> NodeSeparation:
     """By the nearest nodes of all ``points`` (n, 2), found in their ``tree``, ``spacing`` (n,) asked for
-    there; those that ``sight`` hides across a slit are infinitely far."""
+    there, of which an acute corner leaves no more than ``room`` (n,); those that ``sight`` hides across a
+    slit are infinitely far."""
     count = min(NEIGHBORS, len(points) - 1)
     distance, found = nearest_nodes(tree, points, np.arange(2, count + 2))
     neighbour = np.asarray(found, dtype=np.int64)
     if sight is not None:
         one = np.repeat(np.arange(len(neighbour)), count)
         distance[sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
-    nearest = distance.min(axis=1) / spacing
+    nearest = distance.min(axis=1) / np.minimum(spacing, room)
     node = int(np.argmin(nearest))
     growth = np.abs(spacing[neighbour] - spacing[:, None]) / distance
     return NodeSeparation(node, float(nearest[node]), float(growth.max()))

@@ -30,7 +30,7 @@ from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
-from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
+from mlsanm_cli.mechanics.springs import Held, Springs, gripped
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.least_squares import Strong
@@ -66,7 +66,7 @@ def assemble(
     single = [*held_nodes, *pins(cloud.points, free)]
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    grips = gripped(held, springs, stiffest_soft(cloud, model.material))
+    grips = gripped(held, springs, cloud, model.material)
     # Where volumes hardly change, pressures of single nodes are what pairs would make alternate.
     pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
     count = table.total + 3 * pieces.count
@@ -217,7 +217,7 @@ def row_weights(
 ) -> FloatArray:
     """Weights (r,) of the rows in the least-squares sum; stresses are singular near ``grips``."""
     cloud = model.cloud
-    factor = corner_weight(cloud, grips) * inward_weight(cloud, _unknown_corners(model, grips))
+    factor = corner_weight(cloud, grips, table.springs) * inward_weight(cloud, _unknown_corners(model, grips))
     weights = [factor * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]

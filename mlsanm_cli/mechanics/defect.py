@@ -9,23 +9,27 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
+from mlsanm_cli.mechanics.pieces import reaction_of
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE, MAX_UPDATES, STALL_RATIO
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.startup import cKDTree
+from mlsanm_cli.operators.stencils import Stencils, build_stencils
 
+KEPT = 2000
+"""Fits of bodies of so many nodes may be kept: 10 MB of weights."""
 DEGREES = (2, 3, 4)
 """Degrees whose errors were measured to be reported. At degree 1 the estimate was up to 300 times too large,
 from 5 on up to 10 times."""
@@ -50,10 +54,12 @@ def next_degree(settings: MlsSettings) -> MlsSettings:
 
 @dataclass(frozen=True)
 class Defect:
-    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits less its own."""
+    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits less its own, and
+    force and moment about the origin (3,) of every gripped surface by these less those by its own."""
 
     source: FloatArray
     stress: FloatArray
+    reactions: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -76,8 +82,11 @@ class Corrected:
         return body.system.solve_unrefined(sources)
 
 
-def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> Corrected:
+def correct(
+    body: ElasticBody, source: sparse.csc_array, moved: FloatArray, memo: Memo = NO_CACHE
+) -> Corrected:
     """The displacements of a body under ``source`` (r, 1) and what they lack, ``moved`` (2N,) rigidly too.
+    A memo keeps the fits that small bodies' defects are seen by.
 
     Solutions by the factor alone do for corrections. Those for the source itself get there step by step, each
     in one pass through the factor with the correction, until the steps are small against it. The first
@@ -85,12 +94,13 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
 
     Raises NumericalError as :func:`defect_of`.
     """
+    better = memo.value("next degree", body.model.content, partial(NextDegree.of, body.model, memo.keeps))
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
     part = 0.0 if body.model.material.nearly_incompressible else MAX_RESIDUAL_SHARE
     for _ in range(MAX_UPDATES):
-        defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2))
+        defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2), better)
         beyond = sparse.csc_array(defect.source[:, None])
         step, change = body.system.step(source, solution, beyond).T
         solution = solution + step[:, None]
@@ -107,15 +117,15 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
     return Corrected((solution[:, 0] + moved).reshape(-1, 2), solution, defect, change, rough)
 
 
-def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
-    """The defect of nodal ``displacement`` (N, 2).
+def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
+    """The defect of nodal ``displacement`` (N, 2), seen by fits one degree ``better``.
 
     Raises NumericalError for a degree outside DEGREES, and where the cloud cannot carry the next degree.
     """
     model = body.model
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
-    better = _NextDegree(model)
+    better = better or NextDegree(model)
     derivatives = better.of_displacement(displacement)
     stress = stress_of(derivatives, model.material.stiffness) - model.stress(displacement)
     source = np.zeros(body.rows)
@@ -125,35 +135,50 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
         traction = traction_of(stress[surface.index], surface.normal)
         source += body.source(name, -traction, held=False)
     # Pieces lack what flows through their faces, whatever their nodes' rows stand for.
-    fluxes = body.pieces.flux_of(partial(better.stress_around, displacement), body.gripped)
+    lacking = partial(better.stress_around, displacement)
+    fluxes = body.pieces.flux_of(lacking, body.gripped)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
-    return Defect(source, stress)
+    reactions = {
+        name: -reaction_of(
+            model,
+            model.cloud.surfaces[name],
+            axes,
+            (0.0, 0.0),
+            lambda points: lacking(points, points[:, None])[:, 0],
+        )
+        for name, axes in body.gripped.items()
+        if any(axes)
+    }
+    return Defect(source, stress, reactions)
 
 
 @dataclass(frozen=True)
-class _NextDegree:
-    """Fits one degree higher than a body's, with that degree's own number of neighbours; none is kept."""
+class NextDegree:
+    """Fits one degree higher than a body's, with that degree's own number of neighbours; ``kept`` ones have
+    their weights, which make the second look at them cheap."""
 
     model: BodyModel
+    kept: dict[tuple[int, int, bytes], Stencils] | None = field(default=None, compare=False)
+
+    @classmethod
+    def of(cls, model: BodyModel, keep: bool) -> NextDegree:
+        """Fits that are to be kept, unless that takes much memory."""
+        return cls(model, {} if keep and len(model.nodes) <= KEPT else None)
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        model = self.model
-        return self._derivatives(model.nodes, model.tree, displacement, model.tips)
+        return self._derivatives(displacement, self.model.cloud.points, next_degree(self.model.settings))
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
-        cloud = self.model.cloud
-        return self._derivatives(cloud.points, cloud.tree, stress)
+        return self._derivatives(stress, self.model.cloud.points, next_degree(self.model.settings))
 
     def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
         """What the stress of ``displacement`` (N, 2) is more by the model's fits than by these (e, t, 3), at
         ``points`` (e, t, 2) around ``places`` (e, 2): by first and second derivatives there."""
         model = self.model
         own, better = (
-            fitted_derivatives(
-                model.nodes, model.tree, places, some, displacement, model.cloud.sight, tips=model.tips
-            )
+            self._derivatives(displacement, places, some)
             for some in (model.settings, next_degree(model.settings))
         )
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
@@ -162,11 +187,19 @@ class _NextDegree:
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
         return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
 
-    def _derivatives(
-        self, nodes: FloatArray, tree: cKDTree, field: FloatArray, tips: Tips | None = None
-    ) -> FloatArray:
-        """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2)."""
+    def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
+        """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses
+        (n, 3) without ghosts."""
         model, cloud = self.model, self.model.cloud
-        near = model.near if len(nodes) == len(model.nodes) else None
-        settings = next_degree(model.settings)
-        return fitted_derivatives(nodes, tree, cloud.points, settings, field, cloud.sight, near, tips)
+        moved = values.shape[1] == 2
+        nodes, tree, tips = (
+            (model.nodes, model.tree, model.tips) if moved else (cloud.points, cloud.tree, None)
+        )
+        at_nodes = places is cloud.points and len(nodes) == len(model.nodes)
+        near = model.near if at_nodes else None
+        if self.kept is None:
+            return fitted_derivatives(nodes, tree, places, settings, values, cloud.sight, near, tips)
+        key = (settings.degree, values.shape[1], places.tobytes())
+        if key not in self.kept:
+            self.kept[key] = build_stencils(nodes, tree, places, 2, settings, cloud.sight, near, tips)
+        return self.kept[key].derivatives(values)

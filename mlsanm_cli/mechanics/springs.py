@@ -25,18 +25,25 @@ NO_SPRING = (0.0, 0.0)
 FREE = (False, False)
 
 
-def stiffest_soft(cloud: Cloud, material: PlaneMaterial) -> float:
-    """The stiffness k, traction per displacement, up to which springs give way."""
-    return material.modulus / float(np.ptp(cloud.points, axis=0).max())
+def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = None) -> float:
+    """The stiffness k, traction per displacement, up to which springs along a ``surface``, or the whole body,
+    give way: what bodies give way by under a load on a part of their boundary goes with the length of it."""
+    size = float(np.ptp(cloud.points, axis=0).max())
+    if surface is not None:
+        size = min(size, cloud.surfaces[surface].curve.length)
+    return material.modulus / size
 
 
-def gripped(held: Held, springs: Springs, limit: float) -> dict[str, tuple[bool, bool]]:
-    """The components of every surface that are held, or by springs stiffer than ``limit``."""
+def gripped(
+    held: Held, springs: Springs, cloud: Cloud, material: PlaneMaterial
+) -> dict[str, tuple[bool, bool]]:
+    """The components of every surface that are held, or by springs too stiff to give way."""
     found = dict(held)
-    for name, (x, y) in springs.items():
-        if x > limit or y > limit:
+    for name, both in springs.items():
+        limit = stiffest_soft(cloud, material, name)
+        if max(both) > limit:
             before = held.get(name, FREE)
-            found[name] = (before[0] or x > limit, before[1] or y > limit)
+            found[name] = (before[0] or both[0] > limit, before[1] or both[1] > limit)
     return found
 
 
@@ -46,7 +53,10 @@ def occupying(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list[s
     return [name for name, both in springs.items() if max(both) > limit]
 
 
-def soft(springs: Springs, limit: float) -> dict[str, tuple[float, float]]:
+def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
     """The springs that give way, 0 where there is none."""
-    kept = {name: (x if x <= limit else 0.0, y if y <= limit else 0.0) for name, (x, y) in springs.items()}
+    kept = {}
+    for name, (x, y) in springs.items():
+        limit = stiffest_soft(cloud, material, name)
+        kept[name] = (x if x <= limit else 0.0, y if y <= limit else 0.0)
     return {name: both for name, both in kept.items() if any(both)}

@@ -13,13 +13,17 @@ A few sums of strong rows, the forces and the moment on the whole body, hold exa
 The factor alone loses half the digits. Residuals of the rows, not of the normal equations, give them back
 (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here as conjugate gradients (Bjorck 1996,
 doi:10.1137/1.9781611971484, section 7.4) with the factor for preconditioner: the first step is the corrected
-semi-normal step, and bodies that are almost incompressible get there in a few more.
+semi-normal step, and bodies that are almost incompressible get there in a few more. Of bodies a hundred times
+as long as thick the factor has lost some bending to round-off and is not even definite there. So each
+direction is made conjugate to those before themselves, not by the short recurrence, which takes a definite
+preconditioner for granted (Golub and Ye 1999, doi:10.1137/S1064827597323415).
 
 Equation (4) of docs/method.md.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -32,6 +36,7 @@ from mlsanm_cli.operators.conditions import Conditions, conditions_of, independe
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
+    DIRECTIONS,
     FULL_TOLERANCE,
     FUNCTIONAL_TOLERANCE,
     MAX_UPDATES,
@@ -157,18 +162,21 @@ class LeastSquares:
         self, force: FloatArray, misfit: FloatArray, solution: FloatArray, progress: Progress
     ) -> tuple[FloatArray, FloatArray, Progress]:
         """The ``solution`` (n, c), which ``misfit`` is left of, refined until there is no more progress."""
-        step, before = np.zeros_like(solution), np.ones(solution.shape[1])
+        before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
         for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
-            wanted = self.factor.solve(gradient)
-            now = (gradient * wanted).sum(axis=0)
-            step = wanted + now / before * step
+            step = self.factor.solve(gradient)
             image = self._apply(step)
+            for other, seen, size in before:
+                share = np.einsum("ij,ij->j", seen, image) / size
+                step -= share * other
+                image -= share * seen
+            size = np.maximum(np.einsum("ij,ij->j", image, image), TINY)
             # More steps than needed would only add round-off.
-            length = np.where(progress.done, 0.0, now / np.maximum((image**2).sum(axis=0), TINY))
+            length = np.where(progress.done, 0.0, np.einsum("ij,ij->j", gradient, step) / size)
             solution += length * step
             misfit -= length * image
-            before = np.where(now > 0.0, now, np.inf)
+            before.append((step, image, size))
             progress = progress.after(length * step, solution)
             if progress.finished:
                 break

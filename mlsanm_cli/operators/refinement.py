@@ -19,11 +19,18 @@ VERIFIED_TOLERANCE = 1e-7
 BLOCK_COLUMNS = 64
 """Solutions refined together: enough for dense products, few enough to keep them all."""
 MAX_UPDATES = 15
-STALL_RATIO = 0.5
-"""An update this large a part of both before it brings nothing any more.
+DIRECTIONS = 6
+"""Number of earlier directions that the next one is made conjugate to.
 
-Not of one: where the factor has lost a mode altogether, as the bending of bodies a hundred times as long as
-thick, conjugate gradients find it in one large step, and are there in the next.
+A ring of radius over thickness 100, eight nodes across, degree 4, is exact to 1e-9 after 6 steps with all of
+them, after 7 with three; with one it is off by 8e-6 after 10, and by the short recurrence 0.3 % after 15.
+"""
+STALL_RATIO, STALL_CHANGE = 0.5, 1e-5
+"""Refinement has stalled if an update is above the first part of the two before it, and below the second part
+of the solution.
+
+Larger updates continue it: where the factor has lost modes altogether, as the bending of bodies a hundred
+times as long as thick, conjugate gradients find one after the other in steps of any size.
 """
 TINY = np.finfo(float).tiny
 
@@ -61,7 +68,8 @@ class Progress:
         # Nothing is known of what an update does before there are two.
         next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
         small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
-        stalled = change >= STALL_RATIO * np.maximum(self.before, self.last)
+        small_change = change <= STALL_CHANGE * size
+        stalled = (change >= STALL_RATIO * np.maximum(self.before, self.last)) & small_change
         last = np.where(self.done, self.last, change)
         return Progress(self.last, last, self.done | small | stalled, self.tolerance, self.limit)
 

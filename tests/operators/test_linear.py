@@ -162,6 +162,28 @@ def test_refinement_goes_on_where_one_step_is_not_enough() -> None:
     assert system.residual(b, system.solve(b)) <= 1e-8
 
 
+def test_refinement_finds_what_the_factor_has_lost() -> None:
+    """Where modes come out with any size and sign, so that the factor is not definite."""
+    system, rows, _ = least_squares(1.0)
+    shapes = np.linalg.eigh(system.inverse_normal(np.eye(120)))[1][:, -5:]
+    proper = system.factor
+    lost = shapes @ np.diag([-3.0, -0.4, -30.0, 7.0, -1.1]) @ shapes.T
+
+    class Flawed:
+        note = ""
+
+        def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
+            found = proper.solve(rhs, transposed)
+            return np.asarray(found + lost @ found)
+
+        def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+            return np.asarray(left @ self.solve(right.toarray()))
+
+    expected = np.random.default_rng(5).normal(size=(120, 2))
+    found = replace(system, factor=Flawed()).solve(sparse.csc_array(rows @ expected))
+    assert np.abs(found - expected).max() <= 1e-8
+
+
 def test_residual_is_small_at_the_minimum_only() -> None:
     system, _, _ = least_squares(1.0)
     b = sparse.csc_array(np.random.default_rng(7).normal(size=(300, 1)))
@@ -393,6 +415,8 @@ def test_functionals_are_those_of_the_solutions(apart: float, strong: bool) -> N
         # The factor has lost a mode, which the first update finds: it had been the last one.
         ((0.9, 2e-5, 2e-9, 0.0), 3),
         ((3e-2, 3e-2, 3e-6, 1e-12), 4),
+        # It has lost many, which are found in any order.
+        ((0.3, 0.08, 0.6, 0.5, 4e-3, 1e-5, 3e-9, 1e-13), 7),
         # The next one is foreseen to change nothing.
         ((1e-4, 1e-9, 1e-9), 2),
         # Round-off, for ever.

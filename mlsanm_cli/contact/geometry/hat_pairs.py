@@ -35,12 +35,14 @@ BLOCK_SIZE = 50_000
 class Distance:
     """A function of the distance along a contact: its ``values``, the fourth, third and second repeated
     ``integrals`` of it, and up to how many widths pairs are integrated by these. Of what is ``constant`` on
-    either side of 0 the moments of order 0 are all there is."""
+    either side of 0 the moments of order 0 are all there is. The ``parity`` is 1 of an even function, -1 of
+    an odd one."""
 
     values: Table
     integrals: tuple[Table, Table, Table]
     reach: float
     constant: bool
+    parity: float
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,11 @@ class NearPairs:
     second: IntArray
     exact: FloatArray
     overlap: BoolArray
+
+    def opposite(self, parity: float) -> NearPairs:
+        """The pairs the other way round, of a function of some parity."""
+        values = parity * self.values.transpose(0, 2, 1)
+        return NearPairs(values, self.second, self.first, parity * self.exact, self.overlap)
 
 
 @dataclass(frozen=True)
@@ -137,7 +144,8 @@ class HatPairs:
 
     @cached_property
     def logarithms(self) -> tuple[tuple[NearPairs, FloatArray], ...]:
-        """The near pairs of ln|s + shift - s'| of all shifts, and the distances (m, m) of the others."""
+        """The near pairs of ln|s + shift - s'| of all shifts, each once without a shift, and the distances
+        (m, m) of the others."""
         return tuple(self._parted(LOGARITHM, shift) for shift in self.hats.shifts)
 
     @cached_property
@@ -148,7 +156,7 @@ class HatPairs:
     def _parted(self, function: Distance, shift: float) -> tuple[NearPairs, FloatArray]:
         way = self.hats.place[:, None] + shift - self.hats.place
         close = np.abs(way) <= function.reach * (self.widths[:, None] + self.widths)
-        found = self.near(function, shift, *np.nonzero(close))
+        found = self.near(function, shift, *np.nonzero(close if shift else np.triu(close)))
         way[close] = 1.0
         return found, way
 
@@ -185,28 +193,35 @@ class HatPairs:
         turned = other @ table.T
         if not self.meet(table, one, turned):
             return total
-        for near, way in parted():
-            part, values = np.zeros_like(total), function.values(way)
-            for seen, by in zip(one.T, turned.T, strict=True):
-                if seen.any() and by.any():
-                    moments = self.moments(seen), self.moments(by)
-                    part += values * np.outer(moments[0][:, 0], moments[1][:, 0])
-                    if not function.constant:
-                        part += _beyond(way, *moments)
-            part[near.first, near.second] = self.directed(near, one, turned)
+        acting = [(a, b) for a, b in zip(one.T, turned.T, strict=True) if a.any() and b.any()]
+        moments = [np.stack([self.moments(side) for side in sides]) for sides in zip(*acting, strict=True)]
+        odd = np.abs(table - function.parity * table.T).max()
+        symmetric = np.array_equal(one, other) and odd <= NOTHING * np.abs(table).max()
+        for shift, (near, way) in zip(self.hats.shifts, parted(), strict=False):
+            part = np.zeros_like(total)
+            if acting:
+                part = function.values(way) * (moments[0][:, :, 0].T @ moments[1][:, :, 0])
+                if not function.constant:
+                    part += _beyond(way, *moments)
+            found = self.directed(near, one, turned)
+            part[near.first, near.second] = found
+            if not shift:
+                back = found if symmetric else self.directed(near.opposite(function.parity), one, turned)
+                part[near.second, near.first] = back
             total += part
         return total
 
 
 def _beyond(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-    """What logarithms at distances ``way`` (m, m) have beyond those of the places, by moments (m, k) on
-    either side and Taylor's series."""
+    """What logarithms at distances ``way`` (m, m) have beyond those of the places, by moments (c, m, k) of
+    components on either side and Taylor's series."""
     total, inverse = np.zeros_like(way), 1.0 / way
     power = np.ones_like(way)
     for order in range(1, MOMENT_ORDERS + 1):
         power *= inverse
         share = np.arange(order + 1)
-        total += power * ((one[:, order - share] * taylor(order)) @ other[:, share].T)
+        left, right = np.concatenate(one[:, :, order - share] * taylor(order), axis=1), other[:, :, share]
+        total += power * (left @ np.concatenate(right, axis=1).T)
     return total
 
 
@@ -253,5 +268,6 @@ LOGARITHM = Distance(
     (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
     NEAR_WIDTHS,
     constant=False,
+    parity=1.0,
 )
-SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0, constant=True)
+SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0, constant=True, parity=-1.0)

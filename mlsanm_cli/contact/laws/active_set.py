@@ -8,7 +8,7 @@ sym(W A) is positive definite.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,8 @@ def solve_exact(
         solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0), passes))
     except SingularSystemError:
         solved = _at_rest(condensed, factors, free_gap, first, passes)
+    if solved.active.any() and _only_moved(condensed, factors, free_gap, solved.pressure):
+        solved = _apart(solved)
     return _state(condensed, factors, free_gap, solved)
 
 
@@ -91,9 +93,6 @@ def _at_rest(
     """The state in which bodies that some sets of closed nodes leave loose are at rest, searched from a set
     (m,)."""
     stiff, solves = springs(condensed), 0
-    loaded = (condensed.balance.constant + condensed.balance.load @ factors).any()
-    parts = not loaded and bool((free_gap < 0.0).any())
-    clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
     place = np.zeros(len(stiff))
     for share in SOFTER:
         try:
@@ -103,9 +102,8 @@ def _at_rest(
         solves += solved.solves
         pull = share * stiff * (solved.motion - place)
         active, place = solved.active, solved.motion
-        if parts and condensed.largest_compliance * solved.pressure.max(initial=0.0) <= clear:
-            # Bodies that overlapped as drawn only had to be moved.
-            return _Solved(np.zeros_like(active), np.zeros(len(active)), solved.motion, solves)
+        if (free_gap < 0.0).any() and _only_moved(condensed, factors, free_gap, solved.pressure):
+            return replace(_apart(solved), solves=solves)
         if at_rest(condensed, factors, solved.pressure, pull):
             if not solved.pressure.any():
                 break
@@ -114,6 +112,22 @@ def _at_rest(
             pressure = np.where(pressed, solved.pressure, 0.0)
             return _Solved(active & pressed, pressure, solved.motion, solves)
     raise _unbalanced()
+
+
+def _only_moved(
+    condensed: Condensed, factors: FloatArray, free_gap: FloatArray, pressure: FloatArray
+) -> bool:
+    """Whether surfaces that met, drawn overlapping or pushed by others, only had to be moved apart: without
+    a load their ``pressure`` (m,) is round-off of the gaps."""
+    if (condensed.balance.constant + condensed.balance.load @ factors).any():
+        return False
+    clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
+    return bool(condensed.largest_compliance * pressure.max(initial=0.0) <= clear)
+
+
+def _apart(solved: _Solved) -> _Solved:
+    """The same motions, and nothing that touches."""
+    return replace(solved, active=np.zeros_like(solved.active), pressure=np.zeros_like(solved.pressure))
 
 
 def _searched(
