@@ -210,20 +210,20 @@ def truth(kind: str, ratio: float) -> float:
 
 def energy(count: int) -> dict[str, Any]:
     """How often energy errors that warn and that fail go with true ones beyond ENERGY_LIMIT."""
-    rng, strength = np.random.default_rng(0), pieces.STRENGTH
+    rng, strength = np.random.default_rng(0), pieces.EQUILIBRIUM_WEIGHT
     found: list[dict[str, Any]] = []
     for _ in range(count):
         kind = str(rng.choice(list(KINDS)))
         make, ratios = KINDS[kind]
         ratio, wrong = float(rng.choice(ratios)), bool(rng.random() < 0.5)
         across, seed = int(rng.integers(3, 9)), int(rng.integers(1000))
-        pieces.STRENGTH = WEAK if wrong else strength
+        pieces.EQUILIBRIUM_WEIGHT = WEAK if wrong else strength
         try:
             work, told = solved(make(ratio), across, 0, seed)
         except NumericalError:
             continue
         finally:
-            pieces.STRENGTH = strength
+            pieces.EQUILIBRIUM_WEIGHT = strength
         true = work / truth(kind, ratio) - 1.0
         found.append(
             {"kind": kind, "ratio": ratio, "across": across, "weak": wrong, "true": true, "told": told}

@@ -46,6 +46,11 @@ class Memo:
         return kept
 
     @property
+    def keeps(self) -> bool:
+        """Whether anything is kept."""
+        return self._most > 0
+
+    @property
     def figures(self) -> Mapping[str, int]:
         """Numbers of results ``found`` and ``made``; empty if none are kept."""
         return {"found": self._found, "made": self._made} if self._most else {}

@@ -149,7 +149,7 @@ def rough_scene(name: str, seed: int, mean: float) -> Scene:
         [
             Figure("force", lambda r: abs(r.force("face")[1]), mean * 10.0),
             Figure("peak", lambda r: r.peak("face"), told.peak, 5.0),
-            Figure("patches", lambda r: float(r.patches("face")), float(told.patches), 10.0),
+            Figure("patches", lambda r: float(r.patches("face")), float(told.patches), 5.0),
         ],
     )
 

@@ -112,7 +112,7 @@ def _on_base(rng: np.random.Generator, chosen: list[str]) -> tuple[Table, list[s
             supports.append({"boundary": "base.bottom", "spring": [k, k]})
         else:
             supports.append(held("base.bottom"))
-    law = str(rng.choice(["default", "hyperbolic", "exact"]))
+    law = str(rng.choice(["default", "hyperbolic", "default"]))
     if law != "default" and friction != "bonded":
         extra["regularization"] = {"law": law}
         contacts[0] |= extra

@@ -80,7 +80,7 @@ class _Scene:
         self.words: list[str] = []
         self.soft = np.inf
         self.friction = float(rng.choice([0.0, 0.2, 0.5]))
-        self.law = str(rng.choice(["default", "hyperbolic", "exact"]))
+        self.law = str(rng.choice(["default", "hyperbolic", "default"]))
         self.bonded = rng.random() < 0.08
         self.heat = rng.random() < 0.15
         self.level = float(10.0 ** rng.uniform(1.0, 5.0))

@@ -503,8 +503,8 @@ def joined(*several: dict[str, Zones]) -> dict[str, Zones]:
     }
 
 
-def reference(scene: Scene) -> Table:
-    """Figures of the finer of two meshes, and their changes in percent."""
+def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
+    """Figures of the finer of two ``meshes``, the last ones, and their changes in percent."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for name, write in scene.files.items():
@@ -515,7 +515,7 @@ def reference(scene: Scene) -> Table:
     began = time.process_time()
     zones = joined(corners(scene.case, outlines, 0.1), first_touches(scene.case, outlines))
     results, turns = [], dict[str, float]()
-    for level, (base, edge, share) in enumerate(LEVELS):
+    for level, (base, edge, share) in enumerate(LEVELS[:meshes]):
         for _ in range(TURNS):
             model = Model(scene.case, outlines, base, zones, {} if scene.straight_walls else turns)
             model.outlines = outlines  # type: ignore[attr-defined]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.scenes.scene import Array, Move, Table, listed
+from benchmarks.scenes.scene import Array, Move, Pair, Table, listed
 
 LENGTH, STRESS = 1e3, 1e-6
 """From metres and pascals to millimetres and megapascals; the other way round is as good a test."""
@@ -31,6 +31,13 @@ HALVES = {
     ),
     "mirrored": {"left": "right", "right": "left", "upper": "upper", "lower": "lower"},
 }
+
+
+Spacings = tuple[float, dict[str, tuple[float, dict[Pair, float]]]]
+"""Spacing of a body far from its refinements; along each of its sides that of half its length, and those at
+its ends and where they are least, by place."""
+FINER = 0.6
+"""Spacings below this part of those far away are refined ones."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ def variants() -> list[Variant]:
     ]
 
 
-def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) -> Variant:
+def halved(given: Table, spacings: dict[str, Spacings]) -> Variant:
     """Half of the spacing that every body had in its first run, and of finer ones along its contacts."""
     made = copy.deepcopy(given)
     sides = {
@@ -75,12 +82,19 @@ def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) ->
         name = one["name"]
         far, along = spacings[name]
         one["spacing"] = 0.5 * far
-        one["refine"] = [
-            {"along": side, "spacing": 0.5 * h, "radius": 0.0, "growth": 0.3}
-            for side, h in along.items()
-            if f"{name}.{side}" in sides and h < 0.5 * far
-        ]
+        one["refine"] = []
+        fine: dict[Pair, float] = {}
+        for side, (h, places) in along.items():
+            if f"{name}.{side}" in sides and h < far:
+                one["refine"].append(_finer(0.5 * h) | {"along": side})
+            fine |= {place: least for place, least in places.items() if least < FINER * far}
+        one["refine"] += [_finer(0.5 * least) | {"at": list(place)} for place, least in fine.items()]
     return Variant("halved", lambda _: made, np.eye(2))
+
+
+def _finer(spacing: float) -> Table:
+    """A zone whose spacings grow as automatic ones do."""
+    return {"spacing": spacing, "radius": 0.0, "growth": 0.15}
 
 
 def has_nodes(one: Table) -> bool:
@@ -134,8 +148,12 @@ def _scaled(given: Table) -> Table:
             (("body-force",), STRESS / LENGTH),
         ):
             one.update({key: _expressed(one[key], by) for key in keys if key in one})
+        if isinstance(one.get("temperature"), str):
+            one["temperature"] = _expressed(one["temperature"], 1.0)
     for one in made.get("contact", []):
-        one.update({key: one[key] * LENGTH for key in ("interference", "reach") if key in one})
+        one.update(
+            {key: _expressed(one[key], LENGTH) for key in ("interference", "reach", "gap") if key in one}
+        )
         if "obstacle" in one:
             obstacle = one["obstacle"]
             for key in ("point", "center", "radius", "points"):
@@ -180,6 +198,8 @@ def _moved(given: Table, matrix: Array, how: str) -> Table:
     for one in made.get("contact", []):
         if "obstacle" in one:
             _obstacle(one["obstacle"], matrix, how)
+        if isinstance(one.get("gap"), str):
+            one["gap"] = _replaced(one["gap"], matrix)
     for one in made.get("probe", []):
         one["point"] = _turn(one["point"], matrix)
     for key in ("support", "load", "contact"):
@@ -245,14 +265,23 @@ def _load(one: Table, matrix: Array) -> None:
             one[key] *= float(round(np.linalg.det(matrix)))
     for key in ("traction", "force", "displacement", "body-force"):
         if key in one:
-            one[key] = _turn(one[key], matrix)
-    if isinstance(one.get("pressure"), str):
-        one["pressure"] = _replaced(one["pressure"], matrix)
+            one[key] = _vector(one[key], matrix)
+    for key in ("pressure", "temperature"):
+        if isinstance(one.get(key), str):
+            one[key] = _replaced(one[key], matrix)
     for x, y in (("fx", "fy"), ("ux", "uy")):
         named = [key in one for key in (x, y)]
         values = matrix @ np.array([one.pop(x, 0.0), one.pop(y, 0.0)])
         yes = np.abs(matrix) @ np.array(named, float)
         one.update({key: float(v) for key, v, on in zip((x, y), values, yes, strict=True) if on})
+
+
+def _vector(values: list[float | str], matrix: Array) -> list[float | str]:
+    """Components turned with the scene, each a number or an expression."""
+    if not any(isinstance(one, str) for one in values):
+        return _turn(values, matrix)  # type: ignore[arg-type, return-value]
+    moved = [_replaced(one, matrix) if isinstance(one, str) else f"{one}" for one in values]
+    return [" + ".join(f"{by:g}*({one})" for by, one in zip(row, moved, strict=True)) for row in matrix]
 
 
 def _replaced(text: str, matrix: Array) -> str:

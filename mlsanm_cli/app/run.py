@@ -161,7 +161,7 @@ def carry_out(
             from mlsanm_cli.app.assessment.friction_accuracy import with_friction
 
             with context.phase("estimate"):
-                accuracy = with_friction(built, adapted.accuracy, recorder.last)
+                accuracy = with_friction(built, adapted.accuracy, recorder.last, context.memo)
             adapted = replace(adapted, accuracy=accuracy)
         adapted = replace(adapted, accuracy=adapted.accuracy.with_deflection(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)

@@ -33,6 +33,8 @@ CANDIDATES = 15
 FLAT_RADIUS = 10.0
 """Concave curves with a radius above this many times the body's extent count as flat."""
 STRIPS = 512
+ACUTE = math.pi / 3.0
+"""Corners of less than this angle (radian) leave less than a spacing between nodes next to them."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,31 @@ class Cloud:
     @cached_property
     def separation(self) -> NodeSeparation:
         """Node distances relative to the spacing."""
-        return separation(self.points, self.tree, self.spacing, self.sight)
+        return separation(self.points, self.tree, self.spacing, self.sight, self._between_faces)
+
+    @cached_property
+    def acute(self) -> dict[int, float]:
+        """Corner nodes with an interior angle below ACUTE, and these angles (radians)."""
+        found = {}
+        for one in self.surfaces.values():
+            for other in self.surfaces.values():
+                if not one.curve.closed and one.index[-1] == other.index[0]:
+                    (x, y), (u, v) = one.normal[-1], other.normal[0]
+                    angle = float(np.pi - np.arctan2(x * v - y * u, x * u + y * v))
+                    if angle < ACUTE:
+                        found[int(other.index[0])] = angle
+        return found
+
+    @property
+    def _between_faces(self) -> FloatArray:
+        """Distance (n,) between the faces of acute corners at their nodes, infinite elsewhere."""
+        room = np.full(len(self.points), np.inf)
+        for corner, angle in self.acute.items():
+            away = np.hypot(*(self.points[self.boundary_nodes] - self.points[corner]).T)
+            away[away == 0.0] = np.inf
+            across = np.minimum(room[self.boundary_nodes], 2.0 * np.sin(0.5 * angle) * away)
+            room[self.boundary_nodes] = across
+        return room
 
     @cached_property
     def thinnest(self) -> Thinnest:

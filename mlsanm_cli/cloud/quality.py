@@ -39,7 +39,7 @@ def measure(cloud: Cloud) -> CloudQuality:
 
 
 def _largest_hole(cloud: Cloud) -> float:
-    """Largest circumradius over spacing of the Delaunay triangles with their centre inside the body."""
+    """Largest distance over spacing of the centres of the inner Delaunay triangles from the nodes."""
     corners = cloud.points[cloud.triangles]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac = b - a, c - a
@@ -61,8 +61,9 @@ def _largest_hole(cloud: Cloud) -> float:
     for some in np.split(order, range(BATCH_SIZE, len(order), BATCH_SIZE)):
         near = boundary[nearest(outline, center[some])[1]]
         inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-        h = cloud.spacing[nearest(cloud.tree, center[some])[1]]
-        largest = float((radius[some] / h)[inside].max(initial=largest))
+        # Triangles are Delaunay's with slits opened: as drawn there may be nodes within their circles.
+        away, node = nearest(cloud.tree, center[some])
+        largest = float((away / cloud.spacing[node])[inside].max(initial=largest))
         if largest >= most[some[-1]]:
             break
     return largest

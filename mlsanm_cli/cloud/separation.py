@@ -12,7 +12,7 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import cKDTree
 
 NEIGHBORS = 6
-FACING, OPPOSED = 32, 0.9
+MAX_FACING, OPPOSITE_COSINE = 32, 0.9
 """Nearest boundary nodes searched for one on the opposite side, and the least -n1.n2 of such a pair."""
 
 
@@ -27,17 +27,21 @@ class NodeSeparation:
 
 
 def separation(
-    points: FloatArray, tree: cKDTree, spacing: FloatArray, sight: VisibilityCriterion | None
+    points: FloatArray,
+    tree: cKDTree,
+    spacing: FloatArray,
+    sight: VisibilityCriterion | None,
+    room: FloatArray,
 ) -> NodeSeparation:
-    """Separation of ``points`` (n, 2) with ``spacing`` (n,) and search ``tree``; pairs that ``sight`` hides
-    from each other across a slit do not count."""
+    """Separation of ``points`` (n, 2) with ``spacing`` (n,), at most ``room`` (n,) between the faces of acute
+    corners, and search ``tree``; pairs that ``sight`` hides from each other across a slit do not count."""
     count = min(NEIGHBORS, len(points) - 1)
     distance, found = nearest_nodes(tree, points, np.arange(2, count + 2))
     neighbour = np.asarray(found, dtype=np.int64)
     if sight is not None:
         one = np.repeat(np.arange(len(neighbour)), count)
         distance[sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
-    nearest = distance.min(axis=1) / spacing
+    nearest = distance.min(axis=1) / np.minimum(spacing, room)
     node = int(np.argmin(nearest))
     growth = np.abs(spacing[neighbour] - spacing[:, None]) / distance
     return NodeSeparation(node, float(nearest[node]), float(growth.max()))
@@ -61,11 +65,11 @@ def thinnest(points: FloatArray, spacing: FloatArray, index: IntArray, normal: F
     another one.
     """
     at = points[index]
-    count = min(FACING, len(index) - 1)
+    count = min(MAX_FACING, len(index) - 1)
     near = np.asarray(nearest_nodes(cKDTree(at), at, np.arange(2, count + 2))[1], dtype=np.int64)
     away = at[:, None] - at[near]
     depth = (away * normal[:, None]).sum(axis=2)
-    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSED)
+    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSITE_COSINE)
     width = np.full(near.shape, np.inf)
     np.divide((away**2).sum(axis=2), depth, out=width, where=across)
     least = width.min(axis=1)

@@ -28,9 +28,9 @@ from mlsanm_cli.mechanics.corners import corner_weight, reentrant_corners, reent
 from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
-from mlsanm_cli.mechanics.pieces import SOFTEST, Pieces
+from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
-from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
+from mlsanm_cli.mechanics.springs import Held, Springs, gripped
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.least_squares import Strong
@@ -65,7 +65,7 @@ def assemble(
     single = [*held_nodes, *pins(cloud.points, free)]
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    grips = gripped(held, springs, stiffest_soft(cloud, model.material))
+    grips = gripped(held, springs, cloud, model.material)
     # In nearly incompressible bodies, pairs would make nodal pressures alternate.
     pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
     count = table.total + 3 * pieces.count
@@ -122,7 +122,7 @@ def _strong(
         # A spring row prescribes the sum of traction and spring force.
         rows = rows + loads[:, : pulls.shape[0]] @ pulls
     modulus = model.material.modulus
-    soft = min(1.0, SOFTEST * model.material.shear / modulus)
+    soft = min(1.0, MAX_MODULUS_RATIO * model.material.shear / modulus)
     scale = np.where(known, np.tile(soft * pieces.strength / (modulus * pieces.size), 3), 0.0)
     scaled = sparse.diags_array(scale)
     return sparse.csr_array(scaled @ rows), sparse.csr_array(scaled @ loads), scale
@@ -218,7 +218,8 @@ def row_weights(
 ) -> FloatArray:
     """Weights (r,) of the rows in the least-squares sum; stresses are singular near ``grips``."""
     cloud = model.cloud
-    factor = corner_weight(cloud, grips) * reentrant_weight(cloud, _unenriched_corners(model, grips))
+    corners = _unenriched_corners(model, grips)
+    factor = corner_weight(cloud, grips, table.springs) * reentrant_weight(cloud, corners)
     weights = [factor * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]

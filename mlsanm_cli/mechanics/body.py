@@ -20,7 +20,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
-from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
+from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.system import LinearSystem
 
@@ -123,9 +123,9 @@ class ElasticBody:
     @cached_property
     def gripped(self) -> Held:
         """Components of surfaces that are held, or have stiff springs."""
-        return gripped(self.held, self.springs, stiffest_soft(self.model.cloud, self.model.material))
+        return gripped(self.held, self.springs, self.model.cloud, self.model.material)
 
     @cached_property
     def soft_springs(self) -> Springs:
         """The soft springs."""
-        return soft(self.springs, stiffest_soft(self.model.cloud, self.model.material))
+        return soft(self.springs, self.model.cloud, self.model.material)

@@ -1,12 +1,11 @@
-"""Row weights near stress concentrations: corners of held and free surfaces, reentrant corners, notches,
-holes.
+"""Row weights near stress concentrations: changes of support, reentrant corners, notches, holes.
 
-**Corners where a fully held surface meets a free one.** The stress is singular there. Strong-form least
-squares requires second derivatives, which are not square-integrable there; unweighted, it would prefer a
-smooth wrong solution and lose force on the way to the clamped side. Rows are therefore weighted by a power of
-the distance to the nearest such corner, as in the weighted norms of Cox and Fix (Computers & Mathematics with
-Applications 10, 1984) and Lee, Manteuffel and Westphal (SIAM Journal on Numerical Analysis 44, 2006). The
-remaining loss shows in the force balance of every run.
+**Corners where a fully held surface meets a free one, and ends of held parts of a boundary.** The stress is
+singular there. Strong-form least squares requires second derivatives, which are not square-integrable there;
+unweighted, it would prefer a smooth wrong solution and lose force on the way to the clamped side. Rows are
+therefore weighted by a power of the distance to the nearest such corner, as in the weighted norms of Cox and
+Fix (Computers & Mathematics with Applications 10, 1984) and Lee, Manteuffel and Westphal (SIAM Journal on
+Numerical Analysis 44, 2006). The remaining loss shows in the force balance of every run.
 
 **Reentrant corners, notches, fillets and holes.** The stress varies over a length of the order of the radius;
 where the cloud does not resolve it, the residuals of a few nodes would distort the whole solution. The weight
@@ -17,13 +16,14 @@ intensity factors undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
 from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
@@ -45,6 +45,10 @@ frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %; wi
 MIN_DISTANCE = 0.5
 """Lower bound of distances, in spacings."""
 
+MAX_MIXED_ANGLE = 1.4
+"""Turn of the boundary (radians) above which, as at right corners, the change from a sliding to a free side
+causes no singular stress; on a straight boundary it is that of a crack."""
+
 SMOOTH_TURN = 0.3
 """Corners that turn inward by less (radians) count as smooth: their displacements are nearly linear."""
 
@@ -55,19 +59,14 @@ def thickness(cloud: Cloud) -> float:
     return 2.0 * float(cloud.areas.sum()) / perimeter
 
 
-def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
-    """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER.
+def corner_weight(cloud: Cloud, grips: Held, springs: Springs) -> FloatArray:
+    """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER, with
+    the distance from places where ``grips`` or ``springs`` change along the boundary.
 
     Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
     weight, and cost the strong rows their digits.
     """
-    corners = [
-        np.intersect1d(one.index, other.index)
-        for name, one in cloud.surfaces.items()
-        for other_name, other in cloud.surfaces.items()
-        if all(held.get(name, (False, False))) and not any(held.get(other_name, (False, False)))
-    ]
-    nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *corners]))
+    nodes = np.unique(np.array([*_singular_changes(cloud, grips, springs)], dtype=np.int64))
     if not len(nodes):
         return np.ones(len(cloud.points))
     distance = np.maximum(
@@ -75,6 +74,25 @@ def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatA
     )
     factor: FloatArray = np.minimum(distance / (WEIGHT_REACH * thickness(cloud)), 1.0) ** POWER
     return factor
+
+
+def _singular_changes(cloud: Cloud, grips: Held, springs: Springs) -> Iterator[int]:
+    """Nodes where supports change along the boundary and stresses are singular: corners between a fully held
+    and a free surface, and others where the boundary turns by less than about a right angle. There springs
+    count as supports: without, the reaction of a block on springs along a part of its side was up to 16 % too
+    small."""
+    held = {
+        name: (x or springs.get(name, NO_SPRING)[0] > 0.0, y or springs.get(name, NO_SPRING)[1] > 0.0)
+        for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
+    }
+    for name, one in cloud.surfaces.items():
+        for other_name, other in cloud.surfaces.items():
+            if one.curve.closed or one.index[-1] != other.index[0] or held[name] == held[other_name]:
+                continue
+            (x, y), (u, v) = one.normal[-1], other.normal[0]
+            clamped = {sum(grips.get(each, FREE)) for each in (name, other_name)} == {0, 2}
+            if clamped or np.arctan2(x * v - y * u, x * u + y * v) < MAX_MIXED_ANGLE:
+                yield int(other.index[0])
 
 
 def reentrant_corners(cloud: Cloud) -> IntArray:

@@ -9,28 +9,33 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
+from mlsanm_cli.mechanics.pieces import reaction_of
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.fits import fitted_derivatives
-from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
+from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE, MAX_UPDATES, STALL_RATIO
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.startup import cKDTree
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 
+KEPT = 2000
+"""Fits of bodies of so many nodes may be kept: 10 MB of weights."""
 DEGREES = (2, 3, 4)
 """Degrees whose error estimates were validated. At degree 1 the estimate was up to 300 times too large, from
 5 on up to 10 times."""
 
-ROUGH = 1e-3
+CORRECTION_TOLERANCE = 1e-3
 """Accepted relative error of a correction: an estimate has a digit or two."""
 ALGEBRAIC_FRACTION = 0.15
 """Accepted algebraic error of the displacements, as a fraction of the correction computed from them.
@@ -51,10 +56,11 @@ def next_degree(settings: MlsSettings) -> MlsSettings:
 @dataclass(frozen=True)
 class Defect:
     """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits minus the
-    body's."""
+    body's, and ``lacking``: force and moment about the origin (3,) on every gripped surface, likewise."""
 
     source: FloatArray
     stress: FloatArray
+    reactions: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -72,27 +78,30 @@ class Corrected:
     rough: float
 
     def response(self, body: ElasticBody, sources: sparse.csc_array) -> FloatArray:
-        """Displacements (2N, c) of the body for ``sources`` (r, c), to ROUGH or better."""
-        if self.rough > ROUGH:
-            return body.system.solve(sources, QUICK)
+        """Displacements (2N, c) of the body for ``sources`` (r, c), to CORRECTION_TOLERANCE or better."""
+        if self.rough > CORRECTION_TOLERANCE:
+            return body.system.solve(sources, FUNCTIONAL_TOLERANCE)
         return body.system.solve_unrefined(sources)
 
 
-def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> Corrected:
+def correct(
+    body: ElasticBody, source: sparse.csc_array, moved: FloatArray, memo: Memo = NO_CACHE
+) -> Corrected:
     """Displacements of a body for ``source`` (r, 1) plus the rigid part ``moved`` (2N,), with their
-    correction.
+    correction. ``memo`` keeps the better fits of small bodies.
 
     Unrefined solutions suffice for corrections. The displacements themselves are refined, each step sharing
     one pass through the factor with a correction, until the steps are small against it. The first step
     estimates the error of unrefined solutions: it is largest for smooth ones like this. Raises NumericalError
     as :func:`defect_of`.
     """
+    better = memo.value("next degree", body.model.content, partial(NextDegree.of, body.model, memo.keeps))
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
     part = 0.0 if body.model.material.nearly_incompressible else ALGEBRAIC_FRACTION
-    for _ in range(MOST):
-        defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2))
+    for _ in range(MAX_UPDATES):
+        defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2), better)
         beyond = sparse.csc_array(defect.source[:, None])
         step, change = body.system.step(source, solution, beyond).T
         solution = solution + step[:, None]
@@ -100,24 +109,24 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
         rough = max(rough, length / size if size > 0.0 else 0.0)
         if (
             length <= max(part * float(np.linalg.norm(change)), ALGEBRAIC_FLOOR * size)
-            or length >= STALLED * before
+            or length >= STALL_RATIO * before
         ):
             break
         before = length
-    if rough > ROUGH:
-        change = body.system.solve(beyond, QUICK)[:, 0]
+    if rough > CORRECTION_TOLERANCE:
+        change = body.system.solve(beyond, FUNCTIONAL_TOLERANCE)[:, 0]
     return Corrected((solution[:, 0] + moved).reshape(-1, 2), solution, defect, change, rough)
 
 
-def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
-    """The defect of nodal ``displacement`` (N, 2).
+def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
+    """The defect of nodal ``displacement`` (N, 2), seen by fits one degree ``better``.
 
     Raises NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree.
     """
     model = body.model
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
-    better = _NextDegree(model)
+    better = better or NextDegree(model)
     derivatives = better.of_displacement(displacement)
     stress = stress_of(derivatives, model.material.stiffness) - model.stress(displacement)
     source = np.zeros(body.rows)
@@ -127,35 +136,50 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
         traction = traction_of(stress[surface.index], surface.normal)
         source += body.source(name, -traction, held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
-    fluxes = body.pieces.flux_of(partial(better.stress_around, displacement), body.gripped)
+    lacking = partial(better.stress_around, displacement)
+    fluxes = body.pieces.flux_of(lacking, body.gripped)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
-    return Defect(source, stress)
+    reactions = {
+        name: -reaction_of(
+            model,
+            model.cloud.surfaces[name],
+            axes,
+            (0.0, 0.0),
+            lambda points: lacking(points, points[:, None])[:, 0],
+        )
+        for name, axes in body.gripped.items()
+        if any(axes)
+    }
+    return Defect(source, stress, reactions)
 
 
 @dataclass(frozen=True)
-class _NextDegree:
-    """Fits one degree higher than a body's, with that degree's default stencil size; nothing is stored."""
+class NextDegree:
+    """Fits one degree higher than a body's, with that degree's default stencil size; with ``kept`` weights a
+    second evaluation is cheap."""
 
     model: BodyModel
+    kept: dict[tuple[int, int, bytes], Stencils] | None = field(default=None, compare=False)
+
+    @classmethod
+    def of(cls, model: BodyModel, keep: bool) -> NextDegree:
+        """Fits that are to be kept, unless that takes much memory."""
+        return cls(model, {} if keep and len(model.nodes) <= KEPT else None)
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        model = self.model
-        return self._derivatives(model.nodes, model.tree, displacement, model.tips)
+        return self._derivatives(displacement, self.model.cloud.points, next_degree(self.model.settings))
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
-        cloud = self.model.cloud
-        return self._derivatives(cloud.points, cloud.tree, stress)
+        return self._derivatives(stress, self.model.cloud.points, next_degree(self.model.settings))
 
     def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
         """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
         (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives."""
         model = self.model
         own, better = (
-            fitted_derivatives(
-                model.nodes, model.tree, places, some, displacement, model.cloud.sight, tips=model.tips
-            )
+            self._derivatives(displacement, places, some)
             for some in (model.settings, next_degree(model.settings))
         )
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
@@ -164,11 +188,19 @@ class _NextDegree:
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
         return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
 
-    def _derivatives(
-        self, nodes: FloatArray, tree: cKDTree, field: FloatArray, tips: Tips | None = None
-    ) -> FloatArray:
-        """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2)."""
+    def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
+        """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses
+        (n, 3) without ghosts."""
         model, cloud = self.model, self.model.cloud
-        near = model.near if len(nodes) == len(model.nodes) else None
-        settings = next_degree(model.settings)
-        return fitted_derivatives(nodes, tree, cloud.points, settings, field, cloud.sight, near, tips)
+        moved = values.shape[1] == 2
+        nodes, tree, tips = (
+            (model.nodes, model.tree, model.tips) if moved else (cloud.points, cloud.tree, None)
+        )
+        at_nodes = places is cloud.points and len(nodes) == len(model.nodes)
+        near = model.near if at_nodes else None
+        if self.kept is None:
+            return fitted_derivatives(nodes, tree, places, settings, values, cloud.sight, near, tips)
+        key = (settings.degree, values.shape[1], places.tobytes())
+        if key not in self.kept:
+            self.kept[key] = build_stencils(nodes, tree, places, 2, settings, cloud.sight, near, tips)
+        return self.kept[key].derivatives(values)

@@ -39,20 +39,20 @@ from mlsanm_cli.mechanics.springs import FREE, Held
 if TYPE_CHECKING:
     from mlsanm_cli.mechanics.body_model import BodyModel
 
-SIZE = 16
+BOUNDARY_NODES = 16
 """Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose some
 percent near supports and fillets."""
-STRENGTH = 3000.0
+EQUILIBRIUM_WEIGHT = 3000.0
 """Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains.
 
 A ring of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far
 above, the normal equations become too ill-conditioned. Pieces smaller than half a body's thickness are weaker
 in proportion: all forces count alike, as in H^-1, and clouds refined a thousandfold remain well-conditioned.
 """
-SOFTEST = 150.0
+MAX_MODULUS_RATIO = 150.0
 """Largest modulus over shear modulus for this weight. Beyond, in nearly incompressible materials, shear rows
 have so few digits left that the pieces are made weaker in proportion."""
-PAIRED = 10.0
+PAIR_WEIGHT = 10.0
 """The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
 
 
@@ -74,15 +74,15 @@ class Pieces:
 
     @classmethod
     def of(cls, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})) -> Pieces:
-        """Pieces of about SIZE nodes, and pairs along the contact surfaces ``touching``."""
-        labels = divide(cloud, SIZE)
+        """Pieces of about BOUNDARY_NODES nodes, and pairs along the contact surfaces ``touching``."""
+        labels = divide(cloud, BOUNDARY_NODES)
         levels: tuple[IntArray, ...] = (labels,)
-        strength: FloatArray = np.full(int(labels.max()) + 1, STRENGTH)
+        strength: FloatArray = np.full(int(labels.max()) + 1, EQUILIBRIUM_WEIGHT)
         stops = [name for name, components in held.items() if any(components)]
         paired = pair_up(cloud, touching, stops) if touching else np.full(len(labels), -1)
         if (paired >= 0).any():
             first = len(strength)
-            strength = np.append(strength, np.full(int(paired.max()) + 1, PAIRED))
+            strength = np.append(strength, np.full(int(paired.max()) + 1, PAIR_WEIGHT))
             levels = (labels, np.where(paired >= 0, first + paired, -1))
         parts = [measure(cloud.points, cloud.faces, cloud.surfaces, level) for level in levels]
         whole = Measures(

@@ -19,7 +19,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.refinement import PRECISE
+from mlsanm_cli.operators.refinement import FULL_TOLERANCE
 from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.startup import dgeqp3
 
@@ -152,7 +152,7 @@ class FreeSystem:
         dense[self._pins] = 0.0
         return sparse.csc_array(dense + self.balance @ (self.work @ dense))
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), balanced first."""
         return self._centred(self.system.solve(self._balanced(sources), tolerance), self._wanted(sources))
 

@@ -12,12 +12,14 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
+from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.memo import digest
 
 
@@ -36,6 +38,16 @@ class SurfaceLoad:
     def source(self, body: ElasticBody) -> FloatArray:
         """Right-hand side (r,) of its ``body``."""
         return body.source(self.surface, self.values, self.held, self.between)
+
+    def on_springs(self, body: ElasticBody) -> FloatArray:
+        """The force (2,) of a traction on springs so stiff that they hold its surface: what the stress there
+        makes is what the springs exert and it together."""
+        stiff = np.array(body.gripped.get(self.surface, FREE)) & ~np.array(body.held.get(self.surface, FREE))
+        if self.held or self.between is None or not stiff.any():
+            return np.zeros(2)
+        return np.asarray(
+            Halves.of(body.model.cloud.surfaces[self.surface], FINE).length @ self.between * stiff
+        )
 
 
 @dataclass(frozen=True)

@@ -25,18 +25,25 @@ NO_SPRING = (0.0, 0.0)
 FREE = (False, False)
 
 
-def stiffest_soft(cloud: Cloud, material: PlaneMaterial) -> float:
-    """Largest stiffness k, traction per displacement, of a soft spring."""
-    return material.modulus / float(np.ptp(cloud.points, axis=0).max())
+def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = None) -> float:
+    """Largest stiffness k, traction per displacement, of a soft spring along a ``surface`` or the whole body:
+    the compliance of a body under a load on part of its boundary is proportional to the part's length."""
+    size = float(np.ptp(cloud.points, axis=0).max())
+    if surface is not None:
+        size = min(size, cloud.surfaces[surface].curve.length)
+    return material.modulus / size
 
 
-def gripped(held: Held, springs: Springs, limit: float) -> dict[str, tuple[bool, bool]]:
-    """Components of every surface that are held, or have springs stiffer than ``limit``."""
+def gripped(
+    held: Held, springs: Springs, cloud: Cloud, material: PlaneMaterial
+) -> dict[str, tuple[bool, bool]]:
+    """Components of every surface that are held, or have stiff springs."""
     found = dict(held)
-    for name, (x, y) in springs.items():
-        if x > limit or y > limit:
+    for name, both in springs.items():
+        limit = stiffest_soft(cloud, material, name)
+        if max(both) > limit:
             before = held.get(name, FREE)
-            found[name] = (before[0] or x > limit, before[1] or y > limit)
+            found[name] = (before[0] or both[0] > limit, before[1] or both[1] > limit)
     return found
 
 
@@ -46,7 +53,10 @@ def restraining(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list
     return [name for name, both in springs.items() if max(both) > limit]
 
 
-def soft(springs: Springs, limit: float) -> dict[str, tuple[float, float]]:
-    """Springs up to ``limit``, 0 in the other components."""
-    kept = {name: (x if x <= limit else 0.0, y if y <= limit else 0.0) for name, (x, y) in springs.items()}
+def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
+    """The soft springs, 0 in the other components."""
+    kept = {}
+    for name, (x, y) in springs.items():
+        limit = stiffest_soft(cloud, material, name)
+        kept[name] = (x if x <= limit else 0.0, y if y <= limit else 0.0)
     return {name: both for name, both in kept.items() if any(both)}

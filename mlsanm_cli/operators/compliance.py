@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.refinement import BLOCK
+from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
 
 RANK = 8
 """Initial number of random columns; on published cases 12 give no smaller error, 6 up to ten times as
@@ -54,5 +54,7 @@ def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArra
             return np.asarray(result)
         rank *= 2
     unit = np.eye(start.shape[1])
-    blocks = [of_columns(unit[:, first : first + BLOCK]) for first in range(0, len(unit), BLOCK)]
+    blocks = [
+        of_columns(unit[:, first : first + BLOCK_COLUMNS]) for first in range(0, len(unit), BLOCK_COLUMNS)
+    ]
     return np.concatenate([start[:, :0], *blocks], axis=1)

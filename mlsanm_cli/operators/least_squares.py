@@ -13,13 +13,17 @@ A few sums of strong rows, forces and moment on the whole body, hold exactly
 The factor alone loses half the digits. Residuals of the rows, not of the normal equations, restore them
 (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here by conjugate gradients (Bjorck 1996,
 doi:10.1137/1.9781611971484, section 7.4) with the factor as preconditioner: the first step is the corrected
-semi-normal step, and nearly incompressible bodies need a few more.
+semi-normal step, and nearly incompressible bodies need a few more. For bodies a hundred times as long as
+thick the factor has lost bending modes to round-off and is not even definite. So each direction is made
+conjugate to several previous ones instead of by the short recurrence, which requires a definite
+preconditioner (Golub and Ye 1999, doi:10.1137/S1064827597323415).
 
 Equation (4) of docs/method.md.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -32,11 +36,12 @@ from mlsanm_cli.operators.conditions import Conditions, conditions_of, independe
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
-    CHECKED,
-    MOST,
-    PRECISE,
-    QUICK,
+    DIRECTIONS,
+    FULL_TOLERANCE,
+    FUNCTIONAL_TOLERANCE,
+    MAX_UPDATES,
     TINY,
+    VERIFIED_TOLERANCE,
     Progress,
     best_part,
     relative,
@@ -76,7 +81,7 @@ class LeastSquares:
     factor: Factor
     conditions: Conditions
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) in the rows' physical units."""
         scaled = self.scaled(sources)
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
@@ -92,12 +97,12 @@ class LeastSquares:
         if start is None:
             solution = self.factor.solve(self._gather(misfit))
             misfit = misfit - self._apply(solution)
-            progress = Progress.of(solution, PRECISE, CHECKED)
+            progress = Progress.of(solution, FULL_TOLERANCE, VERIFIED_TOLERANCE)
         else:
             image = self._apply(start)
             part = best_part(image, misfit)
             solution, misfit = start @ part, misfit - image @ part
-            progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
+            progress = Progress.begun(sources.shape[1], FULL_TOLERANCE, VERIFIED_TOLERANCE)
         solution, _, progress = self._further(force, misfit, solution, progress)
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
@@ -125,11 +130,13 @@ class LeastSquares:
 
         def of_columns(chosen: FloatArray) -> FloatArray:
             misfit = weighted @ (mixed @ chosen)
-            return np.asarray(rows @ self._refined(np.zeros((self.rows.shape[1], 1)), misfit, QUICK)[0])
+            return np.asarray(
+                rows @ self._refined(np.zeros((self.rows.shape[1], 1)), misfit, FUNCTIONAL_TOLERANCE)[0]
+            )
 
         def of_rows(chosen: FloatArray) -> FloatArray:
             misfit = np.zeros((count, chosen.shape[1]))
-            images = -self._refined(np.asarray(rows.T @ chosen), misfit, QUICK)[1]
+            images = -self._refined(np.asarray(rows.T @ chosen), misfit, FUNCTIONAL_TOLERANCE)[1]
             return np.asarray((weighted.T @ images).T @ mixed)
 
         gathered = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
@@ -154,18 +161,21 @@ class LeastSquares:
         self, force: FloatArray, misfit: FloatArray, solution: FloatArray, progress: Progress
     ) -> tuple[FloatArray, FloatArray, Progress]:
         """The ``solution`` (n, c) with remaining ``misfit``, refined until there is no more progress."""
-        step, before = np.zeros_like(solution), np.ones(solution.shape[1])
-        for _ in range(MOST):
+        before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
+        for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
-            wanted = self.factor.solve(gradient)
-            now = (gradient * wanted).sum(axis=0)
-            step = wanted + now / before * step
+            step = self.factor.solve(gradient)
             image = self._apply(step)
+            for other, seen, size in before:
+                share = np.einsum("ij,ij->j", seen, image) / size
+                step -= share * other
+                image -= share * seen
+            size = np.maximum(np.einsum("ij,ij->j", image, image), TINY)
             # Further steps for converged solutions would only add round-off.
-            length = np.where(progress.done, 0.0, now / np.maximum((image**2).sum(axis=0), TINY))
+            length = np.where(progress.done, 0.0, np.einsum("ij,ij->j", gradient, step) / size)
             solution += length * step
             misfit -= length * image
-            before = np.where(now > 0.0, now, np.inf)
+            before.append((step, image, size))
             progress = progress.after(length * step, solution)
             if progress.finished:
                 break
@@ -306,7 +316,7 @@ def factorise(
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
     force, count = kept.T.toarray(), rows.shape[0] + len(strong.owner)
-    answer = without._refined(force, np.zeros((count, len(numbers))), QUICK)[0]
+    answer = without._refined(force, np.zeros((count, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
     conditions = conditions_of(kept, answer)
     sums = sparse.csr_array(strong.sums[numbers[: conditions.rows.shape[0]]])
     return LeastSquares(rows, weight, replace(strong, sums=sums), alone, conditions)

@@ -9,23 +9,30 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-PRECISE = 1e-11
+FULL_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update."""
-QUICK = 1e-8
+FUNCTIONAL_TOLERANCE = 1e-8
 """The same for many solutions of which only functionals are needed.
 
 On graded clouds round-off in the residual changes solutions by 1e-9 to 2e-8 in every update.
 """
-CHECKED = 1e-7
+VERIFIED_TOLERANCE = 1e-7
 """Limit of the last update where it serves as error estimate."""
-BLOCK = 64
+BLOCK_COLUMNS = 64
 """Solutions refined at once: enough for dense products, few enough for memory."""
-MOST = 15
-STALLED = 0.5
-"""An update larger than this fraction of both previous ones means stagnation.
+MAX_UPDATES = 15
+DIRECTIONS = 6
+"""Number of earlier directions that the next one is made conjugate to.
 
-Not of one: where the factor has lost a mode altogether, such as bending of bodies a hundred times as long as
-thick, conjugate gradients find it in one large step and converge in the next.
+A ring of radius over thickness 100, eight nodes across, degree 4, is exact to 1e-9 after 6 steps with all of
+them, after 7 with three; with one it is off by 8e-6 after 10, and by the short recurrence 0.3 % after 15.
+"""
+STALL_RATIO, STALL_CHANGE = 0.5, 1e-5
+"""An update larger than the first fraction of both previous ones, and smaller than the second fraction of the
+solution, means stagnation.
+
+Larger updates do not: where the factor has lost modes altogether, such as bending of bodies a hundred times
+as long as thick, conjugate gradients find one after the other in steps of any size.
 """
 TINY = np.finfo(float).tiny
 
@@ -63,7 +70,8 @@ class Progress:
         # The rate of convergence is unknown before the second update.
         next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
         small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
-        stalled = change >= STALLED * np.maximum(self.before, self.last)
+        small_change = change <= STALL_CHANGE * size
+        stalled = (change >= STALL_RATIO * np.maximum(self.before, self.last)) & small_change
         last = np.where(self.done, self.last, change)
         return Progress(self.last, last, self.done | small | stalled, self.tolerance, self.limit)
 
@@ -81,7 +89,7 @@ def refine(
     ``update`` computes the factor's correction of the residual (Higham 2002, doi:10.1137/1.9780898718027).
     The iteration also ends where updates stop shrinking; the size of the last one shows that.
     """
-    for _ in range(MOST):
+    for _ in range(MAX_UPDATES):
         step = update(solution)
         solution = solution + step
         progress = progress.after(step, solution)

@@ -12,10 +12,10 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 from mlsanm_cli.operators.refinement import (
-    BLOCK,
-    CHECKED,
-    PRECISE,
-    QUICK,
+    BLOCK_COLUMNS,
+    FULL_TOLERANCE,
+    FUNCTIONAL_TOLERANCE,
+    VERIFIED_TOLERANCE,
     Progress,
     best_part,
     refine,
@@ -32,7 +32,7 @@ class Square:
     choice: sparse.csr_array
     factor: Factor
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) in the rows' physical units."""
         rhs = self.scaled(sources)
         first = self.factor.solve(rhs)
@@ -46,10 +46,10 @@ class Square:
         rhs = self.scaled(sources)
         if start is None:
             first = self.factor.solve(rhs)
-            progress = Progress.of(first, PRECISE, CHECKED)
+            progress = Progress.of(first, FULL_TOLERANCE, VERIFIED_TOLERANCE)
         else:
             first = start @ best_part(self.matrix @ start, rhs)
-            progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
+            progress = Progress.begun(sources.shape[1], FULL_TOLERANCE, VERIFIED_TOLERANCE)
         solution, progress = refine(first, self._update(rhs), progress)
         return solution, relative(progress.last, solution)
 
@@ -71,10 +71,10 @@ class Square:
         stored."""
         count = sources.shape[1] if mixture is None else mixture.shape[1]
         result = np.empty((observed.shape[0], count))
-        for first in range(0, count, BLOCK):
-            columns = slice(first, first + BLOCK)
+        for first in range(0, count, BLOCK_COLUMNS):
+            columns = slice(first, first + BLOCK_COLUMNS)
             some = sources[:, columns] if mixture is None else sources @ mixture[:, columns]
-            result[:, columns] = observed @ self.solve(sparse.csc_array(some), QUICK)
+            result[:, columns] = observed @ self.solve(sparse.csc_array(some), FUNCTIONAL_TOLERANCE)
         return result
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Protocol
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.refinement import PRECISE
+from mlsanm_cli.operators.refinement import FULL_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Equations:
 class LinearSystem(Protocol):
     """Factorised equations for n unknowns, with right-hand sides in the physical units of r rows."""
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
 
     def solve_with_error(

@@ -70,6 +70,7 @@ def find_grids(
     responses: BodyResponses | None = None
     resolved: BodyResponses | None = None
     starts: list[ContactStatus] = []
+    known: tuple[ExactState, ...] = ()
     common: dict[str, float] = {}
     passed = overlapping(ranges)
     looked = False
@@ -83,7 +84,8 @@ def find_grids(
             condensed = condense(scene, some, memo, responses)
         which: Wanted = "every" if every else "known" if starts else "ends"
         starts = starts or [_starting_status(condensed.pairings)]
-        states = search(condensed, starts, which, ())
+        states = search(condensed, starts, which, known)
+        known = ()
         begun = begun_open(condensed, grids, ranges, states)
         if begun:
             ranges = {**ranges, **begun}
@@ -112,6 +114,7 @@ def find_grids(
                 continue
             every = True
             if turned is None:
+                known = states
                 continue
             turnings -= 1
             wanted = turned

@@ -286,7 +286,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
         # Between nodes far apart a body that turns moves along a curve.
         between = np.clip(np.searchsorted(at[order], places) - 1, 0, len(way) - 2)
         unsure = _bends(at[order], way)[between]
-        overlap = drawn + np.interp(places, at[order], way) < -shallow - unsure
+        overlap = drawn + np.interp(places, at[order], way) < -shallow + unsure
         chosen |= overlap & (apart[interval] | beyond)
     return places[chosen]
 

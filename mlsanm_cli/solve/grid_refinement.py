@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.compressed import MANY
+from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
 from mlsanm_cli.contact.response.condensation import BodyResponses
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
@@ -39,6 +39,9 @@ three more save nothing further."""
 SHARE, WORST, WORST_OF_MANY = 0.7, 0.1, 0.02
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest: of
 grids with many intervals more at once, as each round takes long."""
+FREE, TWICE = 0.05, 4.0
+"""Without friction, where rounds take longer than what more intervals do, this part of the largest; and those
+that have so many times the least error of halved ones are quartered: halves have a sixth."""
 
 
 def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
@@ -81,24 +84,31 @@ def refined(
         places = summits(condensed, name, ranges[name], states)
         chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
         aim = accuracy[name] * max(1.0, len(errors) / limits[0]) ** 3
+        quartered = np.zeros_like(chosen)
         if float(np.sqrt((errors**2).sum())) > aim:
-            part = (WORST if len(errors) <= MANY else WORST_OF_MANY) * float(errors.max())
-            chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), part)
+            free = condensed.pairing_of(name).friction == 0.0
+            part = WORST_OF_MANY if len(errors) > COMPRESSED_CONTACT else FREE if free else WORST
+            least = max(SHARE * aim / np.sqrt(len(errors)), part * float(errors.max()))
+            chosen |= errors > least
+            quartered = free & (errors > TWICE * least)
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
-            result[name] = _halved(grid, chosen, errors)
+            result[name] = _halved(grid, chosen, quartered, errors)
     return result
 
 
-def _halved(grid: ContactGrid, chosen: BoolArray, errors: FloatArray) -> ContactGrid:
-    """The grid with ``chosen`` intervals (e,) halved; those at its ends that have the largest ``errors``
-    once more towards the end, as errors fall slowly where pressures have no bound."""
+def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: FloatArray) -> ContactGrid:
+    """The grid with ``chosen`` intervals (e,) halved, and those of them that are to be ``quartered`` once
+    more; those at its ends that have the largest ``errors`` once more towards the end, as errors fall slowly
+    where pressures have no bound."""
     first, last = np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]
     large = chosen & (errors >= AT_ENDS * errors.max())
     at_ends = bool(large[first]), bool(large[last])
-    grid = replace(grid, hats=grid.hats.halved(chosen))
-    again = np.zeros(len(grid.hats.steps), dtype=bool)
-    again[np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]] = at_ends
+    hats = grid.hats.halved(chosen)
+    within = np.searchsorted(grid.hats.nodes, 0.5 * (hats.nodes[1:] + hats.nodes[:-1])) - 1
+    again = (chosen & quartered)[np.clip(within, 0, len(chosen) - 1)]
+    again[np.flatnonzero(hats.steps > 0.0)[[0, -1]]] |= at_ends
+    grid = replace(grid, hats=hats)
     again &= grid.hats.steps > _shortest(grid)
     return replace(grid, hats=grid.hats.halved(again)) if again.any() else grid
 

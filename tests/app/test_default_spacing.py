@@ -138,3 +138,20 @@ def test_surfaces_in_contact_have_finer_nodes_at_finite_strain() -> None:
         counts.append(len(cloud.surfaces["top"].index))
     small, finite = counts
     assert finite == pytest.approx(1.5 * small, abs=2)
+
+
+def test_a_post_pushed_aside_leans_as_it_is_clamped(tmp_path: Path) -> None:
+    """Bodies in contact have finer nodes where they are clamped, too, if they stand out from there."""
+    text = (
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("post", "steel", None, box([-15.0, 15.0], [-45.0, 0.0]))
+        + support("post.bottom", ux=0.0, uy=0.0)
+        + contact("c", "post.right", obstacle=disk([35.0, -8.0], 20.0))
+        + pushed("side", "c", fx=-1000.0, uy=0.0)
+        + item("probe", name="top", body="post", point=[-15.0, 0.0])
+    )
+    summary = solved(text, tmp_path)
+    # 1,218 nodes of degree 4, 0.02 long at both corners; 1,797 of degree 2 say 0.05957. Without finer nodes
+    # it leaned by 0.7 % more.
+    assert summary["probes"]["top"]["displacement"][0] == pytest.approx(-0.05952, rel=3e-3)

@@ -10,8 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.assessment.quality import case_warnings
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.plot_choice import Choice
+from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
@@ -38,6 +40,15 @@ SHEARED = (
 EXACT = 'contact.interface.regularization.law="exact"'
 SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
 HOLONOMIC = 'contact.interface.regularization.friction_law="holonomic"'
+
+
+def test_a_percentage_is_no_coefficient() -> None:
+    def told(friction: float) -> list[str]:
+        text = SHEARED.replace("friction = 0.4", f"friction = {friction}")
+        return list(case_warnings(parse_case(text, Path("case.toml")).case))
+
+    assert not told(0.9)
+    assert "per cent it is 0.4" in told(40.0)[0]
 
 
 @pytest.fixture(scope="module", params=["exact", "hyperbolic"])

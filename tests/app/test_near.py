@@ -246,7 +246,7 @@ def test_compressed_compliances_change_no_result(tmp_path: Path, monkeypatch: py
     for number, text in enumerate((waves, pressed(0.05)[0])):
         found = []
         for many in (20, 10_000):
-            monkeypatch.setattr(condensation, "MANY", many)
+            monkeypatch.setattr(condensation, "COMPRESSED_CONTACT", many)
             done(text, tmp_path / f"{number}-{many}", "contact.interface.accuracy=0.01", "output.fields=[]")
             found.append(pressures(tmp_path / f"{number}-{many}")[1])
         assert len(found[0]) == len(found[1])

@@ -61,6 +61,17 @@ def test_what_grows_towards_a_clamped_corner_is_no_peak(tmp_path: Path) -> None:
     assert peak is None or peak["place"][0] > 0.25 * 2.0
 
 
+def test_where_a_load_ends_no_stress_meets_both_sides(tmp_path: Path) -> None:
+    # Half of the jump had been warned of, 7 % here, and inside a load what its field leaves was its size.
+    text = head("strain") + material("steel", E=210e3, nu=0.3)
+    text += body("beam", "steel", 0.4, box([-10.0, 10.0], [0.0, 2.0]))
+    text += support("beam.left", ux=0.0, uy=0.0) + support("beam.right", ux=0.0, uy=0.0)
+    text += load("push", "beam.top", "pressure", pressure=20.0) + "from = [-0.5, 2.0]\nto = [0.5, 2.0]\n"
+    summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
+    assert not summary["warnings"]
+    assert summary["peak_stress"]["beam"]["error"] < 0.03
+
+
 def test_peaks_on_planes_of_symmetry_count(tmp_path: Path) -> None:
     text = head("stress") + material("steel", E=210e3, nu=0.3)
     quarter = {"kind": "sector", "center": [0.0, 0.0], "radii": [1.0, 4.0], "angles": [0.0, 90.0]}
@@ -81,11 +92,11 @@ def test_traction_errors_are_what_is_missing_of_the_tractions(degree: int) -> No
     strain = np.array([0.3, 0.1, 0.3])
     source = boundary_values(body_of, moved, lambda at: np.tile(STEEL.stiffness @ strain, (len(at), 1)))
     exact = moved(body_of.model.cloud.points)
-    assert traction_error(body_of, exact, source)[0].max() <= 1e-9 * STEEL.modulus
+    assert traction_error(body_of, exact, source).max() <= 1e-9 * STEEL.modulus
     source[body_of.condition_rows("right", 0)] += 3.0
     source[body_of.condition_rows("right", 1)] -= 4.0
     source[body_of.condition_rows("bottom", 1)] += 7.0  # a displacement
-    (missing, _), right = traction_error(body_of, exact, source), body_of.model.cloud.surfaces["right"].index
+    missing, right = traction_error(body_of, exact, source), body_of.model.cloud.surfaces["right"].index
     assert missing[right] == pytest.approx(5.0)
     assert np.delete(missing, right).max() <= 1e-9 * STEEL.modulus
 

@@ -216,6 +216,15 @@ def test_a_support_beside_all_nodes_tells_where_it_is() -> None:
     assert told.endswith("0.0174 away")
 
 
+def test_a_support_far_from_its_body_is_refused() -> None:
+    pinned = '[[support]]\nbody = "base"\nnear = [0.0, 40.0]\nux = 0.0\n'
+    with pytest.raises(CaseError) as error:
+        prepared(SQUEEZED + pinned)
+    (problem,) = error.value.problems
+    assert "lies outside body" in problem.message
+    assert problem.key == f"support.{SQUEEZED.count('[[support]]')}.near"
+
+
 @pytest.mark.parametrize("swapped", [False, True])
 def test_disks_lean_by_their_displaced_centres(tmp_path: Path, swapped: bool) -> None:
     """Two disks in a rigid shaft press on each other along the line of their centres, whichever is the slave.

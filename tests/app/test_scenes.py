@@ -11,10 +11,12 @@ import pytest
 import tomli_w
 
 from benchmarks.scenes import bending, fits, joints, layers, machines, mechanisms
+from benchmarks.scenes.compared import fitted
 from benchmarks.scenes.judge import Ran, judged
 from benchmarks.scenes.scene import SCENES, Figure, Refusal, Scene, Table
 from benchmarks.scenes.variants import LENGTH, STRESS, halved, variants
 from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.case.model.expressions import compile_expression
 
 HERE = tuple(one.__name__ for one in (bending, fits, joints, layers, machines, mechanisms))
 
@@ -29,7 +31,8 @@ def scenes() -> Iterator[Scene]:
 def test_scenes_and_their_variants_are_valid_cases(tmp_path: Path) -> None:
     for number, scene in enumerate(scenes()):
         far = 5e-4 if scene.name == "cam_follower" else 0.5  # that one is in metres
-        spacings = {one["name"]: (far, {"left": 0.2 * far}) for one in scene.case["body"]}
+        left = {"left": (0.2 * far, {(0.0, 0.0): 0.02 * far})}
+        spacings = {one["name"]: (far, left) for one in scene.case["body"]}
         others = list(variants())
         # Each of them in turn, which takes a fraction of all for all.
         for variant in (others[number % len(others)], halved(scene.case, spacings)):
@@ -57,6 +60,29 @@ def test_variants_come_back_to_the_scene() -> None:
             [STRESS * value for value in stiffnesses(scene.case)]
         )
     assert LENGTH * STRESS != 1.0  # forces change as well
+
+
+def test_variants_carry_expressions_over() -> None:
+    """Gaps, temperatures and prescribed displacements of a place, where the variant has it."""
+    x, y = 0.3, -0.2
+    given: Table = {
+        "material": {},
+        "body": [{"name": "a", "shape": {"kind": "rectangle", "x": [-1.0, 1.0], "y": [-1.0, 1.0]}}],
+        "load": [
+            {"name": "warm", "kind": "temperature", "body": "a", "temperature": "3*x - y**2"},
+            {"name": "bend", "kind": "displacement", "boundary": "a.top", "displacement": ["x*y", 0.5]},
+        ],
+        "contact": [{"name": "c", "slave": "a.bottom", "gap": "x**2 + 0.1*y"}],
+    }
+    for variant in (one for one in variants() if one.name in ("turned", "mirrored", "units")):
+        made = variant.change(given)
+        there = tuple(variant.move()(np.array([[x, y]]))[0])
+        warm, bend = made["load"]
+        assert compile_expression(warm["temperature"])(*there) == pytest.approx(3 * x - y**2)
+        moved = [compile_expression(str(one))(*there) for one in bend["displacement"]]
+        assert moved == pytest.approx(variant.length * variant.matrix @ np.array([x * y, 0.5]))
+        gap = compile_expression(made["contact"][0]["gap"])(*there)
+        assert gap == pytest.approx(variant.length * (x**2 + 0.1 * y))
 
 
 def stiffnesses(given: Table) -> list[float]:
@@ -100,3 +126,19 @@ def test_a_scene_without_equilibrium_must_be_refused_for_its_reason(
     scene = Scene("one", "any", CASE, refusal=Refusal(("slide",), 1.5))
     ran = Ran(code, {"position": position, "stop_reason": reason}, "", tmp_path)
     assert judged(scene, ran).outcome == outcome
+
+
+def test_fits_tell_where_they_do_not_follow_a_field() -> None:
+    """Quartic fields are met, and known to be; next to a kink a fit is off, and says by how much."""
+    points = np.random.default_rng(3).uniform(-1.0, 1.0, (400, 2))
+    x, y = points.T
+    at = np.array([[0.5, 0.1], [0.02, -0.3]])
+    smooth = np.stack([x**2 - x * y, 1.0 + y**2], axis=1)
+    found, unsure = fitted(points, smooth, at)
+    assert found == pytest.approx(np.array([[0.2, 1.01], [0.0064, 1.09]]))
+    assert unsure == pytest.approx(0.0, abs=1e-12)
+    found, unsure = fitted(points, np.stack([np.abs(x), y], axis=1), at)
+    off = np.hypot(*(found - [[0.5, 0.1], [0.02, -0.3]]).T)
+    assert off[0] < 1e-12
+    assert unsure[0] < 1e-12
+    assert 0.3 * off[1] < unsure[1]

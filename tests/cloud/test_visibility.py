@@ -10,6 +10,7 @@ import pytest
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.drawing import polygon
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.cloud.sight import MIN_DETOUR, VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing, Zone
@@ -105,6 +106,18 @@ def test_quality_and_triangles_do_not_reach_across() -> None:
             area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
             assert area.min() > 0.0
             assert area.sum() == pytest.approx(4.0 - 0.5 * gap, rel=1e-9)
+
+
+def test_rounded_edges_of_a_slot_are_no_holes() -> None:
+    # Triangles of the opened slot lie along its edges, whose circles with nodes inside counted: 5.3 spacings.
+    corners = [(-6.0, -5.0), (6.0, -5.0), (6.0, 0.0), (1.0, 0.0), (1.0, -4.0), (-1.0, -4.0), (-1.0, 0.0)]
+    names, curves = zip(
+        *polygon([*corners, (-6.0, 0.0)], [], [0.0] * 3 + [0.8] + [0.0] * 2 + [0.8], []), strict=True
+    )
+    fine = Zone.around((1.8, -0.8), 0.15, 1.3, 0.15)
+    cloud = build_cloud(Outline(names, curves), Spacing(0.8, (fine,)), 0)
+    assert cloud.sight is not None
+    assert measure(cloud).hole < 1.2
 
 
 def test_targets_on_a_face_belong_to_their_side() -> None:

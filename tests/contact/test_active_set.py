@@ -185,14 +185,16 @@ def test_a_body_that_rests_on_its_ends_unloaded_is_found(seed: int) -> None:
     assert np.abs(state.pressure).max() <= 1e-12
 
 
+@pytest.mark.parametrize("walls", [(0,), (0, 2)], ids=["one", "two"])
 @pytest.mark.parametrize("seed", range(4))
-def test_an_unloaded_body_that_overlaps_as_drawn_is_moved(seed: int) -> None:
-    """In a round hole, with one wall that it overlaps: nothing presses where it comes to rest."""
+def test_an_unloaded_body_that_overlaps_as_drawn_is_moved(seed: int, walls: tuple[int, ...]) -> None:
+    """In a round hole, with walls that it overlaps: nothing presses where it comes to rest."""
     rng = np.random.default_rng(seed)
     angle = np.linspace(0.0, 2.0 * np.pi, 9, endpoint=False)
     motion, columns = np.stack([np.cos(angle), np.sin(angle)], axis=1), Columns(1, 2, 9)
     balance = columns.of_loads(np.zeros((2, 1))) + of_pressures(columns, motion.T)
-    gap = np.concatenate([[-4e-9], rng.uniform(1e-7, 4e-7, 8)])
+    gap = rng.uniform(1e-7, 4e-7, 9)
+    gap[list(walls)] = [-4e-9, -3.1e-9][: len(walls)]
     condensed = synthetic(random_compliance(9, rng), gap, np.zeros((9, 1)), balance, motion)
     state = solve_exact(condensed, FULL, gap < 0.0)
     assert state.gap.min() >= -1e-20

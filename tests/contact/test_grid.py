@@ -98,6 +98,13 @@ def test_pairs_are_symmetric() -> None:
         assert np.abs(found - found.T).max() <= 1e-14 * np.abs(found).max()
         turned = HatPairs(GRADED).integrals(NONE, LOG, direction, direction)
         assert np.abs(turned + turned.T).max() <= 1e-14 * np.abs(turned).max()
+    # What tractions do to gaps is what pressures do to slips.
+    tangent, pairs = np.stack([-normal[:, 1], normal[:, 0]], axis=1), HatPairs(GRADED)
+    across, back = (
+        pairs.integrals(LOG, np.array([[0.0, 0.5], [-0.5, 0.0]]), *directions)
+        for directions in ((normal, tangent), (tangent, normal))
+    )
+    assert np.abs(across - back.T).max() <= 1e-12 * np.abs(across).max()
 
 
 def test_pressures_of_no_net_force_do_work() -> None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from mlsanm_cli.solve.grid_ranges import _beside, _growing, spaced_apart
+from mlsanm_cli.contact.geometry.grid import Hats
+from mlsanm_cli.solve.grid_ranges import _beside, _growing, spaced_apart, summits
 
 
 def test_no_interval_is_round_off() -> None:
@@ -32,3 +36,29 @@ def test_ranges_grow_by_ever_longer_intervals() -> None:
 def test_between_two_crests_nothing_is_halved() -> None:
     # A wavy strip pressed on its crests had 3,800 intervals, halved all along until each crest had some.
     assert np.flatnonzero(_beside(np.array([0, 30]), 60)).tolist() == [0, 1, 2, 29, 30, 31, 32]
+
+
+@pytest.mark.parametrize("clear", [0.0, 0.05])
+def test_summits_are_looked_at_where_they_may_overlap(clear: float) -> None:
+    # Between places far apart displacements are unsure by more than a summit overlaps: one patch of ten of a
+    # rough profile was missed.
+    hats = Hats(np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.5, 0.8, 1.1, 1.4]))
+    active = hats.place < 0.12
+    moved = 0.3 * hats.place**2 + 0.2
+    places = np.linspace(0.0, 1.4, 141)
+    way = np.interp(places, hats.place, moved)
+    drawn = np.where(np.abs(places - 0.9) < 0.015, clear - 1e-4 - way, 1.0)
+    grid = SimpleNamespace(hats=hats, gap=np.zeros(len(moved)), facing=None)
+    pairing = SimpleNamespace(grid=grid, arc=hats.place, candidate=np.ones(len(moved), dtype=bool))
+    condensed: Any = SimpleNamespace(
+        pairing_of=lambda name: pairing,
+        spans={"c": slice(0, len(moved))},
+        watched_of=lambda name: slice(0, 0),
+        watched=lambda *state: np.zeros(0),
+    )
+    state: Any = SimpleNamespace(
+        gap=moved, active=active, factors=None, motion=None, pressure=None, traction=None
+    )
+    room: Any = SimpleNamespace(drawn_gaps=(places, drawn))
+    found = summits(condensed, "c", room, [state])
+    assert found == pytest.approx([] if clear else [0.89, 0.9, 0.91])

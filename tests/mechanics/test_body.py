@@ -248,7 +248,7 @@ def test_units_of_the_modulus_change_nothing_but_the_stress(plane: str) -> None:
 
 def test_corners_of_clamped_and_free_sides_lower_the_weights_around_them() -> None:
     cloud = jittered_square(21)
-    weight = corner_weight(cloud, HELD)
+    weight = corner_weight(cloud, HELD, {})
     corners = np.array([[0.0, 0.0], [1.0, 0.0]])
     distance = np.hypot(*(cloud.points[:, None] - corners).transpose(2, 0, 1)).min(axis=1)
     assert thickness(cloud) == pytest.approx(0.5, rel=1e-3)
@@ -270,7 +270,7 @@ def test_corners_of_clamped_and_free_sides_lower_the_weights_around_them() -> No
     ],
 )
 def test_other_corners_are_left_alone(held: dict[str, tuple[bool, bool]]) -> None:
-    assert (corner_weight(jittered_square(9), held) == 1.0).all()
+    assert (corner_weight(jittered_square(9), held, {}) == 1.0).all()
 
 
 @pytest.mark.parametrize("degree", [1, 2, 4])

@@ -9,8 +9,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.defect import ROUGH, correct, defect_of
+from mlsanm_cli.mechanics.defect import CORRECTION_TOLERANCE, correct, defect_of
 from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.memo import Memo
 from mlsanm_cli.operators.least_squares import LeastSquares
 from tests.mechanics.bodies import STEEL, build, jittered_square
 from tests.mechanics.waves import Wave
@@ -55,8 +56,11 @@ def test_pieces_lack_what_both_degrees_fluxes_differ_by(degree: int) -> None:
     old, new = (
         body.pieces.fluxes(model, body.gripped, every) @ u.ravel() for model in (body.model, better.model)
     )
-    found = body.loads @ defect_of(body, u).source
+    defect = defect_of(body, u)
+    found = body.loads @ defect.source
     assert np.linalg.norm(found - (old - new)) <= 0.1 * np.linalg.norm(old - new)
+    old, new = (one.reaction_rows("left") @ u.ravel() for one in (body, better))
+    assert np.linalg.norm(defect.reactions["left"] - (new - old)) <= 0.1 * np.linalg.norm(new - old)
 
 
 def test_held_rows_have_no_defect() -> None:
@@ -88,7 +92,14 @@ def test_corrections_are_those_of_refined_solutions(
     np.testing.assert_allclose(found.displacement.ravel(), solution, atol=1e-6 * np.abs(solution).max())
     beyond = sparse.csc_array(defect_of(body, solution.reshape(-1, 2)).source[:, None])
     exact = body.system.solve(beyond)[:, 0]
-    assert np.linalg.norm(found.change - exact) <= 10.0 * ROUGH * np.linalg.norm(exact)
+    assert np.linalg.norm(found.change - exact) <= 10.0 * CORRECTION_TOLERANCE * np.linalg.norm(exact)
+    # The same by fits that are kept, of another state too.
+    memo = Memo(1)
+    other = correct(body, -2.0 * source, moved, memo).change
+    np.testing.assert_allclose(
+        correct(body, source, moved, memo).change, found.change, atol=1e-6 * np.abs(found.change).max()
+    )
+    np.testing.assert_allclose(other, -2.0 * found.change, atol=1e-3 * np.abs(other).max())
 
 
 @pytest.mark.parametrize("off", [1.0, 1.1])
@@ -104,9 +115,11 @@ def test_rough_solutions_are_refined_where_they_are_too_rough(
     monkeypatch.setattr(LeastSquares, "solve_unrefined", lambda *of: off * right(*of))
     monkeypatch.setattr(LeastSquares, "step", lambda *of: off * step(*of))
     found = correct(body, source, moved)
-    assert (found.rough > ROUGH) == (off > 1.0)
+    assert (found.rough > CORRECTION_TOLERANCE) == (off > 1.0)
     np.testing.assert_allclose(found.change, expected.change, atol=1e-2 * np.abs(expected.change).max())
-    assert np.linalg.norm(found.response(body, sources) - exact) <= ROUGH * np.linalg.norm(exact)
+    assert np.linalg.norm(found.response(body, sources) - exact) <= CORRECTION_TOLERANCE * np.linalg.norm(
+        exact
+    )
 
 
 def test_other_degrees_are_refused() -> None:

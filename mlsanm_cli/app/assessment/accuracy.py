@@ -154,7 +154,7 @@ def _corrected(
     """Sum of squares of what the corrections change of all displacements, contact and platens solved again,
     and the pressures (m,) then."""
     condensed, scene = built.condensed, built.scene
-    after = corrected_state(condensed, scene, state, {name: one.change for name, one in bodies.items()})
+    after = corrected_state(condensed, scene, state, bodies)
     motion = after.motion - state.motion
     nothing, pressure = np.zeros(len(state.factors)), after.pressure - state.pressure
     moved = (nothing, motion, pressure, np.zeros(len(state.traction)))

@@ -17,12 +17,13 @@ from mlsanm_cli.contact.laws.frozen import frozen_change
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, Corrected, correct
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 
-def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Accuracy:
+def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo = NO_CACHE) -> Accuracy:
     """The estimates of a scene with friction in its last ``state``; those of others as they are.
 
     As without friction, from bodies corrected by their defect and from every second node, but with what
@@ -44,6 +45,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
                 body,
                 condensed.source(name, *state.unknowns),
                 built.scene.floating_patterns(name) @ state.motion,
+                memo,
             )
             for name, body in built.scene.bodies.items()
         }
@@ -77,7 +79,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
 def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactSolution:
     """How the contact answers to the bodies' corrections."""
     condensed = built.condensed
-    by = changes_of(condensed, built.scene, {name: one.change for name, one in bodies.items()})
+    by = changes_of(condensed, built.scene, bodies)
     # The residual gaps of a smooth law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]

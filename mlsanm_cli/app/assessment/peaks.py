@@ -40,6 +40,8 @@ RELEVANT = 0.2
 """Peaks below this part of the largest stress in the body, contacts included, are left out."""
 UPRIGHT = 0.2
 """Normals with a product below this are those of a plane of symmetry and of a face at a right angle to it."""
+STRAIGHT = 0.999
+"""Normals with a product above this are those of one side."""
 ROUND_OFF = 1e-12
 """Of places, and of stresses against what displacements would cause if they were strains."""
 PEAK_WARNING = 0.03
@@ -62,8 +64,14 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
     bodies = built.scene.bodies
     largest = max(_strained(body, fields[name].displacement) for name, body in bodies.items())
     for name, body in bodies.items():
+        factors, *others = state.unknowns
         source = built.condensed.source(name, *state.unknowns).toarray()[:, 0]
-        lack, applied = traction_error(body, fields[name].rest, source)
+        lack = traction_error(body, fields[name].rest, source)
+        # What closed-form fields leave on other sides is no load.
+        alone = built.condensed.source(name, factors, *map(np.zeros_like, others)).toarray()[:, 0]
+        applied = np.zeros(len(lack))
+        for surface, traction in _given(body, fields[name].displacement, alone).items():
+            np.maximum.at(applied, body.model.cloud.surfaces[surface].index, np.hypot(*traction.T))
         unbounded, touching = _left_out(built, state, name)
         stress = fields[name].von_mises
         peak = _peak(body.model.cloud, stress, lack, applied > stress, unbounded, touching)
@@ -78,24 +86,41 @@ def _strained(body: ElasticBody, displacement: FloatArray) -> float:
     return float(body.model.material.modulus * np.abs(displacement).max() / np.ptp(points, axis=0).max())
 
 
-def traction_error(
-    body: ElasticBody, displacement: FloatArray, source: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> FloatArray:
     """What the stress of a ``displacement`` (N, 2) misses of the tractions of a right-hand side ``source``
-    (r,), and these themselves, as sizes (n,); 0 inside the body and in held directions."""
+    (r,), as sizes (n,); 0 inside the body and in held directions.
+
+    Where a load ends on a side that continues, no stress meets the tractions of both parts: half of their
+    difference is no error.
+    """
     cloud = body.model.cloud
-    missing, applied = np.zeros((2, len(cloud.points)))
-    stress = body.model.stress(displacement)
+    missing = np.zeros(len(cloud.points))
+    stress, given = body.model.stress(displacement), _given(body, displacement, source)
     for name, surface in cloud.surfaces.items():
-        free = ~np.array(body.held.get(name, FREE))
+        lack = traction_of(stress[surface.index], surface.normal) * _free(body, name) - given[name]
+        np.maximum.at(missing, surface.index, np.hypot(*lack.T))
+    for name, one in cloud.surfaces.items():
+        for after, other in cloud.surfaces.items():
+            joined = not one.curve.closed and one.index[-1] == other.index[0]
+            if joined and one.normal[-1] @ other.normal[0] > STRAIGHT:
+                jump = 0.5 * np.hypot(*(given[name][-1] - given[after][0]))
+                missing[other.index[0]] = max(missing[other.index[0]] - jump, 0.0)
+    return missing
+
+
+def _free(body: ElasticBody, surface: str) -> BoolArray:
+    """The directions (2,) in which a surface is free."""
+    return ~np.array(body.held.get(surface, FREE))
+
+
+def _given(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> dict[str, FloatArray]:
+    """Tractions (b, 2) by a right-hand side ``source`` (r,) and springs on all surfaces; 0 where held."""
+    found = {}
+    for name, surface in body.model.cloud.surfaces.items():
         rows = [body.condition_rows(name, axis) for axis in (0, 1)]
-        given = source[np.stack(rows, axis=1)] - displacement[surface.index] * body.springs.get(
-            name, NO_SPRING
-        )
-        lack = traction_of(stress[surface.index], surface.normal) - given
-        np.maximum.at(missing, surface.index, np.hypot(*(lack * free).T))
-        np.maximum.at(applied, surface.index, np.hypot(*(given * free).T))
-    return missing, applied
+        pulled = displacement[surface.index] * body.springs.get(name, NO_SPRING)
+        found[name] = (source[np.stack(rows, axis=1)] - pulled) * _free(body, name)
+    return found
 
 
 def _peak(

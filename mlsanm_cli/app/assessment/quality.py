@@ -35,6 +35,8 @@ RATIO = 2.0
 """Facing spacings that differ by more can cost the contact compliance its stability."""
 STIFFER = 3.0
 """A slave stiffer than its master by more leaves its oscillations of pressure without resistance."""
+ROUGHEST = 4.0
+"""Coefficients of friction above this are taken for a percentage: rubber has up to 4."""
 ROUND_OFF = 1e-6
 
 
@@ -189,6 +191,11 @@ def case_warnings(case: Case) -> Iterator[str]:
             )
     turning = [load.name for load in case.load if _turns(case, load.name)]
     for contact in case.touching:
+        if isinstance(contact.friction, float) and contact.friction > ROUGHEST:
+            yield (
+                f"contact {contact.name}: friction = {contact.friction:g} is more than any surfaces have; in "
+                f"per cent it is {contact.friction / 100.0:g}"
+            )
         if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
             yield (
                 f"contact {contact.name}: the holonomic friction law has no memory, but load "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -33,7 +33,7 @@ from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
-from mlsanm_cli.mechanics.springs import gripped, restraining, stiffest_soft
+from mlsanm_cli.mechanics.springs import gripped, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
@@ -144,7 +144,7 @@ def prepare(
             models[body.name] = modelled(body, low=True)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     grips = {
-        name: gripped(held[name], loads.springs[name], stiffest_soft(model.cloud, model.material))
+        name: gripped(held[name], loads.springs[name], model.cloud, model.material)
         for name, model in models.items()
     }
     free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
@@ -305,18 +305,27 @@ def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
     return int(np.flatnonzero(away <= away.min() + TIE_TOLERANCE * cloud.spacing.min())[0])
 
 
-def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Notes on supports whose node is not at the given point."""
-    for support in case.support:
+def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> list[str]:
+    """Notes on supports whose node is not at the given point. CaseError if that is outside the body."""
+    notes, problems = [], []
+    for number, support in enumerate(case.support):
         if support.body is None or support.near is None:
             continue
         cloud = clouds[support.body]
         node = _nearest(cloud, support.near)
         x, y = cloud.points[node].tolist()
         away = float(np.hypot(x - support.near[0], y - support.near[1]))
-        if away > MAX_SUPPORT_OFFSET * cloud.spacing[node]:
-            near = f"the support of {support.body} near ({support.near[0]:g}, {support.near[1]:g})"
-            yield f"{near} fixes the node at ({x:g}, {y:g}), {away:.3g} away"
+        place = f"({support.near[0]:g}, {support.near[1]:g})"
+        if away > cloud.spacing[node] and not cloud.contains(np.array([support.near]))[0]:
+            message = f'{place} lies outside body "{support.body}"'
+            hint = f"its nearest node is at ({x:g}, {y:g}), {away:.3g} away"
+            problems.append(CaseProblem(f"support.{number}.near", message, hint=hint))
+        elif away > MAX_SUPPORT_OFFSET * cloud.spacing[node]:
+            near = f"the support of {support.body} near {place}"
+            notes.append(f"{near} fixes the node at ({x:g}, {y:g}), {away:.3g} away")
+    if problems:
+        raise CaseError(tuple(problems))
+    return notes
 
 
 def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:

@@ -53,6 +53,8 @@ MAX_ENLARGEMENTS = 6
 _SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
 _CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
 """Sections of a case and keys of its contacts that do not affect its size."""
+_OUTPUT_SECTIONS = {"title", "output"}
+"""Sections of a case that only affect what is written."""
 
 
 def load_kernels(context: RunContext) -> Loaded:
@@ -86,6 +88,14 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
     return prepared
 
 
+def _placing_key(case: Case) -> str:
+    """Equal for cases that differ in what is written and in coefficients of friction above 0 only."""
+    content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
+    contacts = zip(content.pop("contact", []), case.contact, strict=True)
+    kinds = [(part, one.friction if one.bonded else one.coefficient > 0.0) for part, one in contacts]
+    return digest(content, [{**part, "friction": kind} for part, kind in kinds])
+
+
 def _size_key(case: Case) -> str:
     """A key that is equal for cases of equal size."""
     content = {key: part for key, part in resolved_mapping(case).items() if key not in _SECTIONS_WITHOUT_SIZE}
@@ -103,7 +113,18 @@ def place(
     before: SceneModel | None = None,
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
-    equal to those ``before`` are reused."""
+    equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
+    if zones or before is not None:
+        return _placed(case, context, zones, before)
+    kept = context.memo.value("placed", _placing_key(case), partial(_placed, case, context))
+    friction = {contact.name: contact.coefficient for contact in case.contact}
+    pairings = (replace(one, friction=friction[one.name]) for one in kept.pairings)
+    return replace(kept, pairings=tuple(pairings))
+
+
+def _placed(
+    case: Case, context: RunContext, zones: tuple[Zone, ...] = (), before: SceneModel | None = None
+) -> SceneModel:
     with context.phase("cloud", "placing nodes"):
         placed = clouds(case, zones, context.memo, line_of(case))
     with context.phase("operators", "building operators"):

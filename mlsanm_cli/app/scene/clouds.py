@@ -19,6 +19,7 @@ from mlsanm_cli.app.scene.default_spacing import (
     bond_zones,
     clamped_zones,
     contact_zone,
+    leans,
     nodal_zone,
 )
 from mlsanm_cli.app.scene.field_spacing import field_zones
@@ -43,10 +44,10 @@ def spacing_of(case: Case, body: Body) -> Spacing:
     if isinstance(far, str):
         finer = _finer(case, body)
         far = automatic_spacing(outline) / finer
-        # The supports of a bulky body have little influence on its contacts.
+        clamped = [curve_at(case, place, "support")[0] for place in _clamped(case, body.name)]
         alone = all(side.body != body.name for contact in case.contact for side in contact.sides)
-        sides = _clamped(case, body.name) if alone or bends(outline) else ()
-        clamped = [curve_at(case, place, "support")[0] for place in sides]
+        if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):
+            clamped = []  # under a contact the far ends of a bulky body matter little
         finite = case.model.strain == "finite" and not bends(outline)
         zones = [
             *arc_zones(outline, far, finer),

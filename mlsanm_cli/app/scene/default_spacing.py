@@ -88,14 +88,27 @@ def bends(outline: Outline) -> bool:
     return across < along
 
 
+def leans(outline: Outline, clamped: Sequence[Curve], stretch: float) -> bool:
+    """Whether a body stands so far out from the sides it is ``clamped`` at that it leans as these give way.
+
+    What changes ``stretch`` times as fast as in an isotropic body is as many times as deep.
+    """
+    return stretch * _area(outline) > sum(curve.length for curve in clamped) ** 2 > 0.0
+
+
 def _sizes(outline: Outline) -> tuple[float, float]:
     """The spacings required by the size and by the thickness of a body."""
-    area = length = 0.0
+    length = sum(curve.length for curve in outline.curves)
+    return _extent(outline) / PER_SIZE, 2.0 * _area(outline) / length / PER_THICKNESS
+
+
+def _area(outline: Outline) -> float:
+    """Enclosed area."""
+    area = 0.0
     for curve in outline.curves:
         (x, y), (ahead_x, ahead_y) = (points := _along(curve))[:-1].T, points[1:].T
         area += 0.5 * float((x * ahead_y - ahead_x * y).sum())
-        length += curve.length
-    return _extent(outline) / PER_SIZE, 2.0 * area / length / PER_THICKNESS
+    return area
 
 
 def _extent(outline: Outline) -> float:

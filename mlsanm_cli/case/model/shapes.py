@@ -127,7 +127,7 @@ class OutlineSide(Section):
     to: Annotated[Vector, LENGTH] | None = None
     """End of the straight line, which starts at the end of the previous side."""
     points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH] | None = None
-    """Points of a smooth curve (cubic spline); the curve of an only side must be closed."""
+    """Points of a smooth curve (cubic spline); an only side repeats its first point at the end."""
     file: Annotated[str, Field(min_length=1)] | None = None
     """CSV file of these points with the header x,y; relative paths are relative to the case file."""
 

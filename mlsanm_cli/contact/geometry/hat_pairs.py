@@ -20,9 +20,9 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.grid import Hats, logarithm
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
-NEAR = 5.0
+NEAR_WIDTHS = 5.0
 """Pairs closer than this many widths are integrated exactly; the error of moments beyond is 1e-9."""
-ORDERS = 8
+MOMENT_ORDERS = 8
 """Highest order of the moments."""
 ZERO_COMPONENT = 1e-14
 THREE = np.arange(3)
@@ -34,12 +34,14 @@ BATCH_SIZE = 50_000
 class Distance:
     """A kernel of the distance along a contact: its ``values``, its fourth, third and second repeated
     ``integrals``, and the ``reach`` in widths up to which pairs are integrated by these. A kernel
-    ``constant`` on either side of 0 needs moments of order 0 only."""
+    ``constant`` on either side of 0 needs moments of order 0 only. The ``parity`` is 1 for even and -1 for
+    odd kernels."""
 
     values: Table
     integrals: tuple[Table, Table, Table]
     reach: float
     constant: bool
+    parity: float
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,11 @@ class NearPairs:
     second: IntArray
     exact: FloatArray
     overlap: BoolArray
+
+    def opposite(self, parity: float) -> NearPairs:
+        """The pairs the other way round, of a function of some parity."""
+        values = parity * self.values.transpose(0, 2, 1)
+        return NearPairs(values, self.second, self.first, parity * self.exact, self.overlap)
 
 
 @dataclass(frozen=True)
@@ -84,7 +91,7 @@ class HatPairs:
         points, weights = self.hats.own_points
         away, part = self.hats.points[points] - self.hats.place[:, None], weights * values[points]
         found = [part.sum(axis=1)]
-        for _ in range(ORDERS):
+        for _ in range(MOMENT_ORDERS):
             part *= away
             found.append(part.sum(axis=1))
         return np.stack(found, axis=1)
@@ -136,7 +143,8 @@ class HatPairs:
 
     @cached_property
     def logarithms(self) -> tuple[tuple[NearPairs, FloatArray], ...]:
-        """For every shift, the near pairs of ln|s + shift - s'| and the distances (m, m) of the others."""
+        """For every shift, the near pairs of ln|s + shift - s'|, each once without a shift, and the distances
+        (m, m) of the others."""
         return tuple(self._parted(LOGARITHM, shift) for shift in self.hats.shifts)
 
     @cached_property
@@ -147,7 +155,7 @@ class HatPairs:
     def _parted(self, function: Distance, shift: float) -> tuple[NearPairs, FloatArray]:
         way = self.hats.place[:, None] + shift - self.hats.place
         close = np.abs(way) <= function.reach * (self.widths[:, None] + self.widths)
-        found = self.near(function, shift, *np.nonzero(close))
+        found = self.near(function, shift, *np.nonzero(close if shift else np.triu(close)))
         way[close] = 1.0
         return found, way
 
@@ -183,28 +191,35 @@ class HatPairs:
         turned = other @ table.T
         if not self.meet(table, one, turned):
             return total
-        for near, way in parted():
-            part, values = np.zeros_like(total), function.values(way)
-            for seen, by in zip(one.T, turned.T, strict=True):
-                if seen.any() and by.any():
-                    moments = self.moments(seen), self.moments(by)
-                    part += values * np.outer(moments[0][:, 0], moments[1][:, 0])
-                    if not function.constant:
-                        part += _beyond(way, *moments)
-            part[near.first, near.second] = self.directed(near, one, turned)
+        acting = [(a, b) for a, b in zip(one.T, turned.T, strict=True) if a.any() and b.any()]
+        moments = [np.stack([self.moments(side) for side in sides]) for sides in zip(*acting, strict=True)]
+        odd = np.abs(table - function.parity * table.T).max()
+        symmetric = np.array_equal(one, other) and odd <= ZERO_COMPONENT * np.abs(table).max()
+        for shift, (near, way) in zip(self.hats.shifts, parted(), strict=False):
+            part = np.zeros_like(total)
+            if acting:
+                part = function.values(way) * (moments[0][:, :, 0].T @ moments[1][:, :, 0])
+                if not function.constant:
+                    part += _beyond(way, *moments)
+            found = self.directed(near, one, turned)
+            part[near.first, near.second] = found
+            if not shift:
+                back = found if symmetric else self.directed(near.opposite(function.parity), one, turned)
+                part[near.second, near.first] = back
             total += part
         return total
 
 
 def _beyond(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
     """Taylor series of double integrals of logarithms at distances ``way`` (m, m) beyond order zero, from
-    moments (m, k) on either side."""
+    moments (c, m, k) of components on either side."""
     total, inverse = np.zeros_like(way), 1.0 / way
     power = np.ones_like(way)
-    for order in range(1, ORDERS + 1):
+    for order in range(1, MOMENT_ORDERS + 1):
         power *= inverse
         share = np.arange(order + 1)
-        total += power * ((one[:, order - share] * taylor(order)) @ other[:, share].T)
+        left, right = np.concatenate(one[:, :, order - share] * taylor(order), axis=1), other[:, :, share]
+        total += power * (left @ np.concatenate(right, axis=1).T)
     return total
 
 
@@ -222,7 +237,7 @@ def far_logarithms(way: FloatArray, one: FloatArray, other: FloatArray) -> Float
         some = slice(first, first + BATCH_SIZE)
         a, b, inverse = one[some].T, other[some].T, 1.0 / way[some]
         part, power = np.log(np.abs(way[some])) * a[0] * b[0], np.ones(len(inverse))
-        for order in range(1, ORDERS + 1):
+        for order in range(1, MOMENT_ORDERS + 1):
             power = power * inverse
             factors = taylor(order)
             part += power * sum(factors[k] * a[order - k] * b[k] for k in range(order + 1))
@@ -249,7 +264,8 @@ def _signed(order: int, factor: int) -> Table:
 LOGARITHM = Distance(
     logarithm,
     (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
-    NEAR,
+    NEAR_WIDTHS,
     constant=False,
+    parity=1.0,
 )
-SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0, constant=True)
+SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0, constant=True, parity=-1.0)

@@ -14,18 +14,19 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import spans
 from mlsanm_cli.contact.response.functionals import changes, reaction_rows
 from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Platen, Scene
 
 
 def corrected_state(
-    condensed: Condensed, scene: Scene, state: ExactState, correction: Mapping[str, FloatArray]
+    condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
 ) -> ExactState:
-    """The exact state after ``correction`` (2n,) per body is added to the displacements.
+    """The exact state after the corrections of ``bodies`` are added to their displacements.
 
-    The correction changes gaps, and platen forces computed from the stress field. Raises NumericalError if
+    The corrections change gaps, and platen forces computed from the stress field. Raises NumericalError if
     the changed contact problem has no solution.
     """
-    gaps, _, imbalance = changes_of(condensed, scene, correction)
+    gaps, _, imbalance = changes_of(condensed, scene, bodies)
     changed = replace(
         condensed,
         gap=_shifted(condensed.gap, gaps),
@@ -35,14 +36,14 @@ def corrected_state(
 
 
 def changes_of(
-    condensed: Condensed, scene: Scene, correction: Mapping[str, FloatArray]
+    condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Changes of gaps (m,), slips (n,) and force imbalance of the rigid constraints (k,) by a displacement
-    ``correction`` (2n,) per body."""
+    """Changes of gaps (m,), slips (n,) and force imbalance of the rigid constraints (k,) by the displacement
+    corrections of ``bodies``; the imbalance includes the stress of the better fits."""
     gaps, slips = np.zeros(len(condensed.weight)), np.zeros(len(condensed.friction_nodes))
     for pairing in condensed.pairings:
         for name in dict.fromkeys(pairing.bodies):
-            gap, slip = changes(scene.bodies[name], name, pairing, correction[name].reshape(-1, 2))
+            gap, slip = changes(scene.bodies[name], name, pairing, bodies[name].change.reshape(-1, 2))
             gaps[condensed.spans[pairing.name]] += gap
             if pairing.friction:
                 slips[condensed.tangential[pairing.name]] += slip
@@ -50,8 +51,12 @@ def changes_of(
     for row, (constraint, motion) in enumerate(scene.unknown_motions):
         if isinstance(constraint, Platen) and not motion.alone:
             for owner, surface in constraint.held:
-                rows = reaction_rows(scene.bodies[owner], surface, constraint.center)
-                imbalance[row] += (rows @ correction[owner])[motion.component]
+                body, corrected = scene.bodies[owner], bodies[owner]
+                carried = reaction_rows(body, surface, constraint.center) @ corrected.change
+                fx, fy, moment = corrected.defect.reactions[surface]
+                x, y = constraint.center
+                carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
+                imbalance[row] += carried[motion.component]
     return gaps, slips, imbalance
 
 

@@ -7,7 +7,7 @@ Linear and Nonlinear Programming, 1988, chapter 4), which cannot cycle if sym(W 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,8 @@ def solve_exact(
         solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0), passes))
     except SingularSystemError:
         solved = _at_rest(condensed, factors, free_gap, first, passes)
+    if solved.active.any() and _only_moved(condensed, factors, free_gap, solved.pressure):
+        solved = _apart(solved)
     return _state(condensed, factors, free_gap, solved)
 
 
@@ -86,9 +88,6 @@ def _at_rest(
 ) -> _Solved:
     """The state of floating bodies at rest, searched from the set ``active`` (m,)."""
     stiff, solves = springs(condensed), 0
-    loaded = (condensed.balance.constant + condensed.balance.load @ factors).any()
-    parts = not loaded and bool((free_gap < 0.0).any())
-    clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
     place = np.zeros(len(stiff))
     for share in STIFFNESS_SEQUENCE:
         try:
@@ -98,9 +97,8 @@ def _at_rest(
         solves += solved.solves
         pull = share * stiff * (solved.motion - place)
         active, place = solved.active, solved.motion
-        if parts and condensed.largest_compliance * solved.pressure.max(initial=0.0) <= clear:
-            # Initial overlaps of free bodies are resolved by moving them, without pressure.
-            return _Solved(np.zeros_like(active), np.zeros(len(active)), solved.motion, solves)
+        if (free_gap < 0.0).any() and _only_moved(condensed, factors, free_gap, solved.pressure):
+            return replace(_apart(solved), solves=solves)
         if at_rest(condensed, factors, solved.pressure, pull):
             if not solved.pressure.any():
                 break
@@ -109,6 +107,22 @@ def _at_rest(
             pressure = np.where(pressed, solved.pressure, 0.0)
             return _Solved(active & pressed, pressure, solved.motion, solves)
     raise _unbalanced()
+
+
+def _only_moved(
+    condensed: Condensed, factors: FloatArray, free_gap: FloatArray, pressure: FloatArray
+) -> bool:
+    """Whether surfaces that met, drawn overlapping or pushed by others, only had to be moved apart: without
+    a load their ``pressure`` (m,) is round-off of the gaps."""
+    if (condensed.balance.constant + condensed.balance.load @ factors).any():
+        return False
+    clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
+    return bool(condensed.largest_compliance * pressure.max(initial=0.0) <= clear)
+
+
+def _apart(solved: _Solved) -> _Solved:
+    """The same motions, and nothing that touches."""
+    return replace(solved, active=np.zeros_like(solved.active), pressure=np.zeros_like(solved.pressure))
 
 
 def _searched(

@@ -174,6 +174,13 @@ def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
             if where in forces.springs:
                 total = total + forces.springs[where]
         report[name] = total.take(slice(0, 2))
+        for load in scene.surface_loads:
+            if (load.body, load.surface) in places:
+                on_springs = np.zeros((2, columns.loads))
+                on_springs[:, load.number] = load.on_springs(scene.bodies[load.body])
+                carried = columns.of_loads(on_springs)
+                report[name] = report[name] + -carried
+                report[scene.loads[load.number]] = report[scene.loads[load.number]] + carried
     return report
 
 

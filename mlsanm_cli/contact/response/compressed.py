@@ -17,13 +17,13 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.clusters import Chain
 
-MANY, MANY_IN_ALL = 800, 3000
+COMPRESSED_CONTACT, COMPRESSED_TOTAL = 800, 3000
 """Numbers of unknowns of one contact, or of all, above which frictionless compliances are compressed; below,
 dense ones are faster. Six disks in a shaft with 1,420 pressures in all took 54 s compressed, 6 s dense: with
 floating bodies that transmit forces to each other, active-set searches take many products."""
-AT_ONCE = 256
+BLOCK_SIZE = 256
 """Columns of the dense array computed at once."""
-RANK = 32
+SMOOTH_RANK = 32
 """Rank of the approximation of the smooth part for single entries."""
 
 
@@ -106,8 +106,8 @@ class Compressed:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
         count = self.shape[1]
         found = np.empty(self.shape, dtype=dtype)
-        for first in range(0, count, AT_ONCE):
-            some = slice(first, min(first + AT_ONCE, count))
+        for first in range(0, count, BLOCK_SIZE):
+            some = slice(first, min(first + BLOCK_SIZE, count))
             found[:, some] = self @ np.eye(count, some.stop - some.start, -first)
         return found
 
@@ -148,9 +148,9 @@ class Compressed:
 
     @cached_property
     def _about(self) -> tuple[FloatArray, FloatArray]:
-        """Approximate factors (r, RANK) and (RANK, m) of the smooth part (Halko, Martinsson and Tropp 2011,
-        doi:10.1137/090771806)."""
-        random = np.random.default_rng(0).standard_normal((self.shape[1], RANK))
+        """Approximate factors (r, SMOOTH_RANK) and (SMOOTH_RANK, m) of the smooth part (Halko, Martinsson and
+        Tropp 2011, doi:10.1137/090771806)."""
+        random = np.random.default_rng(0).standard_normal((self.shape[1], SMOOTH_RANK))
         basis = np.linalg.qr(np.sum([_applied(chain, random) for chain in self.smooth], axis=0))[0]
         parts = [reduce(lambda left, one: left @ one, chain, basis.T) for chain in self.smooth]
         return basis, np.sum(parts, axis=0)
@@ -237,5 +237,5 @@ def largest(matrix: FloatArray) -> float:
     own = compressed(matrix)
     if own is None:
         return float(np.abs(matrix).max(initial=0.0))
-    some = [np.unique(np.linspace(0, count - 1, RANK).astype(np.int64)) for count in own.shape]
+    some = [np.unique(np.linspace(0, count - 1, SMOOTH_RANK).astype(np.int64)) for count in own.shape]
     return float(max(np.abs(own.diagonal()).max(), np.abs(own[np.ix_(*some)]).max()))

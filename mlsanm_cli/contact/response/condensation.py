@@ -27,7 +27,7 @@ from mlsanm_cli.contact.response.balance import (
     reported_forces,
 )
 from mlsanm_cli.contact.response.bonds import bind
-from mlsanm_cli.contact.response.compressed import MANY, MANY_IN_ALL
+from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
@@ -191,7 +191,7 @@ def _many(pairings: tuple[Pairing, ...]) -> bool:
     """Whether compliances are compressed: for many unknowns, all of them pressures on grids."""
     counts = [int(pairing.candidate.sum()) for pairing in pairings]
     alike = all(one.grid is not None and one.grid.hats.period is None for one in pairings)
-    many = max(counts, default=0) > MANY or sum(counts) > MANY_IN_ALL
+    many = max(counts, default=0) > COMPRESSED_CONTACT or sum(counts) > COMPRESSED_TOTAL
     return many and alike and not any(pairing.friction for pairing in pairings)
 
 
