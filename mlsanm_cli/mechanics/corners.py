@@ -79,8 +79,8 @@ def corner_weight(cloud: Cloud, grips: Held, springs: Springs) -> FloatArray:
 
 
 def _singular_changes(cloud: Cloud, grips: Held, springs: Springs) -> Iterator[int]:
-    """Nodes where supports change along the boundary and stresses are singular: at corners between a fixed and
-    a free surface, and otherwise where the boundary turns by less than about a right angle. There springs
+    """Nodes where supports change along the boundary and stresses are singular: at corners between a fixed
+    and a free surface, and otherwise where the boundary turns by less than about a right angle. There springs
     count as supports: without, the reaction of a block on springs along a part of its side was up to 16 % too
     small."""
     held = {

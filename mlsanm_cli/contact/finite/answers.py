@@ -28,11 +28,11 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
 
-CLEAR = 2
-"""Up to so many nodes from corners nothing is put back, from twice as many on all: fields there would have to
-know the corner."""
-WIDE = 4
-"""Half-width of the windows of the fits, in nodes: waves of fewer than about six are not seen."""
+CORNER_NODES = 2
+"""Number of nodes from a corner without the near-field correction; from twice as many on it is complete:
+closer fields would have to include the corner."""
+HALF_WINDOW = 4
+"""Half-width of the windows of the fits, in nodes: waves shorter than about six are not represented."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatA
     count, and what cancels elsewhere would be left: there it is of differences from the node's own."""
     count, number = side.count, np.arange(side.count)
     blocks = missing.reshape(count, 2, count, 2).copy()
-    near = np.abs(number[:, None] - number) <= 3 * WIDE
+    near = np.abs(number[:, None] - number) <= 3 * HALF_WINDOW
     blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - share)[:, None] * near)
     blocks -= blocks.sum(axis=2)[:, :, None] * (side.weight / side.weight.sum())[:, None]
     return blocks.reshape(missing.shape)
@@ -157,9 +157,9 @@ def _fit(side: ContactSide) -> FloatArray:
     fit = np.zeros((count, 2, count, 2))
     for i in number:
         here = first + int(i)
-        low, high = max(0, here - 3 * WIDE), min(len(arc), here + 3 * WIDE + 1)
+        low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
         x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
-        weight = np.exp(-((away / WIDE) ** 2.0))
+        weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
         basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
         values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
         for c in (0, 1):
@@ -181,4 +181,4 @@ def _share(side: ContactSide) -> FloatArray:
             apart = apart if side.around is None else np.minimum(apart, side.count - apart)
             away = np.minimum(away, apart)
     held = side.held & ~np.isin(number, list(mirrored))
-    return np.where(held, 0.0, np.clip(away / CLEAR - 1.0, 0.0, 1.0))
+    return np.where(held, 0.0, np.clip(away / CORNER_NODES - 1.0, 0.0, 1.0))

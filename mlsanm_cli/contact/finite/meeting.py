@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-NOWHERE = 1e300
+NO_GAP = 1e300
 """The gap of a node that faces nothing."""
 
 

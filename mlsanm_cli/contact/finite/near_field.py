@@ -22,16 +22,16 @@ from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 
-NEAR_SURFACE = 1e-3
-"""Forces on planes of symmetry and at corners are moved off them by this part of their node's length."""
-AT_TIP = 1e-12
-"""Places at corners are looked at so far from these, in the length of their faces."""
+SURFACE_INSET = 1e-3
+"""Forces on planes of symmetry and at corners are moved off them by this part of the length of their node."""
+TIP_INSET = 1e-12
+"""Distance from a corner, relative to its faces, at which points at the corner are evaluated."""
 GAUSS = np.polynomial.legendre.leggauss(8)
-TOWARDS_TIP = 6.0
-"""Tractions beside a corner are integrated at places whose powers of this are even: fields there go with the
-logarithm of the distance."""
-AT_ONCE = 64
-"""Nodes whose remainders are worked on together, for the sake of memory."""
+TIP_EXPONENT = 6.0
+"""Tractions beside a corner are integrated at points whose distances are even in this root: fields there vary
+with the logarithm of the distance."""
+BLOCK_SIZE = 64
+"""Nodes whose remainders are computed together, to limit memory."""
 
 
 def exact_compliance(
@@ -47,8 +47,8 @@ def exact_compliance(
     if not len(nodes):
         return total
     total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
-    for first in range(0, len(nodes), AT_ONCE):
-        some = nodes[first : first + AT_ONCE]
+    for first in range(0, len(nodes), BLOCK_SIZE):
+        some = nodes[first : first + BLOCK_SIZE]
         smooth = body.system.functionals(seen, sparse.csc_array(near.remainders(some)))
         columns = rows[2 * first : 2 * (first + len(some))]
         total[np.ix_(rows, columns)] += smooth * np.repeat(side.weight[some], 2)
@@ -86,7 +86,7 @@ class _Near:
         side, places = self.side, as_complex(self.side.places)
         if side.around is None:
             for end, way in ((0, 1.0), (-1, -1.0)):
-                places[end] += NEAR_SURFACE * way * side.weight[end] * self._along[end]
+                places[end] += SURFACE_INSET * way * side.weight[end] * self._along[end]
         return places
 
     @cached_property
@@ -149,7 +149,7 @@ class _Near:
         else:
             by = np.zeros((len(seen), len(seen), 2, 2))
         arc, hats, length = self._points(corner)
-        x = np.maximum(corner.distance(seen), AT_TIP * corner.length)
+        x = np.maximum(corner.distance(seen), TIP_INSET * corner.length)
         for c, d in product((0, 1), (0, 1)):
             by[:, :, c, d] += (corner.wedge.compliance(x, arc, c, d) * length) @ hats
         return by
@@ -162,13 +162,13 @@ class _Near:
         low, high = at[order[:-1], None], at[order[1:], None]
         share, weight = 0.5 * (1.0 + GAUSS[0]), 0.5 * GAUSS[1]
         first = np.arange(len(at) - 1)[:, None] == 0
-        part = np.where(first, share**TOWARDS_TIP, share)
-        size = np.where(first, TOWARDS_TIP * share ** (TOWARDS_TIP - 1.0), 1.0) * weight * (high - low)
+        part = np.where(first, share**TIP_EXPONENT, share)
+        size = np.where(first, TIP_EXPONENT * share ** (TIP_EXPONENT - 1.0), 1.0) * weight * (high - low)
         hats = np.zeros((*part.shape, len(at)))
         number = np.arange(len(at) - 1)
         hats[number, :, order[:-1]] = 1.0 - part
         hats[number, :, order[1:]] = part
-        x = np.maximum(low + part * (high - low), AT_TIP * corner.length)
+        x = np.maximum(low + part * (high - low), TIP_INSET * corner.length)
         return x.ravel(), hats.reshape(-1, len(at)), size.ravel()
 
     def _by(

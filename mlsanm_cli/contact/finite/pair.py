@@ -16,15 +16,15 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
+from mlsanm_cli.contact.finite.meeting import NO_GAP, Meeting, by_component
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.transfer import Transfer
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
 
-DEEP = 3.0
-"""Nodes deeper inside the master than this many of its spacings meet something else."""
-BEYOND = 0.5
+MAX_DEPTH = 3.0
+"""Depth inside the master, in its spacings, beyond which a node does not face it."""
+END_OVERHANG = 0.5
 """Closed nodes stay so until they are further than this part of their length beyond the master's end: there
 a node that the pressure drives out comes back without it, for ever, though its length is half covered."""
 
@@ -74,10 +74,10 @@ class BodyContact:
     ) -> Meeting:
         """The contact in a state of ``displacement`` (c + m, 2) of the slave's nodes and the master's; slips
         are from the places (c,) ``before``, or nothing. Nodes that were ``closed`` (c,) still are opposite to
-        what they have come BEYOND."""
+        what they have come END_OVERHANG."""
         slave, master, count = self.slave, self.master, self.slave.count
         at, nodes = slave.places + displacement[:count], master.places + displacement[count:]
-        beyond = np.zeros(count) if closed is None else np.where(closed, BEYOND * slave.weight, 0.0)
+        beyond = np.zeros(count) if closed is None else np.where(closed, END_OVERHANG * slave.weight, 0.0)
         place, inside = master.curve.closest(nodes, at, beyond)
         rows = master.curve.rows(place)
         value, first, second = (row @ nodes for row in rows)
@@ -87,7 +87,7 @@ class BodyContact:
         gap = (apart * normal).sum(axis=1)
         own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
         faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
-        deep = gap < -DEEP * self._spacing(place) * length
+        deep = gap < -MAX_DEPTH * self._spacing(place) * length
         facing = inside & faced & ~deep
         moves = _Moves(rows, along, normal, apart, first, second)
         d_place = moves.kept(moves.place, facing)
@@ -100,7 +100,7 @@ class BodyContact:
         transfer = Transfer.of(slave, master, master.curve, place, facing)
         return Meeting(
             facing,
-            np.where(facing, gap, NOWHERE),
+            np.where(facing, gap, NO_GAP),
             normal,
             turned(normal),
             place,

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
-UNEVEN, TINY = 1e-10, 1e-11
-"""Right-hand sides differ by about this part of the largest, so that no two nodes change at once; smaller
-pivots are none."""
-MANY = 10
-"""Pivots for every unknown, at most."""
+PERTURBATION, MIN_PIVOT = 1e-10, 1e-11
+"""Perturbation of right-hand sides, relative to the largest, so that no two nodes change at once; smaller
+pivots are zero."""
+MAX_PIVOTS = 10
+"""Largest number of pivots per unknown."""
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -60,13 +60,13 @@ def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
     """Which unknowns z (n,) of w = M z + r, w >= 0, z >= 0, w z = 0 are in the basis; None without an end."""
     n = len(rest)
     largest = float(np.abs(rest).max(initial=0.0))
-    rest = rest + UNEVEN * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
+    rest = rest + PERTURBATION * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
     if not (rest < 0.0).any():
         return np.zeros(n, dtype=bool)
     # Columns: w, z, the artificial load, the right-hand side.
     table = np.hstack([np.eye(n), -matrix, -np.ones((n, 1)), rest[:, None]])
     basis, enters, row = np.arange(n), 2 * n, int(np.argmin(rest))
-    for _ in range(MANY * n):
+    for _ in range(MAX_PIVOTS * n):
         table[row] /= table[row, enters]
         others = np.arange(n) != row
         table[others] -= np.outer(table[others, enters], table[row])
@@ -77,7 +77,7 @@ def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
             return found
         enters = leaves + n if leaves < n else leaves - n
         column = table[:, enters]
-        up = np.flatnonzero(column > TINY * max(float(np.abs(column).max()), 1.0))
+        up = np.flatnonzero(column > MIN_PIVOT * max(float(np.abs(column).max()), 1.0))
         if not len(up):
             return None
         row = int(up[np.argmin(np.maximum(table[up, -1], 0.0) / column[up])])

@@ -18,8 +18,8 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 
-SMALL = 1e-3
-"""Differences along chains are over this part of a node's length."""
+DIFFERENCE_STEP = 1e-3
+"""Step of differences along chains, relative to the length of a node."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ class RigidContact:
         """The same of a chain by differences over a small part of the nodes' lengths, over which a corner is
         round; places are counted against the way along the chain, as its tangents go."""
         tangent = turned(shape.closest(at, outward)[1])
-        step = SMALL * self.slave.weight[:, None] * tangent
+        step = DIFFERENCE_STEP * self.slave.weight[:, None] * tangent
         ahead, behind = (shape.closest(at + way, outward) for way in (step, -step))
-        twice = 2.0 * SMALL * self.slave.weight
+        twice = 2.0 * DIFFERENCE_STEP * self.slave.weight
         bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
         moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice
         return bent, -_arc(shape, 0.5 * (ahead[0] + behind[0])), moved

@@ -17,8 +17,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.pivots import complementary_sets
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
-PASSES, BEHIND = 30, 10
-"""Passes of the active set, and more of them from what pivots find."""
+MAX_PASSES, MAX_PASSES_AFTER_PIVOTS = 30, 10
+"""Passes of the active set, and of those that start from the result of pivoting."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ class Linearised:
         over their compliance, say (Alart and Curnier 1991). Where that goes round complementary pivots find
         what they do.
         """
-        change, wrong, found = self._exchanged(sets, PASSES)
+        change, wrong, found = self._exchanged(sets, MAX_PASSES)
         if wrong.any():
             pivoted = self._pivoted()
             if pivoted is not None:
-                again = self._exchanged(pivoted, BEHIND)
+                again = self._exchanged(pivoted, MAX_PASSES_AFTER_PIVOTS)
                 if again[1].max() < wrong.max():
                     change, wrong, found = again
         return change, found, not wrong.any()

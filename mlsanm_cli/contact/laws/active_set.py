@@ -14,18 +14,19 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
-from mlsanm_cli.contact.laws.loose_bodies import NOTHING, SOFTER, at_rest, springs
-from mlsanm_cli.contact.laws.many_unknowns import EXACT, ROUGH, ManyClosed
+from mlsanm_cli.contact.laws.loose_bodies import PRESSURE_TOLERANCE, STIFFNESSES, at_rest, springs
+from mlsanm_cli.contact.laws.many_unknowns import FINAL_TOLERANCE, SEARCH_TOLERANCE, ManyClosed
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 
 ROUND_OFF = 1e-11
-NOISE, MOST_OF_MANY = 1000.0, 300
-"""So many times what is left of right-hand sides by products tells nothing; and passes there at most."""
-MOST, FEW = 50, 1
-"""Passes of a search for every node: at most, and where others are at hand if it comes to nothing."""
+NOISE_FACTOR, MAX_PASSES_OF_MANY = 1000.0, 300
+"""Factor on the residual of iterative solutions below which signs are not significant; and largest number of
+passes with them."""
+MAX_PASSES, FEW_PASSES = 50, 1
+"""Passes of a search per node: at most, and if other methods follow."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class ExactState:
 
 
 def solve_exact(
-    condensed: Condensed, factors: FloatArray, start: BoolArray | None = None, passes: int = MOST
+    condensed: Condensed, factors: FloatArray, start: BoolArray | None = None, passes: int = MAX_PASSES
 ) -> ExactState:
     """Exact state without friction at ``factors`` (L,), the search beginning from the set ``start`` (m,), in
     so many ``passes`` for every node at most.
@@ -94,7 +95,7 @@ def _at_rest(
     (m,)."""
     stiff, solves = springs(condensed), 0
     place = np.zeros(len(stiff))
-    for share in SOFTER:
+    for share in STIFFNESSES:
         try:
             solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place, passes))
         except SingularSystemError:
@@ -108,7 +109,7 @@ def _at_rest(
             if not solved.pressure.any():
                 break
             # What is left of the springs' pull presses on nothing.
-            pressed = solved.pressure > NOTHING * solved.pressure.max()
+            pressed = solved.pressure > PRESSURE_TOLERANCE * solved.pressure.max()
             pressure = np.where(pressed, solved.pressure, 0.0)
             return _Solved(active & pressed, pressure, solved.motion, solves)
     raise _unbalanced()
@@ -139,15 +140,15 @@ def _searched(
     seen: set[bytes] = set()
     many = compressed(gap_map.pressure) is not None
     roughly, one_by_one = many, False
-    limit = MOST_OF_MANY if many else held.passes * (m + 1)
+    limit = MAX_PASSES_OF_MANY if many else held.passes * (m + 1)
     pressure = np.zeros(m)
     for count in range(1, limit + 1):
         closed = _Closed(condensed, free_gap, factors, active, held)
-        for part in (ROUGH, EXACT) if roughly else (EXACT,):
+        for part in (SEARCH_TOLERANCE, FINAL_TOLERANCE) if roughly else (FINAL_TOLERANCE,):
             pressure, motion = closed.solve(pressure, part)
             gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
             gap[active] = 0.0
-            tolerance = max(ROUND_OFF, NOISE * part) if many else ROUND_OFF
+            tolerance = max(ROUND_OFF, NOISE_FACTOR * part) if many else ROUND_OFF
             wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion), tolerance)
             if wrong.any():
                 break

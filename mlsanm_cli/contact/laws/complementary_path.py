@@ -30,11 +30,11 @@ from mlsanm_cli.contact.response.dense import SingularSystemError
 
 ROUND_OFF = 1e-10
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-QUICK, STARTS = 30, 6
-"""Exchanges of all nodes that break rules, before single ones; sets from which these may begin."""
-SOME, MANY = 500, 2
-"""Single exchanges of all starts together: so many, and so many for every node. Paths that were found took
-one for every node, of few nodes up to four, and where there is none they can go on for minutes."""
+QUICK_EXCHANGES, MAX_STARTS = 30, 6
+"""Exchanges of all inadmissible nodes before single ones; sets from which the latter may start."""
+EXCHANGES, EXCHANGES_PER_NODE = 500, 2
+"""Largest number of single exchanges of all starts together: a constant plus a number per node. Successful
+paths took one per node, with few nodes up to four; without a solution they can continue for minutes."""
 OPENS, CLOSES, SLIPS, BACKWARD, RESTS = range(5)
 """What a node may come to: it opens, closes, slips with friction 1 or -1, or rests."""
 
@@ -64,7 +64,7 @@ def admissible_sets(
     """
     sets, last, seen, count = first, first, set[bytes](), 0
     starts = list[tuple[int, ContactStatus, ContactSolution, FloatArray]]()
-    while sets.key not in seen and count < QUICK:
+    while sets.key not in seen and count < QUICK_EXCHANGES:
         seen.add(sets.key)
         count += 1
         try:
@@ -81,9 +81,9 @@ def admissible_sets(
         starts.append((int(wrong.sum()), sets, values, slipped))
         sets = better
     # What is stuck at first gives way little by little, where sets that slip as a whole lead nowhere.
-    fewest = sorted(starts, key=lambda one: one[0])[:STARTS]
+    fewest = sorted(starts, key=lambda one: one[0])[:MAX_STARTS]
     tried = [*fewest[:1], *(one for one in starts[:1] if one is not fewest[0]), *fewest[1:]]
-    left = SOME + MANY * len(first.closed)
+    left = EXCHANGES + EXCHANGES_PER_NODE * len(first.closed)
     for _, sets, values, slipped in tried:
         try:
             sets, made = complementary_path(condensed, sets, watch, values, slipped, left, softened)

@@ -16,13 +16,14 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import ScaledFactor, SingularSystemError
 
 OPEN, STICK, SLIP = 0, 1, 2
-MOST = 40
-"""Equations that may differ where factors are updated; each costs a solution, where factors cost many."""
-LARGE = 200
-"""Equations from which on an update is cheaper than factors."""
+MAX_CHANGED = 40
+"""Largest number of changed equations of updated factors: each costs a solution, a factorisation as much as
+many."""
+MIN_UPDATED = 200
+"""Number of equations from which on an update is faster than a factorisation."""
 ROUND_OFF = 1e-12
 """Steps on equations that are met but for this part of their right-hand sides move gaps and slips by less."""
-SOUND = 1e-8
+MIN_CONDITION = 1e-8
 """Least reciprocal condition of an update."""
 
 
@@ -210,14 +211,14 @@ class _Update:
         )
         self._slope, self._under = system._slope[place, None], system._under[place]
         self._units = np.array([base.unit(int(one)) for one in changed]).T
-        self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), SOUND)
+        self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), MIN_CONDITION)
 
     @classmethod
     def of(cls, system: SetSystem, near: SetSystem) -> _Update | None:
         """None where too much has changed, or the update would cost digits."""
         base = near if near._update is None else near._update.base
         changed = np.flatnonzero(system._kind != base._kind)
-        if len(base._kept) < LARGE or not 0 < len(changed) <= MOST:
+        if len(base._kept) < MIN_UPDATED or not 0 < len(changed) <= MAX_CHANGED:
             return None
         try:
             return cls(system, base, changed)

@@ -20,8 +20,8 @@ from mlsanm_cli.contact.laws.set_search import (
 )
 from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 
-NOTHING = 1e-10
-"""Pressures below this part of those that would move the surfaces as far as bodies went are none."""
+ZERO_PRESSURE = 1e-10
+"""Pressures below this part of those that would displace the surfaces as far as the bodies moved are zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def increment(
 
     first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
     sets, _, values, count = admissible_sets(condensed, first, watch, solve)
-    pressed = values.pressure.max() > NOTHING * moving(condensed, values.motion)
+    pressed = values.pressure.max() > ZERO_PRESSURE * moving(condensed, values.motion)
     if floating and slipping and not pressed and acts(condensed, factors - state.factors):
         raise FloatingError
     return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count

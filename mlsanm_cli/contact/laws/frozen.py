@@ -12,8 +12,8 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.errors import NumericalError
 
-ROUNDS = 30
-"""Changes of the set of closed nodes, of which each round makes one."""
+MAX_CHANGES = 30
+"""Largest number of changes of the set of closed nodes."""
 
 
 def frozen_change(
@@ -37,7 +37,7 @@ def frozen_change(
     least = np.finfo(float).eps ** 0.5 * np.abs(pressure).max(initial=0.0)
     compliance = float(np.abs(np.diagonal(condensed.gap.pressure)).max(initial=0.0))
     overlap = least * min(1.0, compliance or 1.0)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_CHANGES):
         touching = closed[nodes]
         slides = np.where(touching & ~stuck, np.sign(traction), 0.0)
         # What is open carries nothing.

@@ -7,8 +7,8 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
-NOTHING = 1e-6
-"""Pressures that move the surfaces by less than this part of what the platens do are round-off."""
+ZERO_PRESSURE = 1e-6
+"""Pressures that displace the surfaces by less than this part of the motion of the platens are round-off."""
 
 
 def kkt_residual(
@@ -27,7 +27,7 @@ def kkt_residual(
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
     largest_compliance = condensed.largest_compliance
-    least = NOTHING * moved / largest_compliance if largest_compliance > 0.0 else 0.0
+    least = ZERO_PRESSURE * moved / largest_compliance if largest_compliance > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
     m, n = len(pressure), len(traction)
     elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0

@@ -14,8 +14,8 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
-ALL = 1.0 - 1e-9
-"""Parts of a stage from here on are the whole stage."""
+WHOLE_STAGE = 1.0 - 1e-9
+"""Parts of a stage above this are the whole stage."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class LimitLoad:
     @property
     def whole(self) -> bool:
         """Whether all of the stage can be carried, by contacts that are closed or open as yet."""
-        return self.part >= ALL
+        return self.part >= WHOLE_STAGE
 
 
 def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> LimitLoad | None:

@@ -12,10 +12,11 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
-SOFTER = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, *(1e-10,) * 10)
-"""Stiffness of the springs, over that of the contacts, one time after the other."""
-SETTLED, NOTHING = 1e-11, 1e-10
-"""Forces of the springs in the end, over those of loads and pressures; pressures that these leave."""
+STIFFNESSES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, *(1e-10,) * 10)
+"""Stiffnesses of the springs over that of the contacts, in turn."""
+FORCE_TOLERANCE, PRESSURE_TOLERANCE = 1e-11, 1e-10
+"""Largest final force of the springs, over those of loads and pressures; and pressures that they may
+cause."""
 
 
 def springs(condensed: Condensed) -> FloatArray:
@@ -31,4 +32,4 @@ def at_rest(condensed: Condensed, factors: FloatArray, pressure: FloatArray, pul
     balance = condensed.balance
     force = np.abs(balance.constant) + np.abs(balance.load) @ np.abs(factors)
     force = force + np.abs(balance.pressure).sum(axis=1) * np.abs(pressure).max(initial=0.0)
-    return bool((np.abs(pull) <= SETTLED * force).all())
+    return bool((np.abs(pull) <= FORCE_TOLERANCE * force).all())

@@ -19,10 +19,10 @@ from mlsanm_cli.errors import NumericalError
 NEIGHBOURS = np.array([-7, -5, -4, -3, -2, -1, 1, 3, 5, 7, 0])
 """The places on which the inverse is approximated, the place itself last: numbers times the largest power of
 two that divides its own number, by which those of odd ones are left out."""
-ROUGH, EXACT, MOST = 1e-7, 1e-13, 400
-"""Parts of right-hand sides that are left while sets are searched for and at last, and products at most."""
-ENOUGH = 1e-9
-"""More than this part left is no solution."""
+SEARCH_TOLERANCE, FINAL_TOLERANCE, MAX_PRODUCTS = 1e-7, 1e-13, 400
+"""Relative residuals during the search for the set and at its end, and largest number of products."""
+MAX_RESIDUAL = 1e-9
+"""Relative residual above which there is no solution."""
 
 
 class ManyClosed:
@@ -47,7 +47,7 @@ class ManyClosed:
         self._forces, self._moved, self._stiffness = forces, moved, stiffness
         self._by_motion, self._reduced = np.zeros_like(moved), stiffness
         self._left = np.inf
-        self._by_motions(ROUGH)
+        self._by_motions(SEARCH_TOLERANCE)
         if len(stiffness):
             rows = np.abs(stiffness) + np.abs(forces) @ np.abs(self._by_motion)
             scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
@@ -64,7 +64,7 @@ class ManyClosed:
         self._left = part
 
     def solve(
-        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = EXACT
+        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = FINAL_TOLERANCE
     ) -> tuple[FloatArray, FloatArray]:
         """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures near them, of which so
         small a ``part`` is left."""
@@ -90,7 +90,7 @@ class ManyClosed:
             share = change @ left
             total += share * way
             left = left - share * change
-        for _ in range(MOST):
+        for _ in range(MAX_PRODUCTS):
             aim = float(np.linalg.norm(left))
             if aim <= part * size:
                 break
@@ -107,7 +107,7 @@ class ManyClosed:
             share = change @ left
             total += share * way
             left = left - share * change
-        if not aim <= max(part, ENOUGH) * size:
+        if not aim <= max(part, MAX_RESIDUAL) * size:
             raise NumericalError(
                 "the pressures of a contact with many unknowns have not been found",
                 "make contact.accuracy larger, which takes fewer unknowns",

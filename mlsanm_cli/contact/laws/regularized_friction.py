@@ -34,12 +34,12 @@ from mlsanm_cli.contact.laws.friction_tangents import CoupledFrictionTangent, Fr
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 
-UNBOUNDED = 1e8
-"""Rates above so many times the reference pressure or slip per stage are those of a singular system."""
+MAX_RATE = 1e8
+"""Rates above this multiple of the reference pressure or slip per stage are those of a singular system."""
 
 
-SAME = 1e-7
-"""Unknowns within this part of their scale share a tangent."""
+SAME_TANGENT = 1e-7
+"""Difference, relative to their scale, up to which unknowns share a tangent."""
 
 
 @dataclass
@@ -151,7 +151,11 @@ class RegularizedFriction:
         Points that differ by no more than a correction at an event share their tangent: what that costs, the
         residuals of the series show. Without friction there are no events.
         """
-        if not self.n or self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
+        if (
+            not self.n
+            or self._ready is None
+            or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME_TANGENT
+        ):
             self._ready = (x.copy(), self._factorised(x))
         return self._ready[1]
 
@@ -197,7 +201,7 @@ class RegularizedFriction:
         p, _, q, t = self.split(slope)
         base, rows = self.coupling, slice(self.m, self.m + self.n)
         slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
-        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
+        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= MAX_RATE:
             raise SingularSystemError
         gap = np.where(self.sets.closed, 0.0, -p * self.condensed.own[0])
         motion = base.split_motions(q)[0]
@@ -223,7 +227,7 @@ class RegularizedFriction:
         system = SetSystem(softened, replace(sets, closed=np.ones_like(sets.closed)), near)
         rates = system.rate(self.change)
         largest = np.abs(rates.pressure).max() / self.law.pressure, np.abs(rates.slip).max() / self.law.slip
-        if not max(largest) <= UNBOUNDED:
+        if not max(largest) <= MAX_RATE:
             raise SingularSystemError
         p = rates.pressure
         gap = np.where(sets.closed, 0.0, -p * self.condensed.own[0])

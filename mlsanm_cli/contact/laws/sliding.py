@@ -9,14 +9,15 @@ from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
-TILT = 0.2
-"""A platen whose motion opens or closes the contact by less than this part of it is resisted by friction."""
-TAPER = 0.02
-"""One that closes all of a contact by this part of it drives a wedge: round patches have both sides of it."""
-CLOSING = 0.01
-"""Sliding that makes less than this part of what bodies move towards each other carries no load."""
-FAST = 100.0
-"""Sliding so many times as fast as all else is driven by a load."""
+MAX_NORMAL_SHARE = 0.2
+"""Largest normal component of the motion of a platen that is resisted by friction."""
+WEDGE_SHARE = 0.02
+"""Normal component above which a motion that closes the whole contact drives a wedge: round patches have both
+signs."""
+MIN_CLOSING = 0.01
+"""Part of the approach of the bodies below which sliding carries no load."""
+SLIDING_RATIO = 100.0
+"""Sliding so many times faster than everything else is driven by a load."""
 ROUND_OFF = 1e-9
 
 
@@ -56,7 +57,7 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
     seen = both @ motions
     if motions.shape[1] == 1:
         parts = (seen**2)[:, 0]
-        if parts[: len(across)].sum() >= TILT**2 * parts.sum():
+        if parts[: len(across)].sum() >= MAX_NORMAL_SHARE**2 * parts.sum():
             return False
     left, values, _ = np.linalg.svd(seen, full_matrices=False)
     left = left[:, values > ROUND_OFF]
@@ -65,18 +66,18 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
         return bool(moving.shape[1])
     # The eigenvalues are squares of the parts of orthonormal motions that go across.
     parts, directions = np.linalg.eigh(moving.T @ moving)
-    little = directions[:, parts < TILT**2]
+    little = directions[:, parts < MAX_NORMAL_SHARE**2]
     if not little.size:
         return False
     _, means, right = np.linalg.svd(_closed_of_each(condensed, sets) @ (moving @ little))
-    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < TAPER].T
+    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < WEDGE_SHARE].T
     if rates is None or not along.size:
         return bool(along.size)
     whole = both @ rates[free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
     closed = len(across)
-    by_sliding = np.linalg.norm(slid[:closed]) > CLOSING * np.linalg.norm(whole[:closed])
-    return bool(by_sliding or np.linalg.norm(slid) > FAST * np.linalg.norm(whole - slid))
+    by_sliding = np.linalg.norm(slid[:closed]) > MIN_CLOSING * np.linalg.norm(whole[:closed])
+    return bool(by_sliding or np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid))
 
 
 def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:

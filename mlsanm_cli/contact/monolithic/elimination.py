@@ -15,8 +15,8 @@ from mlsanm_cli.operators.linear.interface import Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order, factor_unsymmetric
 from mlsanm_cli.operators.system import Equations
 
-LAST = 2.0**-40
-"""Factor on the rows eliminated last: partial pivoting must not fetch one of these dense rows early."""
+LAST_ROW_SCALE = 2.0**-40
+"""Scale of the rows eliminated last, so that partial pivoting does not select these dense rows early."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Elimination:
         whole = np.zeros(len(self.order))
         whole[: len(rhs)] = rhs
         whole = whole[self.order]
-        whole[len(whole) - self.last :] *= LAST
+        whole[len(whole) - self.last :] *= LAST_ROW_SCALE
         solution = np.empty_like(whole)
         solution[self.order] = factor.solve(whole)
         return solution[: len(rhs)]
@@ -66,7 +66,7 @@ class Elimination:
         rows, columns = whole.coords
         place = np.empty_like(self.order)
         place[self.order] = np.arange(len(self.order))
-        values = LAST * whole.data * self.scale[columns]
+        values = LAST_ROW_SCALE * whole.data * self.scale[columns]
         return sparse.csc_array((values, (place[rows], place[columns])), shape=self.matrix.shape)
 
 
@@ -97,7 +97,7 @@ def plan_elimination(
         first += one.matrix.shape[0]
     order = np.concatenate([*parts, np.arange(count)])
     factors = np.ones(total)
-    factors[order[len(order) - count :]] = LAST
+    factors[order[len(order) - count :]] = LAST_ROW_SCALE
     scaled = sparse.csr_array(sparse.diags_array(factors) @ whole @ sparse.diags_array(unknowns))
     return Elimination(
         matrix=sparse.csc_array(scaled[order][:, order]),

@@ -36,10 +36,10 @@ from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
 from mlsanm_cli.operators.refinement import Progress, refine
 
-ELASTIC = 10.0
-"""The elastic change of the gaps over the law's reference gap."""
-REFINED = 1e-11
-"""Tangent solves are refined until the next update is foreseen to change less, relatively."""
+GAP_RATIO = 10.0
+"""Elastic change of the gaps over the reference gap of the law."""
+REFINEMENT_TOLERANCE = 1e-11
+"""Tangent solutions are refined until the expected next update is smaller, relatively."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class SparseTangent:
             return plan.solve(self._factor, rest)[:, None]
 
         first = plan.solve(self._factor, rhs)[:, None]
-        return np.asarray(scales * refine(first, update, Progress.of(first, REFINED))[0][:, 0])
+        return np.asarray(scales * refine(first, update, Progress.of(first, REFINEMENT_TOLERANCE))[0][:, 0])
 
 
 def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> SparseCoupling:
@@ -152,7 +152,7 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
         for number in range(columns.loads):
             source = condensed.sources[name][:, [number]].toarray()[:, 0]
             loads[own, number] = system.residual_vector(source, np.zeros(own.stop - own.start))
-    elastic = ELASTIC * law.gap
+    elastic = GAP_RATIO * law.gap
     largest = [abs(one.matrix).max(axis=1).toarray().ravel() for one in equations.values()]
     scale = elastic * np.concatenate(largest)
     motion = np.concatenate([law.motion, np.full(total, elastic)])

@@ -31,13 +31,13 @@ from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 
-DIAGONAL = 1e-3
-"""Pivots are diagonal entries down to this part of their columns' largest. Block under a cylinder, 0.3 R
-deep, 487 nodes: with 0.1 the factor takes 2.2 times as long and solutions twice, at the same accuracy, as
-other pivots undo the nested dissection."""
-REFINEMENTS, REFINED = 8, 1e-7
-"""Most refinements of a solution, and the part of it by which the last one that matters changes it: the next
-would change it by this part of that, at most. A bar on springs of 1e-5 of its modulus takes four."""
+PIVOT_THRESHOLD = 1e-3
+"""Diagonal entries down to this part of the largest of their column are pivots. Block under a cylinder, 0.3 R
+deep, 487 nodes: with 0.1 the factorisation takes 2.2 times as long and solutions twice, at the same accuracy,
+as other pivots undo the nested dissection."""
+MAX_REFINEMENTS, REFINEMENT_TOLERANCE = 8, 1e-7
+"""Largest number of refinements of a solution, and relative change by the last one: the next would change it
+by this part of that. A bar on springs of 1e-5 of its modulus takes four."""
 
 NO_ROWS: IntArray = np.zeros(0, dtype=np.int64)
 
@@ -150,7 +150,7 @@ class Projector:
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
         matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
-        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), DIAGONAL)
+        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), PIVOT_THRESHOLD)
         return Factorised(self, rows, strong, factor)
 
     @cached_property
@@ -180,10 +180,10 @@ class Factorised:
         """The displacement (2N,) whose rows in this state are the ``scaled`` (r,), as far as the equations
         see, refined on the rows themselves: once, or as often as soft springs of a stiff body ask for."""
         solution = self.solve_unrefined(scaled)
-        for _ in range(REFINEMENTS):
+        for _ in range(MAX_REFINEMENTS):
             change = self.solve_unrefined(scaled - self.image(solution))
             solution = solution + change
-            if not np.abs(change).max() > REFINED * np.abs(solution).max():
+            if not np.abs(change).max() > REFINEMENT_TOLERANCE * np.abs(solution).max():
                 break
         return solution
 
