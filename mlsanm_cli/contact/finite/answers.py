@@ -28,10 +28,10 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
 
-CLEAR = 2
+CORNER_NODES = 2
 """Up to this many nodes from corners without near field no correction is made, from twice as many on the full
 one."""
-WIDE = 4
+HALF_WINDOW = 4
 """Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
 
 
@@ -133,7 +133,7 @@ def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatA
     """
     count, number = side.count, np.arange(side.count)
     blocks = missing.reshape(count, 2, count, 2).copy()
-    near = np.abs(number[:, None] - number) <= 3 * WIDE
+    near = np.abs(number[:, None] - number) <= 3 * HALF_WINDOW
     blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - share)[:, None] * near)
     blocks -= blocks.sum(axis=2)[:, :, None] * (side.weight / side.weight.sum())[:, None]
     return blocks.reshape(missing.shape)
@@ -161,9 +161,9 @@ def _fit(side: ContactSide) -> FloatArray:
     fit = np.zeros((count, 2, count, 2))
     for i in number:
         here = first + int(i)
-        low, high = max(0, here - 3 * WIDE), min(len(arc), here + 3 * WIDE + 1)
+        low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
         x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
-        weight = np.exp(-((away / WIDE) ** 2.0))
+        weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
         basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
         values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
         for c in (0, 1):
@@ -185,4 +185,4 @@ def _share(side: ContactSide) -> FloatArray:
             apart = apart if side.around is None else np.minimum(apart, side.count - apart)
             away = np.minimum(away, apart)
     held = side.held & ~np.isin(number, list(mirrored))
-    return np.where(held, 0.0, np.clip(away / CLEAR - 1.0, 0.0, 1.0))
+    return np.where(held, 0.0, np.clip(away / CORNER_NODES - 1.0, 0.0, 1.0))

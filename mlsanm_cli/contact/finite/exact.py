@@ -32,17 +32,17 @@ from mlsanm_cli.contact.finite.update import Done, Used
 from mlsanm_cli.mechanics.finite.projector import Projector
 
 AnyContact: TypeAlias = RigidContact | BodyContact
-LEAST = 0.05
+MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""
-PATIENCE = 3
+MAX_STALLED = 3
 """Iterations without a smaller update after which an increment is abandoned, once there are twice as many."""
-CLOSE, SLOW = 1e-3, 0.1
-"""Derivatives of the bodies are reused after an update below CLOSE times the typical displacement, as long as
-updates shrink by SLOW or better."""
-SLIGHT = 1e-3
+REUSE_BELOW, REUSE_RATE = 1e-3, 0.1
+"""Derivatives of the bodies are reused after an update below REUSE_BELOW times the typical displacement, as
+long as updates shrink by REUSE_RATE or better."""
+INITIAL_OVERLAP = 1e-3
 """Initial penetration allowed to a free body that falls on something, as a fraction of the typical
 displacement."""
-NOTHING = 1e-12
+ZERO_PRESSURE = 1e-12
 """Pressures below this fraction of that of the typical displacement are zero."""
 
 
@@ -98,7 +98,7 @@ class ExactContact:
     @property
     def nothing(self) -> float:
         """Pressures up to this are zero."""
-        return NOTHING * self.stiffness * self.length
+        return ZERO_PRESSURE * self.stiffness * self.length
 
     @property
     def free(self) -> int:
@@ -179,13 +179,13 @@ class ExactContact:
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
-            slow = len(updates) > 2 and updates[-1] > SLOW * updates[-2]
-            close = used if updates[-1] <= CLOSE and not slow else None
+            slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
+            close = used if updates[-1] <= REUSE_BELOW and not slow else None
             done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
             solves, used = solves + done.solves, done.used
             part = self._until_touch(met, done)
-            while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
+            while part > 1e-3 and not self._volume(u + part * done.du) > MIN_JACOBIAN:
                 part *= 0.5
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
             free = free + part * done.free
@@ -221,7 +221,7 @@ class ExactContact:
                 moved[driven.component : 2 * contact.slave.count : 2] -= done.free[driven.number]
             falls = -(one.d_gap @ moved)
             near = one.facing & (falls > 0.0) & (one.gap > 0.0)
-            ways = (one.gap[near] + SLIGHT * self.length) / falls[near]
+            ways = (one.gap[near] + INITIAL_OVERLAP * self.length) / falls[near]
             least = min(least, float(ways.min(initial=1.0)))
         return least
 
@@ -271,8 +271,10 @@ class ExactContact:
 
 
 def _stalls(updates: Sequence[float], last: float) -> bool:
-    """Whether the ``last`` and earlier updates have not decreased for PATIENCE iterations."""
-    return len(updates) > 2 * PATIENCE and min(*updates[1 - PATIENCE :], last) >= min(updates[: 1 - PATIENCE])
+    """Whether the ``last`` and earlier updates have not decreased for MAX_STALLED iterations."""
+    return len(updates) > 2 * MAX_STALLED and min(*updates[1 - MAX_STALLED :], last) >= min(
+        updates[: 1 - MAX_STALLED]
+    )
 
 
 def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:

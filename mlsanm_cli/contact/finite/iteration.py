@@ -24,11 +24,11 @@ from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 if TYPE_CHECKING:
     from mlsanm_cli.contact.finite.exact import ExactContact
 
-NEIGHBORS = 3
+ADJACENT_NODES = 3
 """Number of nodes next to those in contact that may come into contact within an iteration."""
-REACH = 0.1
+REACH_WITH_MOTIONS = 0.1
 """With free motions, so may nodes with gaps up to this fraction of the typical displacement."""
-DAMPED = 1e-5
+DAMPING = 1e-5
 """Damping of free motions within an iteration, as a fraction of the stiffness: needed while nothing touches,
 and without effect at convergence, where steps are zero."""
 
@@ -99,9 +99,9 @@ class Iteration:
         chosen, touched, first, node = [], [], 0, 0
         for contact, one in zip(self.pressing.contacts, met, strict=True):
             here = slice(first, first + contact.slave.count)
-            reach = REACH * self.pressing.length if self.pressing.free else 0.0
+            reach = REACH_WITH_MOTIONS * self.pressing.length if self.pressing.free else 0.0
             near = one.facing & ((free[here] <= reach) | (p[here] > 0.0))
-            for _ in range(NEIGHBORS):
+            for _ in range(ADJACENT_NODES):
                 adjacent = near.copy()
                 adjacent[1:] |= near[:-1]
                 adjacent[:-1] |= near[1:]
@@ -172,7 +172,7 @@ class Iteration:
                 by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
             )
             lack.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
-            lack.by_motion[rows, rows] += DAMPED * body.elastic.model.material.modulus
+            lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
         for plate in (some for some in pressing.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
             lack.now[rows] -= plate.given(self.factors[:known])
@@ -186,7 +186,7 @@ class Iteration:
                 lack.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
                 lack.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
                 lack.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
-                lack.by_motion[rows, rows] += DAMPED * body.elastic.model.material.modulus
+                lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
         for driven in pressing.driven:
             number, contact = driven.number, pressing.contacts[driven.contact]
             weight = np.zeros(len(applied))
@@ -195,7 +195,7 @@ class Iteration:
             lack.now[number] = weight @ applied - force
             lack.by_traction[number] = weight[touched]
             modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
-            lack.by_motion[number, number] = DAMPED * modulus
+            lack.by_motion[number, number] = DAMPING * modulus
         return lack
 
     def _driven(self, driven: DrivenObstacle) -> IntArray:

@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-NOWHERE = 1e300
+NO_GAP = 1e300
 """Gap of a node that faces nothing."""
 
 

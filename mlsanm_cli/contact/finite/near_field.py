@@ -22,16 +22,16 @@ from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 
-NEAR_SURFACE = 1e-3
+SURFACE_INSET = 1e-3
 """Forces on planes of symmetry and at corners are shifted off them by this fraction of their node's
 length."""
-AT_TIP = 1e-12
+TIP_INSET = 1e-12
 """Least distance from corners at which displacements are evaluated, relative to the length of their faces."""
 GAUSS = np.polynomial.legendre.leggauss(8)
-TOWARDS_TIP = 6.0
+TIP_EXPONENT = 6.0
 """Exponent of the grading of quadrature points towards a corner, where fields depend on the logarithm of the
 distance."""
-AT_ONCE = 64
+BLOCK_SIZE = 64
 """Nodes whose remainders are computed at once, to limit memory."""
 
 
@@ -48,8 +48,8 @@ def exact_compliance(
     if not len(nodes):
         return total
     total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
-    for first in range(0, len(nodes), AT_ONCE):
-        some = nodes[first : first + AT_ONCE]
+    for first in range(0, len(nodes), BLOCK_SIZE):
+        some = nodes[first : first + BLOCK_SIZE]
         smooth = body.system.functionals(seen, sparse.csc_array(near.remainders(some)))
         columns = rows[2 * first : 2 * (first + len(some))]
         total[np.ix_(rows, columns)] += smooth * np.repeat(side.weight[some], 2)
@@ -87,7 +87,7 @@ class _Near:
         side, places = self.side, as_complex(self.side.places)
         if side.around is None:
             for end, way in ((0, 1.0), (-1, -1.0)):
-                places[end] += NEAR_SURFACE * way * side.weight[end] * self._along[end]
+                places[end] += SURFACE_INSET * way * side.weight[end] * self._along[end]
         return places
 
     @cached_property
@@ -150,7 +150,7 @@ class _Near:
         else:
             by = np.zeros((len(seen), len(seen), 2, 2))
         arc, hats, length = self._points(corner)
-        x = np.maximum(corner.distance(seen), AT_TIP * corner.length)
+        x = np.maximum(corner.distance(seen), TIP_INSET * corner.length)
         for c, d in product((0, 1), (0, 1)):
             by[:, :, c, d] += (corner.wedge.compliance(x, arc, c, d) * length) @ hats
         return by
@@ -163,13 +163,13 @@ class _Near:
         low, high = at[order[:-1], None], at[order[1:], None]
         share, weight = 0.5 * (1.0 + GAUSS[0]), 0.5 * GAUSS[1]
         first = np.arange(len(at) - 1)[:, None] == 0
-        part = np.where(first, share**TOWARDS_TIP, share)
-        size = np.where(first, TOWARDS_TIP * share ** (TOWARDS_TIP - 1.0), 1.0) * weight * (high - low)
+        part = np.where(first, share**TIP_EXPONENT, share)
+        size = np.where(first, TIP_EXPONENT * share ** (TIP_EXPONENT - 1.0), 1.0) * weight * (high - low)
         hats = np.zeros((*part.shape, len(at)))
         number = np.arange(len(at) - 1)
         hats[number, :, order[:-1]] = 1.0 - part
         hats[number, :, order[1:]] = part
-        x = np.maximum(low + part * (high - low), AT_TIP * corner.length)
+        x = np.maximum(low + part * (high - low), TIP_INSET * corner.length)
         return x.ravel(), hats.reshape(-1, len(at)), size.ravel()
 
     def _by(

@@ -15,12 +15,12 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 
-AROUND, AT_ENDS = 5, 3
+SLOPE_NODES, END_NODES = 5, 3
 """Number of nodes that determine a slope, inside and near the ends."""
-MOST = 40
+MAX_NEWTON_STEPS = 40
 """Largest number of Newton steps to the closest point."""
-SMALL = 1e-13
-SLACK = 1e-3
+CONVERGED = 1e-13
+END_SLACK = 1e-3
 """Points beyond an end by this fraction of the spacing still count as opposite."""
 
 
@@ -44,7 +44,7 @@ class NodeCurve:
         the left of the first and on the right of the last node of an open curve."""
         count = len(self.arc)
         if self.around is not None and not self.corners:
-            both = _slopes(self.arc, self.around, np.arange(count), min(AROUND, count))
+            both = _slopes(self.arc, self.around, np.arange(count), min(SLOPE_NODES, count))
             return both, both
         stretches = self._stretches()
         rows = sparse.csr_array(sparse.vstack([self._open(nodes) for nodes in stretches], format="csr"))
@@ -78,10 +78,10 @@ class NodeCurve:
         one-sided slopes of high degree amplify irregularities of the last nodes."""
         own, (turns, numbers) = len(nodes), np.divmod(nodes, len(self.arc))
         arc = self.arc[numbers] + turns * (self.around or 0.0)
-        inner = np.arange(AROUND // 2, own - AROUND // 2)
-        rows = _slopes(arc, None, np.setdiff1d(np.arange(own), inner), min(AT_ENDS, own))
+        inner = np.arange(SLOPE_NODES // 2, own - SLOPE_NODES // 2)
+        rows = _slopes(arc, None, np.setdiff1d(np.arange(own), inner), min(END_NODES, own))
         if len(inner):
-            rows = sparse.csr_array(rows + _slopes(arc, None, inner, AROUND))
+            rows = sparse.csr_array(rows + _slopes(arc, None, inner, SLOPE_NODES))
         entries = (np.ones(own), (np.arange(own), numbers))
         return sparse.csr_array(rows @ sparse.csr_array(entries, shape=(own, len(self.arc))))
 
@@ -152,7 +152,7 @@ class NodeCurve:
         place = self.knots[low] + part[np.arange(len(points)), low] * steps[low]
         inside = np.zeros(len(points), dtype=bool)
         slopes = (self.slopes[0] @ nodes, self.slopes[1] @ nodes)
-        for _ in range(MOST):
+        for _ in range(MAX_NEWTON_STEPS):
             value, first, second = self._seen(place, nodes, slopes)
             apart = points - value
             bent = (first**2).sum(axis=1) - (apart * second).sum(axis=1)
@@ -162,11 +162,11 @@ class NodeCurve:
             step = np.clip((apart * first).sum(axis=1) / bent, -largest, largest)
             better = self._onto(place + step, beyond)
             moved = np.abs(step)
-            inside = (self.around is not None) | (np.abs(better - place - step) <= SLACK * largest)
+            inside = (self.around is not None) | (np.abs(better - place - step) <= END_SLACK * largest)
             place = better
-            if (moved[inside] <= SMALL * self.knots[-1]).all():
+            if (moved[inside] <= CONVERGED * self.knots[-1]).all():
                 break
-        return place, np.asarray(inside & (moved <= SLACK * largest))
+        return place, np.asarray(inside & (moved <= END_SLACK * largest))
 
     def _onto(self, place: FloatArray, beyond: FloatArray) -> FloatArray:
         if self.around is None:

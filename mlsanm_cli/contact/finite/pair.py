@@ -16,15 +16,15 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
+from mlsanm_cli.contact.finite.meeting import NO_GAP, Meeting, by_component
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.transfer import Transfer
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
 
-DEEP = 3.0
+MAX_DEPTH = 3.0
 """Nodes deeper inside the master than this many of its spacings are ignored."""
-BEYOND = 0.5
+END_OVERHANG = 0.5
 """Closed nodes stay candidates until they are farther than this fraction of their length beyond the master's
 end: otherwise a node there would leave under pressure and return without it indefinitely, with half its
 length covered."""
@@ -80,10 +80,10 @@ class BodyContact:
     ) -> Meeting:
         """The contact for ``displacement`` (c + m, 2) of the slave's nodes, then the master's; slips are
         relative to the places ``before`` (c,), zero without. Nodes that were ``closed`` (c,) remain facing up
-        to BEYOND the end."""
+        to END_OVERHANG the end."""
         slave, master, count = self.slave, self.master, self.slave.count
         at, nodes = slave.places + displacement[:count], master.places + displacement[count:]
-        beyond = np.zeros(count) if closed is None else np.where(closed, BEYOND * slave.weight, 0.0)
+        beyond = np.zeros(count) if closed is None else np.where(closed, END_OVERHANG * slave.weight, 0.0)
         place, inside = master.curve.closest(nodes, at, beyond)
         rows = master.curve.rows(place)
         value, first, second = (row @ nodes for row in rows)
@@ -93,7 +93,7 @@ class BodyContact:
         gap = (apart * normal).sum(axis=1)
         own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
         faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
-        deep = gap < -DEEP * self._spacing(place) * length
+        deep = gap < -MAX_DEPTH * self._spacing(place) * length
         facing = inside & faced & ~deep
         moves = _Moves(rows, along, normal, apart, first, second)
         d_place = moves.kept(moves.place, facing)
@@ -106,7 +106,7 @@ class BodyContact:
         transfer = Transfer.of(slave, master, master.curve, place, facing)
         return Meeting(
             facing,
-            np.where(facing, gap, NOWHERE),
+            np.where(facing, gap, NO_GAP),
             normal,
             turned(normal),
             place,

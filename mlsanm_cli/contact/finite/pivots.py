@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
-UNEVEN, TINY = 1e-10, 1e-11
+PERTURBATION, MIN_PIVOT = 1e-10, 1e-11
 """Relative perturbation of right-hand sides, so that no two nodes change at once; and smallest relative
 pivot."""
-MANY = 10
+MAX_PIVOTS = 10
 """Largest number of pivots per unknown."""
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
@@ -64,13 +64,13 @@ def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
     not end."""
     n = len(rest)
     largest = float(np.abs(rest).max(initial=0.0))
-    rest = rest + UNEVEN * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
+    rest = rest + PERTURBATION * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
     if not (rest < 0.0).any():
         return np.zeros(n, dtype=bool)
     # Columns: w, z, the artificial load, the right-hand side.
     table = np.hstack([np.eye(n), -matrix, -np.ones((n, 1)), rest[:, None]])
     basis, enters, row = np.arange(n), 2 * n, int(np.argmin(rest))
-    for _ in range(MANY * n):
+    for _ in range(MAX_PIVOTS * n):
         table[row] /= table[row, enters]
         others = np.arange(n) != row
         table[others] -= np.outer(table[others, enters], table[row])
@@ -81,7 +81,7 @@ def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
             return found
         enters = leaves + n if leaves < n else leaves - n
         column = table[:, enters]
-        up = np.flatnonzero(column > TINY * max(float(np.abs(column).max()), 1.0))
+        up = np.flatnonzero(column > MIN_PIVOT * max(float(np.abs(column).max()), 1.0))
         if not len(up):
             return None
         row = int(up[np.argmin(np.maximum(table[up, -1], 0.0) / column[up])])

@@ -18,7 +18,7 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 
-SMALL = 1e-3
+DIFFERENCE_STEP = 1e-3
 """Step of differences along polylines, as a fraction of a node's length."""
 
 
@@ -124,9 +124,9 @@ class RigidContact:
         """The same for a polyline by differences over a small fraction of the nodes' lengths, which rounds
         corners; coordinates run opposite to the polyline, along its tangents."""
         tangent = turned(shape.closest(at, outward)[1])
-        step = SMALL * self.slave.weight[:, None] * tangent
+        step = DIFFERENCE_STEP * self.slave.weight[:, None] * tangent
         ahead, behind = (shape.closest(at + way, outward) for way in (step, -step))
-        twice = 2.0 * SMALL * self.slave.weight
+        twice = 2.0 * DIFFERENCE_STEP * self.slave.weight
         bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
         moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice
         return bent, -_arc(shape, 0.5 * (ahead[0] + behind[0])), moved

@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.pivots import complementary_sets
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
-PASSES, BEHIND = 30, 10
+MAX_PASSES, MAX_PASSES_AFTER_PIVOTS = 30, 10
 """Passes of the active set, and after pivoting."""
 
 
@@ -67,11 +67,11 @@ class Linearised:
         Semismooth Newton method: the status follows from pressure minus gap, and shear minus slip, over the
         compliance (Alart and Curnier 1991). If it cycles, complementary pivoting determines the status.
         """
-        change, wrong, found = self._exchanged(sets, PASSES)
+        change, wrong, found = self._exchanged(sets, MAX_PASSES)
         if wrong.any():
             pivoted = self._pivoted()
             if pivoted is not None:
-                again = self._exchanged(pivoted, BEHIND)
+                again = self._exchanged(pivoted, MAX_PASSES_AFTER_PIVOTS)
                 if again[1].max() < wrong.max():
                     change, wrong, found = again
         return change, found, not wrong.any()

@@ -25,7 +25,7 @@ from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]
 Wedges: TypeAlias = tuple[Corner | None, Corner | None]
 
-SQUARE = 1e-6
+RIGHT_ANGLE_TOLERANCE = 1e-6
 """Tolerance for a right angle between a side and a plane of symmetry."""
 
 
@@ -140,8 +140,10 @@ def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int |
         if name in own or surface.index[end] not in adjacent.index or sum(components) != 1:
             continue
         axis = components.index(True)
-        flat = float(np.ptp(cloud.points[adjacent.index, axis])) <= SQUARE * adjacent.curve.length
-        if flat and abs(normal[axis]) <= SQUARE:
+        flat = (
+            float(np.ptp(cloud.points[adjacent.index, axis])) <= RIGHT_ANGLE_TOLERANCE * adjacent.curve.length
+        )
+        if flat and abs(normal[axis]) <= RIGHT_ANGLE_TOLERANCE:
             return axis
     return None
 

@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.loose_bodies import PRESSURE_TOLERANCE, STIFFNESS_SEQUENCE, at_rest, springs
-from mlsanm_cli.contact.laws.many_unknowns import EXACT, ROUGH, ManyClosed
+from mlsanm_cli.contact.laws.many_unknowns import FINAL_TOLERANCE, SEARCH_TOLERANCE, ManyClosed
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -138,7 +138,7 @@ def _searched(
     pressure = np.zeros(m)
     for count in range(1, limit + 1):
         closed = _Closed(condensed, free_gap, factors, active, held)
-        for part in (ROUGH, EXACT) if roughly else (EXACT,):
+        for part in (SEARCH_TOLERANCE, FINAL_TOLERANCE) if roughly else (FINAL_TOLERANCE,):
             pressure, motion = closed.solve(pressure, part)
             gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
             gap[active] = 0.0

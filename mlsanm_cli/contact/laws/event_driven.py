@@ -22,10 +22,10 @@ from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 from mlsanm_cli.errors import NumericalError
 
-NEAR = 1e-9
+LIMIT_TOLERANCE = 1e-9
 """Tolerance for a condition at its limit, relative to peak pressure and elastic gap."""
 ROUND_OFF = 50.0 * float(np.finfo(float).eps)
-JUMPS = tuple(10.0**power for power in range(-6, 0))
+INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Finite increments, as fractions of the stage, tried in turn where no rates continue the path."""
 STANDSTILL = 1e-13
 OVERLAP = (
@@ -82,7 +82,7 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
         held, solves = increment(condensed, state, factors, slipping=False)
     except NoStateError as error:
         raise NumericalError(OVERLAP, OVERLAP_HINT) from error
-    if not residual(condensed, held) <= NEAR:
+    if not residual(condensed, held) <= LIMIT_TOLERANCE:
         raise NumericalError(OVERLAP, OVERLAP_HINT)
     return Event(0.0, held, solves)
 
@@ -99,21 +99,21 @@ def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
     size = np.abs(np.vstack([gap.motion, condensed.slip.motion])).max(axis=0)
     forces = np.abs(balance.pressure).max(axis=1)[:, None]
     stiff = (np.abs(balance.motion) / np.where(forces > 0.0, forces, 1.0)).max(axis=0)
-    free = (size > 0.0) & (stiff * condensed.largest_compliance <= NEAR * size)
+    free = (size > 0.0) & (stiff * condensed.largest_compliance <= LIMIT_TOLERANCE * size)
     widest = float(np.abs(state.values.gap).max())
     rows = gap.motion[:, free] / size[free]
     depth = (EQUAL_GAP * condensed.weight - state.values.gap) / widest
     target = np.append(np.zeros(rows.shape[1]), 1.0)
     multipliers, missed = nnls(np.vstack([rows.T, depth]), target)
     rest = np.vstack([rows.T, depth]) @ multipliers - target
-    if missed <= NEAR:
+    if missed <= LIMIT_TOLERANCE:
         return None
     motion = np.zeros(len(size))
     motion[free] = -rest[:-1] / rest[-1] * widest / size[free]
     v = state.values
     values = replace(v, motion=motion, gap=v.gap + gap.motion @ motion, slip=condensed.slip.motion @ motion)
     moved = replace(state, values=values, stick_reference=values.slip)
-    return moved if residual(condensed, moved) <= NEAR else None
+    return moved if residual(condensed, moved) <= LIMIT_TOLERANCE else None
 
 
 def event_driven_path(
@@ -189,7 +189,7 @@ def _moved(
     sets = course.sets
     values = state.values.advanced(step, course.rates).obeying(condensed, sets, stick_reference)
     straight = state.moved(factors, values, sets, stick_reference)
-    if residual(condensed, straight) <= NEAR:
+    if residual(condensed, straight) <= LIMIT_TOLERANCE:
         return straight
     solved = course.system.state(factors, stick_reference)
     anew = state.moved(factors, solved, sets, stick_reference)
@@ -199,10 +199,10 @@ def _moved(
 def _limits(condensed: Condensed, values: ContactSolution) -> tuple[float, FloatArray]:
     """Pressure and gaps (m,) that count as zero: gaps that such a pressure opens at a node by itself, or
     round-off."""
-    force = NEAR * float(values.pressure.max(initial=0.0))
+    force = LIMIT_TOLERANCE * float(values.pressure.max(initial=0.0))
     elastic = condensed.elastic_gap(values.pressure)
     own = force * condensed.own[0]
-    return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), NEAR * elastic)
+    return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), LIMIT_TOLERANCE * elastic)
 
 
 def _slack(condensed: Condensed, values: ContactSolution, side: float) -> FloatArray:
@@ -289,7 +289,7 @@ def _jump(
         touching = _touch_down(condensed, state, begin, change, fraction, ceiling)
         if touching is not None:
             return touching
-    for size in JUMPS:
+    for size in INCREMENTS:
         ahead = min(fraction + size, ceiling)
         try:
             found, solves = increment(condensed, state, begin + ahead * change)
@@ -316,7 +316,7 @@ def _touch_down(
     """
     found: tuple[CoulombState, float] | None = None
     count = 0
-    for ahead in (1.0, *(min(fraction + size, 1.0) for size in reversed(JUMPS)), ceiling):
+    for ahead in (1.0, *(min(fraction + size, 1.0) for size in reversed(INCREMENTS)), ceiling):
         if found and found[1] <= ahead:
             continue
         guess = found[0].sets if found else None

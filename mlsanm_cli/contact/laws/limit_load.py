@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
-ALL = 1.0 - 1e-9
+WHOLE_STAGE = 1.0 - 1e-9
 """Fractions of a stage from here on count as the whole stage."""
 
 
@@ -32,7 +32,7 @@ class LimitLoad:
     @property
     def whole(self) -> bool:
         """Whether the whole stage can be carried, by contacts closed or still open."""
-        return self.part >= ALL
+        return self.part >= WHOLE_STAGE
 
 
 def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> LimitLoad | None:

@@ -19,9 +19,9 @@ from mlsanm_cli.errors import NumericalError
 NEIGHBOURS = np.array([-7, -5, -4, -3, -2, -1, 1, 3, 5, 7, 0])
 """Neighbours for the approximate inverse, the node itself last: offsets times the largest power of two that
 divides the node's number, so that coarser nodes have wider stencils."""
-ROUGH, EXACT, MOST = 1e-7, 1e-13, 400
+SEARCH_TOLERANCE, FINAL_TOLERANCE, MAX_PRODUCTS = 1e-7, 1e-13, 400
 """Relative residuals during the active-set search and at the end, and largest number of products."""
-ENOUGH = 1e-9
+MAX_RESIDUAL = 1e-9
 """A relative residual above this is a failure."""
 
 
@@ -48,7 +48,7 @@ class ManyClosed:
         self._forces, self._moved, self._stiffness = forces, moved, stiffness
         self._by_motion, self._reduced = np.zeros_like(moved), stiffness
         self._left = np.inf
-        self._by_motions(ROUGH)
+        self._by_motions(SEARCH_TOLERANCE)
         if len(stiffness):
             rows = np.abs(stiffness) + np.abs(forces) @ np.abs(self._by_motion)
             scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
@@ -65,7 +65,7 @@ class ManyClosed:
         self._left = part
 
     def solve(
-        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = EXACT
+        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = FINAL_TOLERANCE
     ) -> tuple[FloatArray, FloatArray]:
         """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures ``start``, to a
         relative residual ``part``."""
@@ -91,7 +91,7 @@ class ManyClosed:
             share = change @ left
             total += share * way
             left = left - share * change
-        for _ in range(MOST):
+        for _ in range(MAX_PRODUCTS):
             aim = float(np.linalg.norm(left))
             if aim <= part * size:
                 break
@@ -108,7 +108,7 @@ class ManyClosed:
             share = change @ left
             total += share * way
             left = left - share * change
-        if not aim <= max(part, ENOUGH) * size:
+        if not aim <= max(part, MAX_RESIDUAL) * size:
             raise NumericalError(
                 "the pressures of a contact with many unknowns have not been found",
                 "make contact.accuracy larger, which takes fewer unknowns",

@@ -12,16 +12,16 @@ from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
-WIDEST = 10.0
+MAX_GAP_RATIO = 10.0
 """Upper bound of the law's length in elastic gaps, for nodes with large initial gaps; the lower bound is
 1."""
 
 
-WITH_FRICTION = 0.15
+FRICTION_FACTOR = 0.15
 """The law's length with friction, in elastic gaps: tractions depend on how nodes have closed."""
-PRESSED = 10.0
+FRICTION_THRESHOLD = 10.0
 """Friction acts where the pressure exceeds this times the law's eta."""
-LEAST = 0.01
+MIN_SHARE = 0.01
 """Least reference pressure of a contact over the scene's, below which the tolerance resolves nothing."""
 
 
@@ -56,9 +56,11 @@ def regularize(
     for pairing in condensed.pairings:
         initial = pairing.gap[pairing.candidate]
         apart[condensed.spans[pairing.name]] = initial - initial.min(initial=np.inf)
-    wide = np.maximum(apart / (WIDEST * gap), 1.0)
+    wide = np.maximum(apart / (MAX_GAP_RATIO * gap), 1.0)
     frictional = len(condensed.friction_nodes) > 0
-    delta = np.full(len(apart), WITH_FRICTION * gap) if frictional else np.clip(apart, gap, WIDEST * gap)
+    delta = (
+        np.full(len(apart), FRICTION_FACTOR * gap) if frictional else np.clip(apart, gap, MAX_GAP_RATIO * gap)
+    )
     forces = [
         np.abs(condensed.balance.pressure) @ np.abs(state.pressure)
         + np.abs(condensed.balance.traction) @ np.abs(state.traction)
@@ -68,8 +70,10 @@ def regularize(
     limits = [condensed.friction * np.abs(state.pressure[condensed.friction_nodes]) for state in states]
     slips = np.max([np.abs(condensed.slip.traction @ limit) for limit in limits], axis=0)
     slip = float(slips.max(initial=0.0))
-    own = _largest(condensed.spans, np.max([state.pressure for state in states], axis=0), LEAST * pressure)
-    own_slip = _largest(condensed.tangential, slips, LEAST * slip)
+    own = _largest(
+        condensed.spans, np.max([state.pressure for state in states], axis=0), MIN_SHARE * pressure
+    )
+    own_slip = _largest(condensed.tangential, slips, MIN_SHARE * slip)
     small = eta * own
     motion = np.array([np.abs(state.motion) for state in states]).max(axis=0)
     return Regularization(
@@ -80,7 +84,7 @@ def regularize(
         force=np.where(force > 0.0, force, 1.0),
         motion=np.where(motion > 0.0, motion, elastic),
         slip=slip,
-        threshold=PRESSED * small[condensed.friction_nodes],
+        threshold=FRICTION_THRESHOLD * small[condensed.friction_nodes],
         stick_compliance=stick * own_slip / (condensed.friction * own[condensed.friction_nodes]),
     )
 

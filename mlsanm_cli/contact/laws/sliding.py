@@ -9,13 +9,13 @@ from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
-TILT = 0.2
+MAX_NORMAL_SHARE = 0.2
 """Motions with a smaller normal part at the contact are resisted by friction only."""
-TAPER = 0.02
+WEDGE_SHARE = 0.02
 """Motions whose mean normal part over a contact is larger close it like a wedge."""
-CLOSING = 0.01
+MIN_CLOSING = 0.01
 """Sliding below this fraction of the normal approach is negligible."""
-FAST = 100.0
+SLIDING_RATIO = 100.0
 """Sliding this many times as fast as everything else is driven by the load."""
 ROUND_OFF = 1e-9
 
@@ -56,7 +56,7 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
     seen = both @ motions
     if motions.shape[1] == 1:
         parts = (seen**2)[:, 0]
-        if parts[: len(across)].sum() >= TILT**2 * parts.sum():
+        if parts[: len(across)].sum() >= MAX_NORMAL_SHARE**2 * parts.sum():
             return False
     left, values, _ = np.linalg.svd(seen, full_matrices=False)
     left = left[:, values > ROUND_OFF]
@@ -65,18 +65,18 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
         return bool(moving.shape[1])
     # Eigenvalues: squared normal parts of orthonormal motions.
     parts, directions = np.linalg.eigh(moving.T @ moving)
-    little = directions[:, parts < TILT**2]
+    little = directions[:, parts < MAX_NORMAL_SHARE**2]
     if not little.size:
         return False
     _, means, right = np.linalg.svd(_closed_of_each(condensed, sets) @ (moving @ little))
-    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < TAPER].T
+    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < WEDGE_SHARE].T
     if rates is None or not along.size:
         return bool(along.size)
     whole = both @ rates[free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
     closed = len(across)
-    by_sliding = np.linalg.norm(slid[:closed]) > CLOSING * np.linalg.norm(whole[:closed])
-    return bool(by_sliding or np.linalg.norm(slid) > FAST * np.linalg.norm(whole - slid))
+    by_sliding = np.linalg.norm(slid[:closed]) > MIN_CLOSING * np.linalg.norm(whole[:closed])
+    return bool(by_sliding or np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid))
 
 
 def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:

@@ -36,7 +36,7 @@ from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
 from mlsanm_cli.operators.refinement import Progress, refine
 
-ELASTIC = 10.0
+GAP_RATIO = 10.0
 """Elastic change of the gaps over the law's reference gap."""
 UPDATE_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update in the refinement of tangent solves."""
@@ -152,7 +152,7 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
         for number in range(columns.loads):
             source = condensed.sources[name][:, [number]].toarray()[:, 0]
             loads[own, number] = system.residual_vector(source, np.zeros(own.stop - own.start))
-    elastic = ELASTIC * law.gap
+    elastic = GAP_RATIO * law.gap
     largest = [abs(one.matrix).max(axis=1).toarray().ravel() for one in equations.values()]
     scale = elastic * np.concatenate(largest)
     motion = np.concatenate([law.motion, np.full(total, elastic)])

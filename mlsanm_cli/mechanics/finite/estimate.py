@@ -23,7 +23,7 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.law import determinant
 
-STRAIN = 1e-8
+MIN_STRAIN = 1e-8
 """Strains below this are round-off: bodies in rigid motion have no energy to compare with."""
 
 
@@ -54,7 +54,7 @@ def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> f
         turned *= warm**2
     strain = 0.5 * (np.stack([xx, xy, yx, yy]) - turned)
     areas = body.elastic.model.cloud.areas
-    least = STRAIN**2 * body.elastic.model.material.modulus * areas.sum()
+    least = MIN_STRAIN**2 * body.elastic.model.material.modulus * areas.sum()
     return float(areas @ (stress * strain).sum(axis=0) + least)
 
 

@@ -31,7 +31,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.response import Kirchhoff, Neo, Response, Warm
 
 Kind = Literal["saint-venant-kirchhoff", "neo-hookean"]
-DIRECTIONS = 24
+WAVE_DIRECTIONS = 24
 """Directions, over half a turn, in which ellipticity is tested."""
 
 
@@ -104,7 +104,7 @@ class Law:
         it is not positive the material loses ellipticity."""
         moduli = self.moduli(gradient, stretch).reshape(2, 2, 2, 2, -1)
         least = np.full(gradient.shape[1], np.inf)
-        for angle in np.linspace(0.0, np.pi, DIRECTIONS, endpoint=False):
+        for angle in np.linspace(0.0, np.pi, WAVE_DIRECTIONS, endpoint=False):
             n = np.array([np.cos(angle), np.sin(angle)])
             q = np.einsum("iJkLn,J,L->ikn", moduli, n, n)
             mean, half = 0.5 * (q[0, 0] + q[1, 1]), 0.5 * (q[0, 0] - q[1, 1])

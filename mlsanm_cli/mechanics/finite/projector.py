@@ -31,11 +31,11 @@ from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 
-DIAGONAL = 1e-3
+PIVOT_THRESHOLD = 1e-3
 """A diagonal entry is accepted as pivot down to this fraction of the largest in its column. Block under a
 cylinder, 0.3 R deep, 487 nodes: with 0.1 the factor takes 2.2 times as long and solutions twice, at the same
 accuracy, as other pivots destroy the nested dissection."""
-REFINEMENTS, REFINED = 8, 1e-7
+MAX_REFINEMENTS, REFINEMENT_TOLERANCE = 8, 1e-7
 """Largest number of refinements of a solution, and relative change below which the last one is sufficient:
 the next one would change it by this fraction of that. A bar on springs of 1e-5 of its modulus takes four."""
 
@@ -153,7 +153,7 @@ class Projector:
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
         matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
-        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), DIAGONAL)
+        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), PIVOT_THRESHOLD)
         return Factorised(self, rows, strong, factor)
 
     @cached_property
@@ -183,10 +183,10 @@ class Factorised:
         """Displacement (2N,) whose rows in this state are ``scaled`` (r,) in the sense of the equations, with
         as many refinements as needed."""
         solution = self.solve_unrefined(scaled)
-        for _ in range(REFINEMENTS):
+        for _ in range(MAX_REFINEMENTS):
             change = self.solve_unrefined(scaled - self.image(solution))
             solution = solution + change
-            if not np.abs(change).max() > REFINED * np.abs(solution).max():
+            if not np.abs(change).max() > REFINEMENT_TOLERANCE * np.abs(solution).max():
                 break
         return solution
 
