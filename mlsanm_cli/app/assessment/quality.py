@@ -194,8 +194,8 @@ def case_warnings(case: Case) -> Iterator[str]:
     for contact in case.touching:
         if isinstance(contact.friction, float) and contact.friction > MAX_FRICTION:
             yield (
-                f"contact {contact.name}: friction = {contact.friction:g} is larger than any known coefficient; if "
-                f"it is a percentage, use {contact.friction / 100.0:g}"
+                f"contact {contact.name}: friction = {contact.friction:g} is above all known coefficients; "
+                f"if it is a percentage, use {contact.friction / 100.0:g}"
             )
         if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
             yield (
