@@ -33,8 +33,8 @@ CANDIDATES = 15
 MAX_HOLLOW_RADIUS = 10.0
 """Radius of a hollow, relative to the extent of the body, above which it counts as flat."""
 STRIPS = 512
-ACUTE = math.pi / 3.0
-"""Corners of less than this angle (radian) leave less than a spacing between nodes next to them."""
+MAX_ACUTE_ANGLE = math.pi / 3.0
+"""Interior angle (radian) below which nodes next to a corner are closer than a spacing."""
 
 
 @dataclass(frozen=True)
@@ -106,20 +106,20 @@ class Cloud:
 
     @cached_property
     def acute(self) -> dict[int, float]:
-        """The corner nodes where the material is a tip of less than ACUTE, and the angles (radian) there."""
+        """Corner nodes with an interior angle below ``MAX_ACUTE_ANGLE``, and their angles (radian)."""
         found = {}
         for one in self.surfaces.values():
             for other in self.surfaces.values():
                 if not one.curve.closed and one.index[-1] == other.index[0]:
                     (x, y), (u, v) = one.normal[-1], other.normal[0]
                     angle = float(np.pi - np.arctan2(x * v - y * u, x * u + y * v))
-                    if angle < ACUTE:
+                    if angle < MAX_ACUTE_ANGLE:
                         found[int(other.index[0])] = angle
         return found
 
     @property
     def _between_faces(self) -> FloatArray:
-        """What acute corners leave between the nodes (n,) on their two faces."""
+        """Largest distance (n,) that acute corners leave between nodes of their two faces; inf elsewhere."""
         room = np.full(len(self.points), np.inf)
         for corner, angle in self.acute.items():
             away = np.hypot(*(self.points[self.boundary_nodes] - self.points[corner]).T)

@@ -39,7 +39,8 @@ def measure(cloud: Cloud) -> CloudQuality:
 
 
 def _largest_hole(cloud: Cloud) -> float:
-    """Largest distance over spacing from the nodes to the centre of a triangle that lies among them."""
+    """Largest distance from the centre of a triangle inside the body to the nearest node, over the
+    spacing."""
     corners = cloud.points[cloud.triangles]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac = b - a, c - a
@@ -61,7 +62,7 @@ def _largest_hole(cloud: Cloud) -> float:
     for some in np.split(order, range(BLOCK_SIZE, len(order), BLOCK_SIZE)):
         near = boundary[nearest(outline, center[some])[1]]
         inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-        # Triangles are Delaunay's with slits opened: as drawn there may be nodes within their circles.
+        # Opened slits are not Delaunay: nodes may lie within circumcircles.
         away, node = nearest(cloud.tree, center[some])
         largest = float((away / cloud.spacing[node])[inside].max(initial=largest))
         if largest >= most[some[-1]]:

@@ -28,8 +28,8 @@ from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE, MAX_UPDATES, S
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 
-KEPT = 2000
-"""Fits of bodies of so many nodes may be kept: 10 MB of weights."""
+MAX_KEPT_NODES = 2000
+"""Number of nodes of a body up to which its fits may be kept: 10 MB of weights."""
 DEGREES = (2, 3, 4)
 """Degrees whose errors were measured to be reported. At degree 1 the estimate was up to 300 times too large,
 from 5 on up to 10 times."""
@@ -85,14 +85,14 @@ class Corrected:
 def correct(
     body: ElasticBody, source: sparse.csc_array, moved: FloatArray, memo: Memo = NO_CACHE
 ) -> Corrected:
-    """The displacements of a body under ``source`` (r, 1) and what they lack, ``moved`` (2N,) rigidly too.
-    A memo keeps the fits that small bodies' defects are seen by.
+    """Displacements of a body under ``source`` (r, 1) and their corrections, with the rigid motion ``moved``
+    (2N,). A memo keeps the fits of small bodies.
 
-    Solutions by the factor alone do for corrections. Those for the source itself get there step by step, each
-    in one pass through the factor with the correction, until the steps are small against it. The first
-    step estimates the error of such solutions: smooth ones as this lose most by it.
+    Solutions without refinement suffice for corrections. Those for the source are refined in steps, each in
+    one pass through the factor with the correction, until the steps are small relative to it. The first step
+    estimates the error of unrefined solutions: smooth ones as this have the largest.
 
-    Raises NumericalError as :func:`defect_of`.
+    Errors as :func:`defect_of`.
     """
     better = memo.value("next degree", body.model.content, partial(NextDegree.of, body.model, memo.keeps))
     solution = body.system.solve_unrefined(source)
@@ -118,9 +118,9 @@ def correct(
 
 
 def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
-    """The defect of nodal ``displacement`` (N, 2), seen by fits one degree ``better``.
+    """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known.
 
-    Raises NumericalError for a degree outside DEGREES, and where the cloud cannot carry the next degree.
+    NumericalError for a degree outside DEGREES, and if the cloud is too small for the next degree.
     """
     model = body.model
     if model.settings.degree not in DEGREES:
@@ -154,8 +154,8 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
 
 @dataclass(frozen=True)
 class NextDegree:
-    """Fits one degree higher than a body's, with that degree's own number of neighbours; ``kept`` ones have
-    their weights, which make the second look at them cheap."""
+    """Fits one degree higher than those of a body, with the number of neighbours of that degree; ``kept``
+    ones include weights, so that further evaluations are cheap."""
 
     model: BodyModel
     kept: dict[tuple[int, int, bytes], Stencils] | None = field(default=None, compare=False)
@@ -163,7 +163,7 @@ class NextDegree:
     @classmethod
     def of(cls, model: BodyModel, keep: bool) -> NextDegree:
         """Fits that are to be kept, unless that takes much memory."""
-        return cls(model, {} if keep and len(model.nodes) <= KEPT else None)
+        return cls(model, {} if keep and len(model.nodes) <= MAX_KEPT_NODES else None)
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""

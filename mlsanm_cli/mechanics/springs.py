@@ -26,8 +26,9 @@ FREE = (False, False)
 
 
 def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = None) -> float:
-    """The stiffness k, traction per displacement, up to which springs along a ``surface``, or the whole body,
-    give way: what bodies give way by under a load on a part of their boundary goes with the length of it."""
+    """Stiffness k (traction per displacement) above which springs along a ``surface``, or on the whole body,
+    are stiffer than the body: its compliance under a load on a part of its boundary is proportional to the
+    length of the part."""
     size = float(np.ptp(cloud.points, axis=0).max())
     if surface is not None:
         size = min(size, cloud.surfaces[surface].curve.length)
@@ -37,7 +38,7 @@ def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = N
 def gripped(
     held: Held, springs: Springs, cloud: Cloud, material: PlaneMaterial
 ) -> dict[str, tuple[bool, bool]]:
-    """The components of every surface that are held, or by springs too stiff to give way."""
+    """Components of every surface that are held, or supported by springs too stiff to deform."""
     found = dict(held)
     for name, both in springs.items():
         limit = stiffest_soft(cloud, material, name)
@@ -48,13 +49,13 @@ def gripped(
 
 
 def occupying(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list[str]:
-    """The surfaces whose springs do not leave them free next to their corners."""
+    """Surfaces with springs too stiff to count as free at their corners."""
     limit = MAX_STIFFNESS_RATIO * stiffest_soft(cloud, material)
     return [name for name, both in springs.items() if max(both) > limit]
 
 
 def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
-    """The springs that give way, 0 where there is none."""
+    """Springs that are not too stiff to deform, 0 where there is none."""
     kept = {}
     for name, (x, y) in springs.items():
         limit = stiffest_soft(cloud, material, name)

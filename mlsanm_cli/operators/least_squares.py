@@ -8,15 +8,15 @@ equations N of the others; so its multiplier z = B u - L b is an unknown of its 
 
 which is quasi-definite (Vanderbei 1995, doi:10.1137/0805005) and has a factor without pivoting in any order.
 A few sums of strong rows, the forces and the moment on the whole body, hold exactly
-(:mod:`mlsanm_cli.operators.conditions`): were the rows so strong, there would be no digits left for others.
+(:mod:`mlsanm_cli.operators.conditions`): as strong rows they would leave no digits for the others.
 
-The factor alone loses half the digits. Residuals of the rows, not of the normal equations, give them back
-(Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here as conjugate gradients (Bjorck 1996,
-doi:10.1137/1.9781611971484, section 7.4) with the factor for preconditioner: the first step is the corrected
-semi-normal step, and bodies that are almost incompressible get there in a few more. Of bodies a hundred times
-as long as thick the factor has lost some bending to round-off and is not even definite there. So each
-direction is made conjugate to those before themselves, not by the short recurrence, which takes a definite
-preconditioner for granted (Golub and Ye 1999, doi:10.1137/S1064827597323415).
+The factor alone loses half the digits. Residuals of the rows, not of the normal equations, recover them
+(Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here by conjugate gradients (Bjorck 1996,
+doi:10.1137/1.9781611971484, section 7.4) preconditioned by the factor: the first step is the corrected
+semi-normal step, and nearly incompressible bodies need a few more. For bodies a hundred times as long as
+thick the factor has lost some bending modes to round-off and is not even definite. Each direction is
+therefore made conjugate to several before it, as the short recurrence requires a definite preconditioner
+(Golub and Ye 1999, doi:10.1137/S1064827597323415).
 
 Equation (4) of docs/method.md.
 """

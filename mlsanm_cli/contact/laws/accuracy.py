@@ -21,10 +21,10 @@ from mlsanm_cli.mechanics.scene import Platen, Scene
 def corrected_state(
     condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
 ) -> ExactState:
-    """The exact state once the corrections of ``bodies`` are added to the displacements.
+    """The exact state with the corrections of ``bodies`` added to the displacements.
 
-    They change the gaps, and what platens carry whose force comes from the stress field. Raises
-    NumericalError where the changed contact has no solution.
+    They change the gaps, and the forces on platens that are computed from the stress. NumericalError if the
+    corrected contact has no solution.
     """
     gaps, _, imbalance = changes_of(condensed, scene, bodies)
     changed = replace(
