@@ -47,7 +47,7 @@ class Memo:
 
     @property
     def keeps(self) -> bool:
-        """Whether anything is kept."""
+        """Whether results are kept."""
         return self._most > 0
 
     @property

@@ -50,7 +50,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, State
-from mlsanm_cli.solve.stop_events import Stoppable
+from mlsanm_cli.solve.stop_events import StoppedPath
 
 RESULTS = Path("results")
 
@@ -192,7 +192,7 @@ def _follow(
 ) -> Stop | None:
     """Follows the path; returns the stop condition of the case that ended it early, if any. Raises
     NumericalError as soon as a state is not reliable."""
-    path = Stoppable(built, start, recorder.last, load_path)
+    path = StoppedPath(built, start, recorder.last, load_path)
     steps, first = path.steps(), None
     while True:
         context.check_stop()

@@ -33,8 +33,8 @@ CANDIDATES = 15
 FLAT_RADIUS = 10.0
 """Concave curves with a radius above this many times the body's extent count as flat."""
 STRIPS = 512
-ACUTE = math.pi / 3.0
-"""Corners of less than this angle (radian) leave less than a spacing between nodes next to them."""
+MAX_ACUTE_ANGLE = math.pi / 3.0
+"""Interior angle (radian) below which nodes next to a corner are closer than a spacing."""
 
 
 @dataclass(frozen=True)
@@ -106,14 +106,14 @@ class Cloud:
 
     @cached_property
     def acute(self) -> dict[int, float]:
-        """Corner nodes with an interior angle below ACUTE, and these angles (radians)."""
+        """Corner nodes with an interior angle below MAX_ACUTE_ANGLE, and these angles (radians)."""
         found = {}
         for one in self.surfaces.values():
             for other in self.surfaces.values():
                 if not one.curve.closed and one.index[-1] == other.index[0]:
                     (x, y), (u, v) = one.normal[-1], other.normal[0]
                     angle = float(np.pi - np.arctan2(x * v - y * u, x * u + y * v))
-                    if angle < ACUTE:
+                    if angle < MAX_ACUTE_ANGLE:
                         found[int(other.index[0])] = angle
         return found
 

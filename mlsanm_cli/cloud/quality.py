@@ -61,7 +61,7 @@ def _largest_hole(cloud: Cloud) -> float:
     for some in np.split(order, range(BATCH_SIZE, len(order), BATCH_SIZE)):
         near = boundary[nearest(outline, center[some])[1]]
         inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-        # Triangles are Delaunay's with slits opened: as drawn there may be nodes within their circles.
+        # Opened slits are not Delaunay: nodes may lie within circumcircles.
         away, node = nearest(cloud.tree, center[some])
         largest = float((away / cloud.spacing[node])[inside].max(initial=largest))
         if largest >= most[some[-1]]:

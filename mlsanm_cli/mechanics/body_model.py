@@ -270,7 +270,7 @@ def _kind(settings: MlsSettings) -> list[object]:
 
 
 def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
-    """An ``error`` of stencils, which no spacing avoids where a corner is as acute as a needle."""
+    """An ``error`` of stencils with the acute corner that causes it, if there is one."""
     corner = min(cloud.acute, key=cloud.acute.__getitem__, default=None)
     if corner is None or cloud.acute[corner] > MIN_CORNER_ANGLE:
         return error

@@ -29,8 +29,8 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 
-KEPT = 2000
-"""Fits of bodies of so many nodes may be kept: 10 MB of weights."""
+MAX_KEPT_NODES = 2000
+"""Number of nodes of a body up to which its fits may be kept: 10 MB of weights."""
 DEGREES = (2, 3, 4)
 """Degrees whose error estimates were validated. At degree 1 the estimate was up to 300 times too large, from
 5 on up to 10 times."""
@@ -119,7 +119,7 @@ def correct(
 
 
 def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
-    """The defect of nodal ``displacement`` (N, 2), seen by fits one degree ``better``.
+    """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known.
 
     Raises NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree.
     """
@@ -164,7 +164,7 @@ class NextDegree:
     @classmethod
     def of(cls, model: BodyModel, keep: bool) -> NextDegree:
         """Fits that are to be kept, unless that takes much memory."""
-        return cls(model, {} if keep and len(model.nodes) <= KEPT else None)
+        return cls(model, {} if keep and len(model.nodes) <= MAX_KEPT_NODES else None)
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""

@@ -24,7 +24,7 @@ from mlsanm_cli.solve.paths import exact_step, path_of, unloaded_state
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
 
 Polisher = Callable[[State], PathStep]
-"""The exact state at a smooth one's position as a row of its own, with what it cost."""
+"""Returns the exact state at the position of a regularised one as a row of its own, with its counters."""
 
 
 def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:

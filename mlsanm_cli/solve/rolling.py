@@ -103,14 +103,14 @@ def turned_by_loads(
     except SingularSystemError:
         return None
     numbers = [number for number, *_ in turning]
-    answers = np.zeros((len(numbers), len(numbers)))
+    rotations = np.zeros((len(numbers), len(numbers)))
     for column, (number, constraint, forces) in enumerate(turning):
         moment = np.zeros(len(motion))
         moment[number] = sum(float(((at - constraint.center) * force).sum()) for at, force in forces)
-        answers[:, column] = system.response(np.zeros(len(pressure)), np.zeros(len(traction)), moment).motion[
-            numbers
-        ]
-    shares, ways = np.linalg.eig(answers)
+        rotations[:, column] = system.response(
+            np.zeros(len(pressure)), np.zeros(len(traction)), moment
+        ).motion[numbers]
+    shares, ways = np.linalg.eig(rotations)
     worst = int(np.argmax(shares.real))
     number, constraint, _ = turning[int(np.argmax(np.abs(ways[:, worst])))]
     assert not isinstance(constraint, Obstacle)

@@ -29,14 +29,14 @@ LIMIT_TOLERANCE = 1e-10
 SAMPLES = 65
 AXES = {"x": 0, "y": 1}
 Follow = Callable[[CondensedScene, Checkpoint | None], Iterator[PathStep]]
-"""A path, or what of it is left."""
+"""Returns the path of a scene, or the part after a checkpoint."""
 
 
-class _Unknown(Exception):
-    """A path passes by a position that was asked for."""
+class _NotSaved(Exception):
+    """A path saves no state at a requested position."""
 
 
-class Stoppable:
+class StoppedPath:
     """The path of a scene, or its remaining part, up to a stop of the case.
 
     ``reached`` is that stop once the path has ended at it.
@@ -99,18 +99,18 @@ class Stoppable:
                 return excess(self._built, stop, before) if before and place == first else value
             end = self._to(begin, place)
             if end is None:
-                raise _Unknown
+                raise _NotSaved
             found[place] = excess(self._built, stop, end.state), end
             return found[place][0]
 
         if last - first > POSITION_TOLERANCE * max(1.0, last) and value > 0.0:
-            with suppress(_Unknown):
+            with suppress(_NotSaved):
                 root(beyond, first, last, POSITION_TOLERANCE * max(1.0, last))
         slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
         return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
 
     def _to(self, begin: Checkpoint | None, place: float) -> PathStep | None:
-        """The step that ends at a position, None if the path passes it by."""
+        """The step that ends at a position, None if the path saves no state there."""
         case = self._built.case
         at = tuple(sorted({*output_positions(self._built), place}))
         output = case.output.model_copy(update={"at": at})

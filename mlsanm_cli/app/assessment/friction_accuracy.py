@@ -79,7 +79,7 @@ def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corre
     """Response of the contact to the corrections of the bodies."""
     condensed = built.condensed
     by = changes_of(condensed, built.scene, bodies)
-    # The residual gaps of a smooth law are no error of the bodies.
+    # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
     return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)

@@ -89,7 +89,7 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
 
 
 def _placing_key(case: Case) -> str:
-    """Equal for cases that differ in what is written and in coefficients of friction above 0 only."""
+    """A key that is equal for cases that differ only in output and in positive coefficients of friction."""
     content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
     contacts = zip(content.pop("contact", []), case.contact, strict=True)
     kinds = [(part, one.friction if one.bonded else one.coefficient > 0.0) for part, one in contacts]

@@ -89,9 +89,9 @@ def bends(outline: Outline) -> bool:
 
 
 def leans(outline: Outline, clamped: Sequence[Curve], stretch: float) -> bool:
-    """Whether a body stands so far out from the sides it is ``clamped`` at that it leans as these give way.
+    """Whether a body extends so far from its ``clamped`` sides that their compliance rotates it.
 
-    What changes ``stretch`` times as fast as in an isotropic body is as many times as deep.
+    The depth of fields that decay ``stretch`` times as slowly as in an isotropic body counts accordingly.
     """
     return stretch * _area(outline) > sum(curve.length for curve in clamped) ** 2 > 0.0
 

@@ -26,6 +26,8 @@ PER_LENGTH, PER_LENGTH_AT_ENDS, PER_LENGTH_AT_FIXED_ENDS = 8.0, 32.0, 256.0
 even pressure are within 0.7 % of their largest, at the ends within 1.3 %; with 16 at the ends within 1.1 and
 2.8 %. At the ends of fixed parts stresses are unbounded: a disk clamped along 10 degrees and pulled sideways
 moves 0.8 % too far, with 64 2.4 %; a beam on short rollers bends 0.15 and 0.45 % too far."""
+MIN_SPACING = 2.0**-14
+"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
 LINEARITY_TOLERANCE = 0.02
 """Largest deviation of values from linear over a spacing, relative to the largest value."""
 
@@ -66,10 +68,10 @@ def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float, at_edg
     places = np.array([0.0, curve.length])
     edges = [k for k in (0, 1) if _continues(run, first + float(places[k]), k)]
     if edges and curve.length < PER_LENGTH * far:
-        yield Zone(curve, curve.length / PER_LENGTH, 0.0, GROWTH)
+        yield Zone(curve, max(curve.length / PER_LENGTH, MIN_SPACING * far), 0.0, GROWTH)
     if curve.length < at_edge * far:
         for x, y in curve.points(places[edges]).tolist():
-            yield Zone.around((x, y), curve.length / at_edge, 0.0, GROWTH)
+            yield Zone.around((x, y), max(curve.length / at_edge, MIN_SPACING * far), 0.0, GROWTH)
 
 
 def _continues(run: BoundaryRun, at: float, end: int) -> bool:
@@ -93,7 +95,7 @@ def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
     marks = np.array([0.0, *profile.jumps, curve.length])
     for k, jump in enumerate(profile.jumps, start=1):
         apart = float(min(marks[k] - marks[k - 1], marks[k + 1] - marks[k]))
-        least = min(apart / PER_LENGTH_AT_ENDS, far)
+        least = min(max(apart / PER_LENGTH_AT_ENDS, MIN_SPACING * far), far)
         # On each side of a jump the load is resolved by linear interpolation.
         near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
         sizes = np.where(near, np.maximum(sizes, least), sizes)

@@ -56,7 +56,7 @@ class NearPairs:
     overlap: BoolArray
 
     def opposite(self, parity: float) -> NearPairs:
-        """The pairs the other way round, of a function of some parity."""
+        """The pairs in reverse order, of a function of given parity."""
         values = parity * self.values.transpose(0, 2, 1)
         return NearPairs(values, self.second, self.first, parity * self.exact, self.overlap)
 

@@ -112,8 +112,8 @@ def _at_rest(
 def _only_moved(
     condensed: Condensed, factors: FloatArray, free_gap: FloatArray, pressure: FloatArray
 ) -> bool:
-    """Whether surfaces that met, drawn overlapping or pushed by others, only had to be moved apart: without
-    a load their ``pressure`` (m,) is round-off of the gaps."""
+    """Whether surfaces in contact, drawn overlapping or displaced by others, only had to be separated:
+    without a load their ``pressure`` (m,) is round-off of the gaps."""
     if (condensed.balance.constant + condensed.balance.load @ factors).any():
         return False
     clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
@@ -121,7 +121,7 @@ def _only_moved(
 
 
 def _apart(solved: _Solved) -> _Solved:
-    """The same motions, and nothing that touches."""
+    """The same motions without contact."""
     return replace(solved, active=np.zeros_like(solved.active), pressure=np.zeros_like(solved.pressure))
 
 
