@@ -100,15 +100,15 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
 
 
 def _between(case: Case, load: Traction | Pressure, part: SurfacePart) -> FloatArray:
-    """Values (g, 2) at the FINE points of a surface's halves. Where nodes came with the body, and tractions
-    jump between them, means over what every point stands for."""
+    """Values (g, 2) at the FINE quadrature points of a surface; if tractions are discontinuous between nodes
+    of a file, means over the length of each point."""
     surface, halves = part.surface, Halves.of(part.surface, FINE)
     body = next(one for one in case.body if one.name == load.owner)
     if not body.has_nodes or not any(one.jumps for one in profiles(body.shape, load)):
         return _on_surface(load, part, halves.arc, surface.curve.points(halves.arc))
     order = np.argsort(halves.arc)
     length = halves.length[order]
-    share = (np.arange(SAMPLES_PER_POINT) + 0.5) / PER_POINT
+    share = (np.arange(SAMPLES_PER_POINT) + 0.5) / SAMPLES_PER_POINT
     arc = ((np.cumsum(length) - length)[:, None] + share * length[:, None]).ravel()
     values = np.zeros((len(order), 2))
     values[order] = (
