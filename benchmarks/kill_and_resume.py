@@ -64,7 +64,11 @@ QUIET = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 def command(*arguments: str) -> subprocess.Popen[bytes]:
     """``mlsanm`` as a process of its own."""
     program = "from mlsanm_cli.cli import main; from mlsanm_cli.io import run_file"
-    whole = [sys.executable, "-c", f"{program}; run_file.EVERY, run_file.SHARE = 0.3, 1.0; main()"]
+    whole = [
+        sys.executable,
+        "-c",
+        f"{program}; run_file.SAVE_INTERVAL, run_file.MIN_INTERVAL_RATIO = 0.3, 1.0; main()",
+    ]
     whole += [*arguments, "--quiet"]
     return subprocess.Popen(whole, env={**os.environ, **QUIET}, stderr=subprocess.PIPE)
 

@@ -48,7 +48,7 @@ from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.linear.interface import Matrix  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
 from mlsanm_cli.operators.normal import bordered  # noqa: E402
-from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
+from mlsanm_cli.operators.refinement import BLOCK_COLUMNS, FUNCTIONAL_TOLERANCE  # noqa: E402
 
 CASE, BODY = ROOT / "cases" / "hertz.toml", "block"
 JUDGED = 12
@@ -111,12 +111,12 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
     matrix = equations[0]
     ours, other = CholeskySolver(), SuperLUSolver()
     factor, own = other.factor_definite(*equations), ours.factor_definite(*equations)
-    block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK))
+    block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK_COLUMNS))
 
     def blocks() -> FloatArray:
         parts = [
-            observed @ system.solve(sources[:, first : first + BLOCK], QUICK)
-            for first in range(0, sources.shape[1], BLOCK)
+            observed @ system.solve(sources[:, first : first + BLOCK_COLUMNS], FUNCTIONAL_TOLERANCE)
+            for first in range(0, sources.shape[1], BLOCK_COLUMNS)
         ]
         return np.concatenate(parts, axis=1)
 
@@ -135,7 +135,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
         "superlu": cpu_of(lambda: other.factor_definite(*equations), repeat),
         "condense": cpu_of(lambda: system.functionals(observed, sources), repeat),
         "blocks": cpu_of(blocks, repeat),
-        "superlu_solves": cpu_of(lambda: factor.solve(block), repeat) / BLOCK * sources.shape[1],
+        "superlu_solves": cpu_of(lambda: factor.solve(block), repeat) / BLOCK_COLUMNS * sources.shape[1],
         "error": error(system.functionals(observed, sources)),
         "blocks_error": error(blocks()),
         "solve": cpu_of(lambda: own.solve(block[:, 0]), repeat),

@@ -38,7 +38,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.assessment.checks import ENERGY_LIMIT, ENERGY_WARNING
-from mlsanm_cli.app.scene.assemble import ACROSS, HIGH, LOW
+from mlsanm_cli.app.scene.assemble import HIGH_DEGREE, LOW_DEGREE, MIN_HIGH_SPACINGS
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import build_cloud
@@ -151,7 +151,7 @@ def portal(side: float = 10.0, fillet: float = 0.5) -> Thin:
 def solved(thin: Thin, across: int, degree: int, seed: int = 0) -> tuple[float, float]:
     """Work of the loads, and the energy error 2U/W - 1; degree 0 is the program's own choice."""
     cloud = build_cloud(thin.outline, Spacing(1.0 / (across - 1)), seed)
-    degree = degree or (HIGH if cloud.thinnest.spacings >= ACROSS else LOW)
+    degree = degree or (HIGH_DEGREE if cloud.thinnest.spacings >= MIN_HIGH_SPACINGS else LOW_DEGREE)
     model = BodyModel.build("body", cloud, MATERIAL, MlsSettings(degree))
     body = assemble(model, dict.fromkeys(thin.clamped, (True, True)), [], CholeskySolver())
     source = np.zeros(body.rows)
@@ -217,20 +217,20 @@ def truth(kind: str, ratio: float) -> float:
 
 def energy(count: int) -> dict[str, Any]:
     """How often energy errors that warn and that fail go with true ones beyond ENERGY_LIMIT."""
-    rng, strength = np.random.default_rng(0), pieces.STRENGTH
+    rng, strength = np.random.default_rng(0), pieces.EQUILIBRIUM_WEIGHT
     found: list[dict[str, Any]] = []
     for _ in range(count):
         kind = str(rng.choice(list(KINDS)))
         make, ratios = KINDS[kind]
         ratio, wrong = float(rng.choice(ratios)), bool(rng.random() < 0.5)
         across, seed = int(rng.integers(3, 9)), int(rng.integers(1000))
-        pieces.STRENGTH = WEAK if wrong else strength
+        pieces.EQUILIBRIUM_WEIGHT = WEAK if wrong else strength
         try:
             work, told = solved(make(ratio), across, 0, seed)
         except NumericalError:
             continue
         finally:
-            pieces.STRENGTH = strength
+            pieces.EQUILIBRIUM_WEIGHT = strength
         true = work / truth(kind, ratio) - 1.0
         found.append(
             {"kind": kind, "ratio": ratio, "across": across, "weak": wrong, "true": true, "told": told}

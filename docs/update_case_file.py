@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mlsanm_cli.case.reference import everything, sections
+from mlsanm_cli.case.reference import all_explanations, sections
 
 PAGE = Path(__file__).parent / "case-file.md"
 MARK = "do not edit below. -->\n"
@@ -13,7 +13,7 @@ MARK = "do not edit below. -->\n"
 def page() -> str:
     """The page with an up-to-date reference."""
     text = PAGE.read_text(encoding="utf-8")
-    return f"{text[: text.index(MARK)]}{MARK}{sections(everything(), '###')}\n"
+    return f"{text[: text.index(MARK)]}{MARK}{sections(all_explanations(), '###')}\n"
 
 
 if __name__ == "__main__":

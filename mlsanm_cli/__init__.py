@@ -19,13 +19,13 @@ _NAMES = {
     },
     "open": "open_run",
 }
-"""What the package offers, by its name in the module ``api``."""
+"""The public names, with their names in the module ``api``."""
 
 
 def __getattr__(name: str) -> _Any:
     if name not in _NAMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    # By name: a module of any layer may ask this package for the version, and knows nothing of the others.
+    # Imported by name: modules of all layers import the version from here, and must not depend on ``api``.
     return getattr(_import_module(f"{__name__}.api"), _NAMES[name])
 
 

@@ -24,6 +24,7 @@ from mlsanm_cli.errors import (
     RunError,
 )
 from mlsanm_cli.results import Contact, ContactState, Run
+from mlsanm_cli.system import THREAD_VARIABLES
 from mlsanm_cli.toml import toml_value
 
 __all__ = [
@@ -48,7 +49,6 @@ __all__ = [
 
 Place = str | os.PathLike[str]
 Changes = Mapping[str, Any]
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class MlsanmWarning(UserWarning):
@@ -76,8 +76,8 @@ def run(
     `MlsanmWarning`.
 
     Raises CaseError for an invalid case (``problems`` lists all errors), RunError for invalid usage,
-    NumericalError if the run failed, and Interrupted if it was stopped; completed steps of these two are kept
-    and can be opened.
+    NumericalError if the run failed, and Interrupted if it was stopped; in the last two cases completed steps
+    are kept and can be opened.
     """
     with _numerics(threads):
         from mlsanm_cli.app.run import run as run_case
@@ -119,10 +119,10 @@ def check(
     write: Place | None = None,
     picture: Place | None = None,
 ) -> dict[str, Any]:
-    """Check a case without solving it: sizes, cloud quality, pairs, cost, ``warnings`` and ``notes``.
+    """Check a case without solving it: sizes, cloud quality, contact pairs, cost, ``warnings``, ``notes``.
 
-    ``write`` is a VTU file for the model, ``picture`` a picture of it. Raises CaseError and RunError as `run`
-    does.
+    The model is written to the VTU file ``write`` and drawn in ``picture``, if given. Raises CaseError and
+    RunError as `run` does.
     """
     with _numerics(1):
         from mlsanm_cli.app.check import check as check_case
@@ -197,7 +197,7 @@ def overrides(changes: Changes | None) -> tuple[str, ...]:
 def _opened(summary: Mapping[str, Any]) -> Run:
     """The run of a summary, after issuing its warnings. Raises the error of a run that ended early."""
     for text in summary["warnings"]:
-        # When all is written: a filter may make errors of them.
+        # Only now that everything is written: a filter may turn warnings into errors.
         warnings.warn(text, MlsanmWarning, stacklevel=3)
     status, reason, hint = summary["status"], str(summary["stop_reason"]), str(summary.get("hint", ""))
     if status == "failed":
@@ -209,12 +209,10 @@ def _opened(summary: Mapping[str, Any]) -> Run:
 
 @contextmanager
 def _numerics(threads: int) -> Iterator[None]:
-    """Imports within the block use this number of threads, which libraries read when they are imported.
-
-    A library imported earlier keeps its number.
-    """
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, str(threads)))
+    """A block in which libraries are imported with this number of threads; those imported earlier keep
+    theirs."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
     try:
         yield
     finally:
@@ -227,8 +225,7 @@ def _numerics(threads: int) -> Iterator[None]:
 
 @contextmanager
 def _console(progress: bool) -> Iterator[Any]:
-    """The console of a run: the terminal, or none. The wall-time limit is raised as Interrupted."""
-
+    """The console of a run: the terminal, or none. Raises Interrupted at the wall-time limit."""
     from mlsanm_cli.app.sweep.point import Silent
 
     shown = None
@@ -242,7 +239,7 @@ def _console(progress: bool) -> Iterator[Any]:
     except KeyboardInterrupt as stop:
         if not str(stop).startswith("the wall time"):
             raise
-        raise Interrupted(f"{stop}: no run had begun", "raise max_wall") from None
+        raise Interrupted(f"{stop} before a run began", "increase max_wall") from None
     finally:
         if shown is not None:
             shown.close()

@@ -1,4 +1,4 @@
-"""Array types used in every signature."""
+"""Array types of signatures."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ AnyArray: TypeAlias = NDArray[Any]
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 IndexArray: TypeAlias = NDArray[np.int32]
-"""Structure of sparse matrices, and numbers that are kept."""
+"""Structure of sparse matrices, and stored indices."""
 BoolArray: TypeAlias = NDArray[np.bool_]

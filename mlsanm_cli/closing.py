@@ -1,4 +1,4 @@
-"""Context managers that end with ``close``."""
+"""Base class of context managers with a method ``close``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ class Closing:
     """Closed at the end of a ``with`` block."""
 
     def close(self) -> None:
-        """Release what is held; twice is allowed."""
+        """Releases resources; may be called twice."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:

@@ -1,4 +1,4 @@
-"""The commit that this code is from: of the source tree, or what was built into the installed package."""
+"""The commit of this code: of the source tree, or as stored in the installed package."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from functools import lru_cache
 from pathlib import Path
 
 FILE = "commit.txt"
-"""In the package of a wheel or a source distribution; setup.py writes it."""
+"""Written by setup.py into the package of a wheel or a source distribution."""
 
 
 @lru_cache(maxsize=1)
 def commit() -> str:
-    """The commit, "+" behind it if files differ from it; "" where it is unknown."""
+    """The commit, followed by "+" if files differ from it; "" if unknown."""
     package = Path(__file__).resolve().parent
     found = git_state(package.parent)
     if found:
@@ -23,10 +23,10 @@ def commit() -> str:
 
 
 def git_state(directory: Path) -> str:
-    """Commit of a source tree, "+" behind it if files differ; "" where there is no git."""
+    """The commit of a source tree, followed by "+" if files differ; "" without git."""
     if not (directory / ".git").exists():
         return ""
-    import subprocess  # which installed packages do without
+    import subprocess
 
     try:
         output = subprocess.run(

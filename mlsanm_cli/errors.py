@@ -1,17 +1,17 @@
-"""The errors of mlsanm and the exit codes they end a command with.
+"""The errors of mlsanm and their exit codes.
 
 ::
 
     MlsanmError                 70   (never raised itself)
     +-- CaseError                2   the case file is wrong: every problem found, with file and line
     +-- GeometryError            2   a body's geometry cannot be used (reported as CaseError)
-    |   +-- OutlineError         2   an outline drawn in the case: every fault with the key of its shape
-    +-- RunError                 2   bad usage: run directory exists, file unreadable, scene too large
+    |   +-- OutlineError         2   an outline in the case is invalid: every fault, with the key of its shape
+    +-- RunError                 2   invalid usage: run directory exists, file unreadable, scene too large
     |   +-- WriteError           2   a file cannot be written
-    +-- UnfinishedError          3   a run cannot write on; what was done is kept, resume continues
-    +-- NumericalError           3   the solver could not finish, or a check of the result failed
-    |   +-- UnstableError        3   the stability certificate of the discretisation failed
-    +-- Interrupted             75   stopped by a signal or a wall-time limit; what was done is kept
+    +-- UnfinishedError          3   a run can no longer write; completed steps are kept, resume continues
+    +-- NumericalError           3   the solver failed, or a check of the result did
+    |   +-- UnstableError        3   the discretisation is not coercive
+    +-- Interrupted             75   stopped by a signal or a wall-time limit; completed steps are kept
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class CaseProblem:
-    """One thing wrong in a case file.
+    """A problem in a case file.
 
-    ``key`` is the dotted path as ``--set`` takes it, ``line`` counts from 1 (0: not in the file, for
-    instance a value given with ``--set``), ``hint`` says what to write instead.
+    ``key`` is the dotted path as for ``--set``, ``line`` counts from 1 (0: not in the file, for instance a
+    value given by ``--set``), ``hint`` is a correction.
     """
 
     key: str
@@ -41,7 +41,7 @@ class CaseProblem:
 
 
 class MlsanmError(Exception):
-    """Base of every error that mlsanm raises on purpose."""
+    """Base class of the errors of mlsanm."""
 
     exit_code = 70
 
@@ -52,7 +52,7 @@ class MlsanmError(Exception):
 
 
 class CaseError(MlsanmError):
-    """The case cannot be run as written; carries every problem found, not only the first."""
+    """The case is invalid; ``problems`` are all that were found."""
 
     exit_code = 2
 
@@ -62,7 +62,8 @@ class CaseError(MlsanmError):
 
 
 class RunError(MlsanmError):
-    """Bad usage outside the case file: an existing run directory, an unreadable file, too large a scene."""
+    """Invalid usage outside the case file: an existing run directory, an unreadable file, too large a
+    scene."""
 
     exit_code = 2
 
@@ -72,23 +73,20 @@ class WriteError(RunError):
 
 
 class UnfinishedError(MlsanmError):
-    """A run that had begun cannot write on, as its disk is full; what was done is kept."""
+    """A run can no longer write, as its disk is full; completed steps are kept."""
 
     exit_code = 3
 
 
 class GeometryError(MlsanmError):
-    """The geometry of a body cannot be used; the message says what is wrong with it and where.
-
-    Callers that know its key in the case file turn it into a CaseError.
-    """
+    """The geometry of a body is invalid; callers that know its key in the case raise a CaseError instead."""
 
     exit_code = 2
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of an outline; ``key`` is the path of the key below its shape."""
+    """A fault of an outline; ``key`` is the path of the key below its shape."""
 
     key: tuple[str | int, ...]
     message: str
@@ -96,7 +94,7 @@ class Fault:
 
 
 class OutlineError(GeometryError):
-    """An outline is no closed boundary of a body; carries every fault found."""
+    """An outline is not a closed boundary of a body; ``faults`` are all that were found."""
 
     def __init__(self, faults: Sequence[Fault]) -> None:
         super().__init__("\n".join(fault.message for fault in faults))
@@ -104,13 +102,13 @@ class OutlineError(GeometryError):
 
 
 class NumericalError(MlsanmError):
-    """The numbers cannot be trusted or could not be found; ``hint`` names a key to change."""
+    """No solution was found, or a check of the result failed; ``hint`` names a key to change."""
 
     exit_code = 3
 
 
 class UnstableError(NumericalError):
-    """The discretisation failed its stability certificate, whose value is ``stability``."""
+    """The discretisation is not coercive; ``stability`` is the coercivity estimate."""
 
     def __init__(self, message: str, hint: str, stability: float) -> None:
         super().__init__(message, hint)
@@ -118,6 +116,6 @@ class UnstableError(NumericalError):
 
 
 class Interrupted(MlsanmError):
-    """A signal or a limit ended the run early; everything up to the last finished step is kept."""
+    """A signal or a limit ended the run early; completed steps are kept."""
 
     exit_code = 75

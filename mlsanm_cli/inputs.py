@@ -1,4 +1,4 @@
-"""Files that users name: what is read of them is bounded, and only what can be read to an end."""
+"""Reading of input files, with bounded size."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ MB = 2**20
 
 
 def read_input(path: Path, most: int, *, what: str = "file", streams: bool = False) -> bytes:
-    """The content of a file of ``most`` bytes at most; with ``streams`` also that of a pipe or terminal.
+    """The content of a regular file of at most ``most`` bytes; with ``streams`` also of a pipe or terminal.
 
-    Devices and pipes may never end, or wait for ever. Raises RunError.
+    Other devices and pipes may be endless or block. Raises RunError.
     """
     try:
         found = path.stat()
@@ -23,7 +23,7 @@ def read_input(path: Path, most: int, *, what: str = "file", streams: bool = Fal
             raise RunError(f"cannot read {path}: it is a device or a pipe, not a file")
         if found.st_size > most:
             raise _too_large(path, f"{found.st_size / MB:.3g} MB", most)
-        # Files of the system that have no size, as in /proc, may have no end either.
+        # Files with size 0, as in /proc, may have content, even without end.
         size = most + 1 if streams else found.st_size
         with path.open("rb") as file:
             content = file.read(size)
@@ -39,7 +39,7 @@ def read_input(path: Path, most: int, *, what: str = "file", streams: bool = Fal
 
 
 def is_text(path: Path) -> bool:
-    """Whether a path is UTF-8 text: others cannot be named in a result."""
+    """Whether a path is UTF-8 text; others cannot be written in results."""
     try:
         str(path).encode()
     except UnicodeEncodeError:
@@ -48,4 +48,4 @@ def is_text(path: Path) -> bool:
 
 
 def _too_large(path: Path, size: str, most: int) -> RunError:
-    return RunError(f"cannot read {path}: it has {size}", f"{most / MB:.3g} MB at most")
+    return RunError(f"cannot read {path}: it has {size}", f"at most {most / MB:.3g} MB")

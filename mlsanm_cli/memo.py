@@ -1,7 +1,7 @@
-"""Results that need not be found twice, distinguished by the content of what they were made from.
+"""Memoised results, by the content of their inputs.
 
-A key is a digest of the numbers that go in, not of the case that they come from: whatever changes them gives
-another key, and whatever does not, as a friction coefficient, finds what is there.
+A key is a digest of the numbers that a result depends on, not of the case: changes of other quantities, for
+instance a friction coefficient, do not invalidate it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 
 
 class Memo:
-    """The latest results of this process, at most ``most`` of them; nobody may write to what is kept."""
+    """The latest results of this process, at most ``most``; they must not be modified."""
 
     def __init__(self, most: int = 0) -> None:
         self._most = most
@@ -29,7 +29,7 @@ class Memo:
         self._found = self._made = 0
 
     def value(self, kind: str, key: str, make: Callable[[], Value]) -> Value:
-        """What ``make`` once returned for a ``kind`` and ``key``, or returns now."""
+        """The result of ``make`` for a ``kind`` and ``key``, kept or computed now."""
         if not self._most:
             return make()
         place = (kind, key)
@@ -47,25 +47,25 @@ class Memo:
 
     @property
     def keeps(self) -> bool:
-        """Whether anything is kept."""
+        """Whether results are kept."""
         return self._most > 0
 
     @property
     def figures(self) -> Mapping[str, int]:
-        """How many results were ``found`` and how many had to be ``made``; empty where none are kept."""
+        """Numbers of results ``found`` and ``made``; empty if none are kept."""
         return {"found": self._found, "made": self._made} if self._most else {}
 
 
 NO_CACHE = Memo()
-"""Keeps nothing."""
+"""Keeps no results."""
 SCALARS = (str, bool, int, float, complex, np.generic)
 
 
 def digest(*parts: object) -> str:
     """A digest of numbers, texts, arrays, sparse matrices, and sequences, mappings and dataclasses of them.
 
-    Types and lengths count, so that no two different lists of parts are taken for one another. A dataclass
-    that has a ``content`` is represented by that. Raises TypeError for anything else.
+    Types and lengths are part of it, so that different lists of parts have different digests. A dataclass
+    with an attribute ``content`` is represented by that. Raises TypeError for other types.
     """
     found = hashlib.blake2b(digest_size=20)
     for part in parts:

@@ -72,7 +72,7 @@ class Contact:
 class Run:
     """The directory of a run that is done, failed, stopped or still running.
 
-    Data are read once; `reload` reads a run that has continued.
+    Data are read once; `reload` reads a run again that has continued.
     """
 
     def __init__(self, directory: Path) -> None:

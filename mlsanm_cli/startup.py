@@ -1,14 +1,13 @@
-"""A start that loads what a run needs and no more: all that knows import hooks and private names of scipy.
+"""Lazy imports that shorten the start of a command; the only module with import hooks and private names of
+scipy.
 
-Importing any part of scipy brings in all of numpy, its Fortran compiler and its test tools too: scipy copies
-numpy's names, and numpy loads a module when its name is asked for. That takes longer than importing numpy.
-The packages of scipy around its compiled modules take as long again: `scipy.spatial` brings rotations,
-distances, special functions and physical constants along, `scipy.sparse.csgraph` the eigenvalue solvers,
-`scipy.optimize` all minimisers, and `scipy.linalg` decorates each of its functions. So within
-:func:`lean_imports` such packages wait until something in them is asked for, and neighbour search, triangles,
-connected parts and LAPACK are imported from here: where imports are lean the modules that hold these
-parts come without their packages, elsewhere with them. What is not used by every run is imported where it is
-used.
+Importing any part of scipy imports all of numpy, with f2py and its test tools: scipy copies numpy's names,
+and numpy loads a submodule when its name is accessed. That takes longer than importing numpy, and scipy's
+packages around its compiled modules take as long again: `scipy.spatial` imports rotations, distances, special
+functions and physical constants, `scipy.sparse.csgraph` the eigenvalue solvers, `scipy.optimize` all
+minimisers, and `scipy.linalg` decorates each of its functions. Within :func:`lean_imports` such packages are
+executed on first access. Neighbour search, triangulation, connected components and LAPACK are imported from
+here, and then come from compiled modules without their packages.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ _PARTS = {
     "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),
     **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dgtsv", "dpotrf", "dpotrs"), _LAPACK),
 }
-"""Where each part is in the versions of scipy that we know, and where scipy says that it is."""
+"""Private and public module of each part."""
 
 
 def __getattr__(name: str) -> Any:
@@ -71,37 +70,36 @@ def __getattr__(name: str) -> Any:
     return found
 
 
-SPARED = frozenset(
+DEFERRED = frozenset(
     {
         *(f"numpy.{name}" for name in ("f2py", "testing", "ma", "ctypeslib", "polynomial")),
         *(f"scipy.{name}" for name in ("linalg", "optimize", "spatial", "sparse.csgraph")),
-        # These only write docstrings, or read them.
+        # These only write or read docstrings.
         "numpy._core._add_newdocs",
         "numpy._core._add_newdocs_scalars",
         "pydoc",
-        # Metadata of packages as mail, which brings sockets along; pydantic and we only look for packages.
+        # Parses metadata of packages as mail, which imports sockets; not needed to find packages.
         "importlib.metadata._adapters",
     }
 )
-"""Modules whose code runs when something in them is used; what packages contain can be imported before."""
+"""Modules whose code runs on first access; their submodules can be imported before."""
 
 
 @contextmanager
 def lean_imports() -> Iterator[None]:
-    """Import within the block: from here on spared modules wait, and nothing is searched for garbage.
+    """A block of imports in which deferred modules are not executed, and the garbage collector is off.
 
-    What was imported stays for good, so the collector need not look at it later either; nor at anything when
-    the process ends, which gives all back. Where numpy is there already, as in another program, nothing is
-    changed.
+    Imported objects are permanent, so they are excluded from later collections, and everything is at the end
+    of the process. If numpy has been imported already, as in another program, nothing is changed.
     """
     if "numpy" in sys.modules:
         yield
         return
     # pydantic would read the metadata of all installed packages to look for plugins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    # h5py asks for the machine's name, and is told the processor's too, for which a process would be started.
+    # h5py calls platform.uname, which would start a process to find the processor.
     vars(platform.uname())["processor"] = platform.machine()
-    sys.meta_path.insert(0, _Sparing())
+    sys.meta_path.insert(0, _DeferringFinder())
     atexit.register(gc.freeze)
     collects = gc.isenabled()
     gc.disable()
@@ -113,36 +111,37 @@ def lean_imports() -> Iterator[None]:
             gc.enable()
 
 
-class _Sparing(MetaPathFinder):
-    """Finds spared modules where they are, and has them wait."""
+class _DeferringFinder(MetaPathFinder):
+    """Finds deferred modules and replaces their loaders."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """That of a spared module; None for others, which are left to the next finder."""
-        spec = PathFinder.find_spec(name, path, target) if name in SPARED else None
-        # Compiled modules are made by their loaders, and cannot be made before they are loaded.
+        """The spec of a deferred module; None for others, which are left to the next finder."""
+        spec = PathFinder.find_spec(name, path, target) if name in DEFERRED else None
+        # Compiled modules are created by their loaders and cannot be deferred.
         if spec is not None and isinstance(spec.loader, SourceLoader | SourcelessFileLoader):
-            spec.loader = _Patient(spec.loader)
+            spec.loader = _DeferringLoader(spec.loader)
         return spec
 
 
-class _Patient(Loader):
-    """Makes modules that load themselves with another ``loader`` when they are used."""
+class _DeferringLoader(Loader):
+    """Creates modules that load themselves with another ``loader`` on first access."""
 
     def __init__(self, loader: Loader) -> None:
         self.loader = loader
 
     def create_module(self, spec: ModuleSpec) -> None:
-        """Leaves it to the import system, as loaders of Python's own code do."""
+        """Default creation by the import system."""
 
     def exec_module(self, module: ModuleType) -> None:
-        """Does not run the code yet."""
+        """Does not execute the code yet."""
         assert module.__spec__ is not None
         module.__spec__.loader = module.__loader__ = self.loader
-        module.__class__ = _Waiting
+        module.__class__ = _DeferredModule
         if module.__name__ == "numpy.ma":
-            # numpy's sets and scipy's triangles ask; before their module has run there are no masked arrays.
+            # Called by numpy's sets and scipy's triangulation; before numpy.ma has run there are no masked
+            # arrays.
             vars(module).update(dict.fromkeys(("isMaskedArray", "is_masked"), lambda array: False))
 
 
@@ -150,11 +149,11 @@ _loading: set[str] = set()
 _lock = threading.RLock()
 
 
-class _Waiting(ModuleType):
-    """A module whose code runs when a name is asked for that it does not have.
+class _DeferredModule(ModuleType):
+    """A module whose code runs when a name is accessed that it does not have.
 
-    ``importlib.util.LazyLoader`` makes modules that run it for every name, and so packages that cannot have
-    modules imported from them before.
+    A module of ``importlib.util.LazyLoader`` runs it for any name, so that submodules of a package could not
+    be imported before.
     """
 
     def __getattr__(self, name: str) -> Any:
@@ -163,8 +162,8 @@ class _Waiting(ModuleType):
         if private and "__path__" in vars(self) and importlib.util.find_spec(own) is not None:
             return importlib.import_module(own)
         with _lock:
-            # Unless another thread was first, or its own code asks for a name that comes later.
-            if type(self) is _Waiting and self.__name__ not in _loading:
+            # Unless another thread was first, or its own code accesses a name that is defined later.
+            if type(self) is _DeferredModule and self.__name__ not in _loading:
                 _loading.add(self.__name__)
                 try:
                     assert self.__spec__ is not None

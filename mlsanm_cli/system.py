@@ -1,7 +1,7 @@
-"""What operating systems do differently: Linux, macOS and Windows behind the same functions.
+"""Functions that differ between operating systems: Linux, macOS and Windows.
 
-Whatever a system may lack is looked for where it is used, so that importing this module works everywhere, and
-tests can take the functions away.
+Functions that a system may lack are looked up where they are used, so that this module can be imported
+everywhere and tests can remove them.
 """
 
 from __future__ import annotations
@@ -23,30 +23,33 @@ STOPPING = tuple(
     for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGALRM", "SIGBREAK")
     if hasattr(signal, name)
 )
-"""Signals that end a run in order, as far as there are any."""
+"""Signals that stop a run in an orderly way, as far as the system has them."""
+
+THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Environment variables of the number of threads, which numerical libraries read when they are imported."""
 
 LOCKED_BYTE = 2**30
-"""Windows keeps others from reading a locked byte: this one lies behind all that is written."""
+"""Windows does not let others read a locked byte: this one lies beyond the content of lock files."""
 
-RENAMES, PAUSE = 50, 0.1
-"""So often, and after so many seconds each time, a file is renamed again that others are reading."""
+MAX_RENAMES, RENAME_INTERVAL = 50, 0.1
+"""Attempts to rename a file that others are reading, and seconds between them."""
 
 MB = 2.0**20
 
 
 def host() -> str:
-    """The machine's name."""
+    """The name of the machine."""
     return platform.node()
 
 
 def open_regular(path: Path, flags: int) -> int:
-    """Open a regular file, as ``os.open`` does; OSError where it is a link, a pipe or a device.
+    """Opens a regular file as ``os.open`` does. Raises OSError for a link, a pipe or a device.
 
-    Files in a run directory are ours: a link in one of their places would have us write to another file.
+    A link with the name of a file of a run directory would redirect the output to another file.
     """
     if not hasattr(os, "O_NOFOLLOW") and path.is_symlink():
         raise OSError(errno.ELOOP, "it is a symbolic link", str(path))
-    # O_NONBLOCK: a pipe would be waited for. Windows would translate the ends of lines without O_BINARY.
+    # O_NONBLOCK: opening a pipe would block. Without O_BINARY Windows translates line ends.
     for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"):
         flags |= getattr(os, name, 0)
     try:
@@ -63,39 +66,39 @@ def open_regular(path: Path, flags: int) -> int:
 
 @contextmanager
 def replacing(path: Path, temporary: Path) -> Iterator[None]:
-    """Rename ``temporary``, of the same directory, to ``path`` when the block that writes it ends well.
+    """Renames ``temporary``, in the same directory, to ``path`` when the block ends without an error.
 
-    Others see all of the old file or all of the new one. Raises OSError; ``path`` is then as it was.
+    Readers see the complete old or new file. Raises OSError; ``path`` is then unchanged.
     """
     try:
-        # What lies there is left by a process that was killed, or leads somewhere else.
+        # An existing file is left from a killed process, or may be a link.
         temporary.unlink(missing_ok=True)
         yield
         _rename(temporary, path)
     except BaseException:
-        # Failing to remove it must not hide the error that brought us here.
+        # A failure to remove it must not hide the original error.
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise
 
 
 def _rename(temporary: Path, path: Path) -> None:
-    """Rename a file to one that somebody may be reading, which Windows refuses for as long as that takes."""
-    for _ in range(RENAMES if os.name == "nt" else 0):
+    """Renames a file; Windows refuses to replace one that is being read."""
+    for _ in range(MAX_RENAMES if os.name == "nt" else 0):
         with suppress(PermissionError):
             os.replace(temporary, path)
             return
-        time.sleep(PAUSE)
+        time.sleep(RENAME_INTERVAL)
     os.replace(temporary, path)
 
 
 def who_else_may_write(path: Path) -> str:
-    """Why a file is not only this user's, and the system's; "" where it is.
+    """Why others than this user and root may change a file; "" if they may not.
 
-    As ssh judges its keys: the file and every directory above it, those that links lead to too, must belong
-    to this user or to root, and nobody else may write to them. A group of this user alone does not count. A
-    directory like /tmp, where everybody may write but only owners may rename, does for one further above.
-    Windows has other permissions, and nothing is judged there.
+    As ssh checks its keys: the file and all directories above it, also those behind links, must belong to
+    this user or root and be writable by nobody else. A group with this user as its only member is allowed,
+    and so is, further above, a directory like /tmp with the sticky bit. Not checked on Windows, whose
+    permissions differ.
     """
     if not hasattr(os, "getuid"):
         return ""
@@ -104,7 +107,7 @@ def who_else_may_write(path: Path) -> str:
     nearest = (absolute, real, absolute.parent, real.parent)
     for place in dict.fromkeys((absolute, real, *absolute.parents, *real.parents)):
         found = place.stat()
-        outside = place not in nearest and found.st_uid == _outsider()
+        outside = place not in nearest and found.st_uid == _overflow_user()
         if found.st_uid not in ours and not outside:
             return f"{place} belongs to another user"
         shared = found.st_mode & stat.S_ISVTX and place not in nearest
@@ -114,9 +117,9 @@ def who_else_may_write(path: Path) -> str:
     return ""
 
 
-def _outsider() -> int | None:
-    """The user as whom all owners outside of a container appear, who may own the directories that it is made
-    of; None where every user is known, as outside of containers."""
+def _overflow_user() -> int | None:
+    """The user id as which users unknown in a container appear, who may own its directories; None outside of
+    containers, where all users are known."""
     nobody = 65534
     try:
         ranges = [
@@ -129,7 +132,7 @@ def _outsider() -> int | None:
 
 
 def _is_own_group(gid: int) -> bool:
-    """Whether a group has no member but this user, as many systems make one for everybody."""
+    """Whether a group has only this user as a member, as many systems create for every user."""
     import grp
     import pwd
 
@@ -141,7 +144,7 @@ def _is_own_group(gid: int) -> bool:
 
 
 def try_lock(fd: int, *, shared: bool = False) -> bool:
-    """Lock an open file until it is closed; False where another process has it."""
+    """Locks an open file until it is closed; returns False if another process holds it."""
     try:
         import fcntl
     except ImportError:
@@ -168,7 +171,7 @@ def _lock_on_windows(fd: int) -> bool:
 
 
 def peak_memory_mb() -> float:
-    """Largest memory the process has held so far; nan where the system does not report it."""
+    """Peak memory of the process so far; nan if the system does not report it."""
     try:
         import resource
     except ImportError:
@@ -179,7 +182,7 @@ def peak_memory_mb() -> float:
 
 
 def physical_memory_mb() -> float:
-    """Memory of the machine; inf where the system does not report it."""
+    """Memory of the machine; inf if the system does not report it."""
     if hasattr(os, "sysconf"):
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / MB
     return _windows_memory() / MB

@@ -12,7 +12,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def toml_value(value: Any) -> str:
-    """A value as TOML writes it on one line; numpy's numbers and arrays too. TypeError for what has no form.
+    """A value, also a numpy scalar or array, as TOML on one line. Raises TypeError for other types.
 
     >>> toml_value({"at": [0, 0.5], "along": "top", "a b": True})
     '{ at = [0, 0.5], along = "top", "a b" = true }'

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 START = (
     "import sys, types\n"
     "from mlsanm_cli import startup\n"
-    "startup.SPARED = frozenset({'big', 'big.more', 'broken'})\n"
+    "startup.DEFERRED = frozenset({'big', 'big.more', 'broken'})\n"
     "with startup.lean_imports():\n"
     "    import big\n"
 )

@@ -36,7 +36,7 @@ from benchmarks.scenes.elements import Side, Solid, value_of
 from benchmarks.scenes.judge import REFERENCE
 from benchmarks.scenes.scene import SCENES, Array, Scene, Table
 from mlsanm_cli.app.scene.clouds import outline_of
-from mlsanm_cli.app.scene.imported import inspect_geometry_file
+from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case.reading.read import load_case
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.spacing import Spacing, Zone
@@ -510,7 +510,7 @@ def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
         for name, write in scene.files.items():
             write(folder / name, lambda places: places)
         (folder / "case.toml").write_text(tomli_w.dumps(scene.case))
-        case = load_case(folder / "case.toml", inspect_geometry_file=inspect_geometry_file).case
+        case = load_case(folder / "case.toml", inspector=geometry_inspector).case
         outlines = {body.name: outline_of(case, body) for body in case.body}
     began = time.process_time()
     zones = joined(corners(scene.case, outlines, 0.1), first_touches(scene.case, outlines))

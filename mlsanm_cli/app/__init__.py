@@ -1,1 +1,1 @@
-"""What the commands do: build a scene from a case, solve it, write it, show it."""
+"""The commands: build a scene from a case, solve it, write and show the results."""

@@ -1,4 +1,4 @@
-"""``mlsanm check``: everything short of solving."""
+"""``mlsanm check``: everything except solving."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from mlsanm_cli.case import (
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import write_parts
 
-REMARKABLE_RATIO = 1.5
-"""Facing spacings are remarked on above this ratio; ``quality`` warns where the result is at risk."""
+NOTED_RATIO = 1.5
+"""Ratio of facing spacings above which there is a note; ``quality`` warns if it affects the result."""
 
 
 def check(
@@ -43,10 +43,10 @@ def check(
     threads: int = 1,
     console: Console,
 ) -> Mapping[str, Any]:
-    """Validate a case, place its nodes, build stencils and pairs, and report sizes, quality and cost.
+    """Validates a case, places nodes, builds stencils and pairs, and reports sizes, quality and cost.
 
-    ``write`` names a VTU file for a look at the model, ``picture`` a picture of it. Raises what ``run`` would
-    raise before it solves.
+    ``write`` is a VTU file of the model, ``picture`` a picture of it. Raises the errors that ``run`` raises
+    before it solves.
     """
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
@@ -80,7 +80,7 @@ def check(
         "bodies": {name: _body(name, prepared, quality) for name in prepared.models},
         "contacts": {p.name: _contact(p, quality.spacing_ratio[p.name]) for p in prepared.pairings},
         "boundaries": _conditions(case),
-        "notes": [*prepared.notes, *_remarks(prepared, quality)],
+        "notes": [*prepared.notes, *_notes(prepared, quality)],
         "warnings": list(quality.warnings),
         "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
@@ -88,7 +88,7 @@ def check(
 
 
 def _contact_unknowns(prepared: SceneModel) -> int | None:
-    """How many pressures and tractions there will be; None where a run finds out, for a grid of their own."""
+    """Number of pressures and tractions; None with contact grids, which are refined in the run."""
     if prepared.ranges:
         return None
     return sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
@@ -121,7 +121,7 @@ def _contact(pairing: Pairing, ratio: float) -> dict[str, Any]:
 
 
 def _conditions(case: Case) -> dict[str, dict[str, str]]:
-    """What acts on every boundary (or single node) in x and y; boundaries that are not named are free."""
+    """Conditions on every boundary (or single node) in x and y; boundaries not listed are free."""
     found: dict[str, dict[str, str]] = {}
 
     def add(where: str, x: str, y: str) -> None:
@@ -149,7 +149,7 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
 
 
 def _described(load: AnyLoad) -> tuple[str, str]:
-    """What a load does in x and in y."""
+    """The action of a load in x and in y."""
     if isinstance(load, Platen | ObstacleMotion):
         moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
         return moved.get("x", ""), moved.get("y", "")
@@ -170,26 +170,24 @@ def _described(load: AnyLoad) -> tuple[str, str]:
     return first, second
 
 
-def _remarks(prepared: SceneModel, quality: Quality) -> list[str]:
-    """What is worth knowing although it does no harm yet."""
-    remarks = []
+def _notes(prepared: SceneModel, quality: Quality) -> list[str]:
+    """Notes on contact pairs and stencils that need no warning."""
+    notes = []
     for pairing in prepared.pairings:
         ratio = quality.spacing_ratio[pairing.name]
         message = ratio_message(pairing, ratio)
         if pairing.name in prepared.ranges:
-            remarks.append(
-                f"contact {pairing.name}: pressures get a grid of their own unless they reach a corner"
-            )
-        elif ratio > REMARKABLE_RATIO and message not in quality.warnings:
-            remarks.append(message)
+            notes.append(f"contact {pairing.name}: pressures use a contact grid unless they reach a corner")
+        elif ratio > NOTED_RATIO and message not in quality.warnings:
+            notes.append(message)
         unpaired = len(pairing.slave.index) - len(pairing.position)
         if unpaired:
             other = "obstacle" if pairing.master is None else "master"
-            remarks.append(f"contact {pairing.name}: {unpaired} slave nodes face no part of the {other}")
+            notes.append(f"contact {pairing.name}: {unpaired} slave nodes do not face the {other}")
     for name, model in prepared.models.items():
         if model.stencils.enlarged:
-            remarks.append(
+            notes.append(
                 f"body {name}: {model.stencils.enlarged} stencils needed more nodes than "
                 f"{model.settings.stencil_size}; an even cloud (lower growth) avoids that"
             )
-    return remarks
+    return notes

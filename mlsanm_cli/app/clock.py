@@ -1,4 +1,4 @@
-"""CPU seconds of the phases of a run, and the wall time of all of it."""
+"""CPU seconds of the phases of a run, and its wall time."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ PHASES = (
 
 
 class Clock:
-    """Adds up CPU time (user and system, all threads of the process) by phase; nested phases stay apart.
+    """Sums CPU time (user and system, all threads) by phase; the time of a nested phase counts only for it.
 
-    What was spent before the first clock of a process, on the interpreter and imports, counts as ``start``.
+    The time before the first clock of a process, of the interpreter and imports, counts as ``start``.
     """
 
     _begun: ClassVar[bool] = False
@@ -24,7 +24,7 @@ class Clock:
     def __init__(self) -> None:
         now = time.process_time()
         self._begin = now if Clock._begun else 0.0
-        # Imports hardly wait: before the first clock the wall time is about the CPU time.
+        # Before the first clock, mostly imports, the wall time is about the CPU time.
         self._wall_begin = time.monotonic() - (now - self._begin)
         Clock._begun = True
         self._seconds = dict.fromkeys(PHASES, 0.0)
@@ -33,7 +33,7 @@ class Clock:
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Count the time of the block under ``name``, less the phases inside it."""
+        """Counts the time of the block under ``name``, without phases inside it."""
         start = time.process_time()
         self._nested.append(0.0)
         try:
@@ -45,10 +45,10 @@ class Clock:
 
     @property
     def wall_seconds(self) -> float:
-        """Seconds on the wall since this clock, or the process, began."""
+        """Wall-clock seconds since this clock, or the process, started."""
         return time.monotonic() - self._wall_begin
 
     @property
     def seconds(self) -> dict[str, float]:
-        """All phases so far, and ``total``: all that this clock counts."""
+        """The phases so far and their ``total``."""
         return {"total": time.process_time() - self._begin, **self._seconds}

@@ -1,4 +1,4 @@
-"""How the commands show what is happening; the command line supplies one, tests another."""
+"""The interface through which commands show progress, implemented by the command line and tests."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ class Console(Protocol):
     """Messages of a run, all on stderr."""
 
     def phase(self, text: str) -> None:
-        """What is being done now."""
+        """Starts a phase."""
 
     def step(self, index: int, position: float, residual: float, text: str) -> None:
-        """One finished step of the path."""
+        """A finished step of the path."""
 
     def note(self, text: str) -> None:
-        """Something worth knowing."""
+        """A note."""
 
     def warning(self, text: str) -> None:
-        """Something that may make the result worse."""
+        """A warning about the accuracy or validity of the result."""
 
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""

@@ -1,4 +1,4 @@
-"""What all phases of a command share: its clock, its console, what it may reuse, and what may stop it."""
+"""The context shared by the phases of a command: clock, console, memo and stopper."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from mlsanm_cli.memo import NO_CACHE, Memo
 
 @dataclass(frozen=True)
 class RunContext:
-    """``memo`` keeps what other runs of the process can use; without a ``stopper`` nothing but the end of the
-    process stops a command."""
+    """``memo`` keeps results for other runs of the process; ``stopper`` handles signals and the wall time."""
 
     clock: Clock
     console: Console
@@ -24,19 +23,19 @@ class RunContext:
 
     @contextmanager
     def phase(self, name: str, announced: str = "") -> Iterator[None]:
-        """Count the block's CPU time under ``name``, and announce it on the console."""
+        """Counts the CPU time of the block under ``name``, and announces it on the console."""
         with self.clock.phase(name):
             if announced:
                 self.console.phase(announced)
             yield
 
     def stop_gently(self) -> None:
-        """From now on the command stops between steps only, where nothing done is lost."""
+        """From now on the command stops between steps only, where no results are lost."""
         if self.stopper is not None:
             self.stopper.gentle = True
         self.check_stop()
 
     def check_stop(self) -> None:
-        """Raise KeyboardInterrupt if the command is to stop here."""
+        """Raises KeyboardInterrupt if the command is to stop."""
         if self.stopper is not None:
             self.stopper.check()

@@ -1,7 +1,7 @@
-"""``mlsanm resume``: a run that was stopped or killed continues to the same result within its tolerance.
+"""``mlsanm resume``: a stopped or killed run continues to the same result within the solver's tolerance.
 
-Its path is taken up behind the last step stored, from what the checkpoint holds. Clouds and operators are
-rebuilt from the resolved case, and must agree with those stored up to round-off.
+The path continues from the checkpoint after the last stored step. Clouds and operators are rebuilt from the
+resolved case and must agree with the stored ones to round-off.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.app.scene.imported import inspect_geometry_file
+from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
@@ -29,20 +29,20 @@ from mlsanm_cli.io.summary import read_json
 
 
 def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:
-    """Finish the run in a directory; returns and raises what `run` does.
+    """Finishes the run in a directory; returns and raises the same as `run`.
 
-    A run that is done is left as it is. Raises RunError for one that failed, for it would again; for one that
-    cannot be read; and where clouds or operators are not what they were.
+    A completed run is not changed. Raises RunError for a failed run, which would fail again, for one that
+    cannot be read, and if clouds or operators are not reproduced.
     """
     read_origin(rundir)
     with Stopper(max_wall) as stopper, locked(rundir):
         context = RunContext(Clock(), console, stopper=stopper)
         origin = read_origin(rundir)
         summary_file = rundir / run_dir.SUMMARY_FILE
-        # A run killed just before its summary was written is one to finish, whatever it already says.
+        # A run killed just before its summary was written is unfinished, whatever its status.
         ended = origin.status if summary_file.is_file() else "running"
         if ended == "done":
-            console.note(f"the run in {rundir} is done, there is nothing to resume")
+            console.note(f"the run in {rundir} is complete, there is nothing to resume")
             return {**read_json(summary_file), "directory": str(rundir)}
         if ended == "failed":
             raise RunError(
@@ -73,7 +73,7 @@ def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
         raise RunError(
             f"the run in {rundir} was killed before its first step", "run the case again with --force"
         )
-    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), inspect_geometry_file)
+    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), geometry_inspector)
     if loaded.case_hash != origin.attributes["case_hash"]:
         raise RunError(
             f"the case stored in {rundir} is not the one of the run: another version wrote it",

@@ -39,7 +39,7 @@ from mlsanm_cli.app.results.finished import finished
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.causes import strain_warnings
-from mlsanm_cli.app.scene.imported import inspect_geometry_file
+from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
@@ -50,7 +50,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, State
-from mlsanm_cli.solve.stop_events import Stoppable
+from mlsanm_cli.solve.stop_events import StoppedPath
 
 RESULTS = Path("results")
 
@@ -68,20 +68,20 @@ def run(
     skip_done: bool = False,
     memo: Memo = NO_CACHE,
 ) -> Mapping[str, Any]:
-    """Solve a case and write its run directory.
+    """Solves a case and writes its run directory.
 
-    What other runs of this process can use is kept in the ``memo``. With ``skip_done`` a directory that
-    already holds this case's run, done, is left as it is, and its summary comes back with ``skipped``.
+    ``memo`` keeps results for other runs of the process. With ``skip_done`` a completed run of this case in
+    the directory is not repeated; its summary is returned with ``skipped``.
 
-    Returns the mapping of summary.json with the ``directory`` added. A run whose numbers are not reliable
-    comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
-    "stopped"; both keep what was done. Raises CaseError or RunError, with nothing written, for a case that
-    cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt when stopped before a
+    Returns the mapping of summary.json with the ``directory`` added. The status of a run whose results are
+    not reliable is "failed", that of one interrupted, or not finished after ``max_wall`` seconds, "stopped";
+    completed steps of both are kept. Raises CaseError or RunError, with nothing written, for a case that
+    cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt if stopped before the
     run began.
     """
     with Stopper(max_wall) as stopper:
         context = RunContext(Clock(), console, memo, stopper)
-        loaded = load_case(case_path, overrides, inspect_geometry_file)
+        loaded = load_case(case_path, overrides, geometry_inspector)
         check_reference(loaded)
         directory = out or RESULTS / case_path.stem
         before = finished(directory, loaded.case_hash) if skip_done else None
@@ -107,7 +107,7 @@ def run(
 def set_up(
     case: Case, prepared: SceneModel, context: RunContext, warn: Warn, refinement: Refinement | None = None
 ) -> Adapted:
-    """Condense the scene, and refine it as the case asks or as a ``refinement`` found before.
+    """Condenses the scene, refined as the case requires or by a ``refinement`` found before.
 
     Raises NumericalError for a scene that cannot be set up.
     """
@@ -123,7 +123,7 @@ def set_up(
 
 @contextmanager
 def resumable(directory: Path) -> Iterator[None]:
-    """What cannot be written within the block is an UnfinishedError: a run continues after its last step."""
+    """A block in which a WriteError becomes an UnfinishedError: the run can be resumed."""
     try:
         yield
     except WriteError as error:
@@ -137,10 +137,8 @@ def carry_out(
     context: RunContext,
     refinement: Refinement | None = None,
 ) -> Mapping[str, Any]:
-    """Refine and follow a scene whose recorder is open, until it is done, failed or stopped; the summary.
-
-    A ``refinement`` is what an earlier process found.
-    """
+    """Refines and follows a scene whose recorder is open until it is done, failed or stopped; returns the
+    summary. ``refinement`` is that of an earlier process."""
     built: CondensedScene | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
@@ -192,9 +190,9 @@ def carry_out(
 def _follow(
     built: CondensedScene, start: Checkpoint | None, recorder: Recorder, context: RunContext
 ) -> Stop | None:
-    """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
-    soon as a state is not reliable."""
-    path = Stoppable(built, start, recorder.last, load_path)
+    """Follows the path; returns the stop condition of the case that ended it early, if any. Raises
+    NumericalError as soon as a state is not reliable."""
+    path = StoppedPath(built, start, recorder.last, load_path)
     steps, first = path.steps(), None
     while True:
         context.check_stop()
@@ -229,15 +227,15 @@ def _follow(
 
 
 def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) -> Iterator[str]:
-    """What a user should know about a finished path, one by one: a check that fails ends the run, which keeps
-    what was found before. Empty where a check has found nothing."""
+    """Warnings about a completed path, "" for checks without findings. A check may raise NumericalError; the
+    warnings before it are kept."""
     last, energies = recorder.last, recorder.energies
     assert last is not None
     assert energies is not None
     if first is not None:
         yield from overlap_warnings(built, first, last)
     yield from end_warnings(built, last)
-    # Where units are mixed up the checks that follow fail, for that reason.
+    # First of the checks that fail for inconsistent units, so that the warning names the cause.
     yield from strain_warnings(built.case, energies.strains)
     yield from check_transfer(built, last)
     yield check_balance(force_balance(built, last))

@@ -1,4 +1,4 @@
-"""Stopping a run by a signal without tearing it apart."""
+"""Orderly stopping of a run by a signal or a limit on its wall time."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from typing import Any, ClassVar, Self
 
 from mlsanm_cli.system import STOPPING
 
-HEARD = "stopping after this step; Ctrl-C again stops at once"
+STOPPING_MESSAGE = "stopping after this step; Ctrl-C again stops at once"
 
 
 class Stopper:
-    """Turns signals, and a limit on the wall time, into an orderly end; use as a context manager.
+    """Raises KeyboardInterrupt at a signal or after ``max_wall`` seconds; use as a context manager.
 
-    While ``gentle``, the first signal only sets ``reason``, and :meth:`check` raises KeyboardInterrupt
-    where it does no harm; a second one raises it at once. Otherwise the first raises it at once and is
-    remembered, for an exception in a callback of a compiled library can be lost. ``max_wall`` seconds later
-    a signal comes by itself. Nothing changes outside the main thread, but that the limit is kept there too.
-    SIGTERM ends a process of a pool at once: the pool waits for it.
+    While ``gentle``, the first signal only sets ``reason``, and :meth:`check`, called between steps, raises
+    the exception; a second signal raises it at once. Otherwise the first one raises it at once and sets
+    ``reason``, as an exception in a callback of a compiled library can be lost. Outside the main thread only
+    :meth:`check` applies, to the wall time. SIGTERM ends a process of a pool at once, as the pool waits for
+    it.
     """
 
-    heard: ClassVar[str] = ""
-    """What a terminal shows after a first signal that the process obeys later."""
+    message: ClassVar[str] = ""
+    """Shown on a terminal after a signal that stops the run after its step."""
 
     def __init__(self, max_wall: float | None = None) -> None:
         self.gentle = False
@@ -38,14 +38,14 @@ class Stopper:
         self._timer: threading.Timer | None = None
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if a signal has come or the time is over."""
+        """Raises KeyboardInterrupt after a signal or when the wall time is over."""
         if self._end is not None and time.monotonic() >= self._end:
             self.reason = self.reason or self._reason_of(None)
         if self.reason:
             raise KeyboardInterrupt(self.reason)
 
     def _reason_of(self, number: int | None) -> str:
-        # Where there is no alarm clock another signal stands for it, when the time is over.
+        # Without SIGALRM, SIGINT has this meaning once the time is over.
         timed = number == self._alarm and (self._timer is None or time.monotonic() >= (self._end or 0.0))
         if self._max_wall is not None and (number is None or timed):
             return f"the wall time of {self._max_wall:g} s is over"
@@ -56,8 +56,8 @@ class Stopper:
         again, self.reason = bool(self.reason), self.reason or self._reason_of(number)
         if again or not self.gentle:
             raise KeyboardInterrupt(self.reason)
-        # Not written here: a handler may come in the midst of another line.
-        Stopper.heard = HEARD
+        # Not written here: a handler may interrupt the writing of another line.
+        Stopper.message = STOPPING_MESSAGE
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
@@ -68,7 +68,7 @@ class Stopper:
         return self
 
     def _set_alarm(self, seconds: float) -> None:
-        """Have a signal come by itself; on Windows from a thread."""
+        """Schedules a signal; on Windows by a thread."""
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, seconds)
             return
@@ -85,7 +85,7 @@ class Stopper:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        Stopper.heard = ""
+        Stopper.message = ""
         if self._before and self._max_wall is not None:
             self._stop_alarm()
         for number, handler in self._before.items():
@@ -93,7 +93,6 @@ class Stopper:
 
 
 def _in_a_pool() -> bool:
-    """Whether another Python process has spawned this one."""
-    # What is not imported has spawned nothing.
+    """Whether another Python process has spawned this one, by multiprocessing."""
     process = sys.modules.get("multiprocessing.process")
     return process is not None and process.parent_process() is not None

@@ -1,4 +1,4 @@
-"""``mlsanm warmup``: the kernels compiled now, not at the first run."""
+"""``mlsanm warmup``: compiles the kernels before the first run."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from mlsanm_cli.kernels.aot.jit import is_warm
 
 
 def warmup(console: Console) -> Mapping[str, Any]:
-    """Compile the kernels, or load them where they are compiled already.
+    """Compiles the kernels, or loads them if they are compiled.
 
     Returns CPU ``seconds``, whether they were ``compiled`` now, whether the code is ``kept`` for later runs,
-    and the ``cache_directory`` (None if the code is not kept).
+    and the ``cache_directory`` (None if it is not kept).
     """
     clock = Clock()
     with clock.phase("jit"):

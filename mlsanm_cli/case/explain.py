@@ -17,8 +17,8 @@ from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
 
-CLOSE = 0.8
-"""An item whose name is as similar as that to one of its keys is taken for the key, misspelt."""
+TYPO_SIMILARITY = 0.8
+"""Similarity (difflib ratio) from which the name of an item counts as a misspelt key."""
 
 _BOUNDS = {
     "exclusiveMinimum": "above",
@@ -34,8 +34,8 @@ _LARGEST = 2**31
 class Explanation:
     """A key, or a table with its keys and their meanings.
 
-    ``place`` is the heading of the table of the key, ``kinds`` the kinds of the table that have the key, if
-    not all have it. ``default`` and ``example`` are TOML. ``variants`` describes every kind of a table.
+    ``place`` is the heading of the table that holds the key, ``kinds`` the kinds of that table with the key
+    (empty: all). ``default`` and ``example`` are TOML. ``variants`` describes every kind of a table.
     """
 
     key: str
@@ -53,10 +53,10 @@ class Explanation:
 
 
 def explain(key: str = "") -> tuple[Explanation, ...]:
-    """Explains a dotted key, with or without the names of list items. "" lists the tables.
+    """Explains a dotted key, with or without the names of list items; "" lists the tables.
 
-    There are several if the meaning depends on the kind of the table. Raises RunError with similar keys for
-    an unknown one.
+    Returns several explanations if the meaning depends on the kind of the table. Raises RunError for an
+    unknown key, with similar ones.
     """
     schema = json_schema()
     parts = [part for part in key.split(".") if part]
@@ -77,7 +77,7 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
 
 
 def _find(schema: Node, parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
-    """Every table with the key, and the node of the key; and the key without names of items."""
+    """Every table with the key, with the node of the key; and the key without names of items."""
     if not parts:
         return [(schema, schema)], ()
     current: list[tuple[Node, Node]] = [(schema, schema)]
@@ -108,9 +108,9 @@ def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
 
 
 def _is_key(schema: Node, path: tuple[str, ...], name: str) -> bool:
-    """Whether the name of an item is rather one of its keys, misspelt."""
+    """Whether the name of an item looks like one of its keys, misspelt."""
     keys = {key for table in _siblings(schema, (*path, "")) for key in table["properties"]}
-    return bool(difflib.get_close_matches(name, keys, n=1, cutoff=CLOSE))
+    return bool(difflib.get_close_matches(name, keys, n=1, cutoff=TYPO_SIMILARITY))
 
 
 def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Explanation:

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 
 KeyPath = tuple[str | int, ...]
 
-DEEPEST = 40
-"""Keys have fewer parts; deeper ones get the line of their first parts."""
+MAX_KEY_PARTS = 40
+"""Largest number of parts of a dotted key; longer ones get the line of their first parts."""
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _SCALAR = re.compile(r"[^,\]}#\n]*")
-# In the order of trial: three quotes before one.
+# Tried in this order: triple quotes before single ones.
 _STRINGS = (
     re.compile(r'"""(?:[^"\\]|\\.|"{1,2}(?!"))*?"{3,5}', re.DOTALL),
     re.compile(r"'''.*?'''(?:'{0,2})", re.DOTALL),
@@ -39,7 +39,7 @@ class _Scanner:
     counted: int = 0
 
     def here(self) -> int:
-        """Line of the current place; places only ever grow, so the count continues from the last one."""
+        """Line of the current position; positions only increase, so the count continues from the last one."""
         self.line += self.text.count("\n", self.counted, self.at)
         self.counted = self.at
         return self.line
@@ -53,7 +53,7 @@ class _Scanner:
         return self.text.startswith(text, self.at)
 
     def string(self) -> str | None:
-        """The string literal at the current place with its quotes, None if there is none."""
+        """The string literal at the current position with its quotes, None if there is none."""
         for pattern in _STRINGS:
             found = pattern.match(self.text, self.at)
             if found is not None:
@@ -62,7 +62,7 @@ class _Scanner:
         return None
 
     def key(self) -> list[str]:
-        """A dotted key, up to the sign that ends it."""
+        """A dotted key, up to the character that ends it."""
         parts: list[str] = []
         while True:
             self.skip(_SPACE)
@@ -79,7 +79,7 @@ class _Scanner:
             self.at += 1
 
     def note(self, path: KeyPath, line: int) -> None:
-        for length in range(1, min(len(path), DEEPEST) + 1):
+        for length in range(1, min(len(path), MAX_KEY_PARTS) + 1):
             self.lines.setdefault(path[:length], line)
 
     def header(self) -> KeyPath:
@@ -100,8 +100,7 @@ class _Scanner:
         else:
             path = self.inside(path, last)
         self.note(path, line)
-        # The header is the best place for what is missing below it, even if a dotted key or a
-        # sub-table came first.
+        # Missing keys are reported at the header, even if a dotted key or a sub-table came first.
         self.lines[path] = line
         return path
 
@@ -164,7 +163,7 @@ class _Scanner:
 def _unquote(quoted: str) -> str:
     if quoted.startswith("'"):
         return quoted[1:-1]
-    # TOML's basic strings are JSON's, but for the eight-digit escape and, in later versions, \e and \x.
+    # TOML's basic strings are JSON's, except for the eight-digit escape and, in later versions, \e and \x.
     plain = re.sub(r"\\U([0-9A-Fa-f]{8})", lambda found: chr(int(found.group(1), 16)), quoted)
     try:
         return str(json.loads(plain, strict=False))
@@ -175,7 +174,7 @@ def _unquote(quoted: str) -> str:
 def key_lines(text: str) -> dict[KeyPath, int]:
     """Line (from 1) of every key, table header and list item of a valid TOML text.
 
-    Items of lists carry their index. A table that is only implied has the line that implies it.
+    List items are addressed by index. An implicit table gets the line of the key that implies it.
 
     >>> key_lines('title = "t"\\n[[body]]\\nx = [0,\\n 1]')[("body", 0, "x", 1)]
     4
@@ -184,7 +183,7 @@ def key_lines(text: str) -> dict[KeyPath, int]:
 
 
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int:
-    """Line of the path or of the nearest table around it; 0 when nothing of it is in the file."""
+    """Line of the path or of the innermost enclosing table in the file; 0 if there is none."""
     for length in range(len(path), 0, -1):
         line = lines.get(path[:length])
         if line is not None:

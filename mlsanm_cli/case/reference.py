@@ -15,11 +15,10 @@ def value_keys() -> list[str]:
     return list(found)
 
 
-def everything() -> list[Explanation]:
+def all_explanations() -> list[Explanation]:
     """The explanations of all tables and keys, tables before their keys, in the order of the schema."""
     schema, found = json_schema(), dict[str, None]()
     walk(schema, lambda path, node, table: found.setdefault(".".join(path)))
-    # Tables first, then their keys.
     explanations = [one for key in found for one in explain(key)]
     places = list(dict.fromkeys(["the top of the file", *(one.place for one in explanations)]))
     return sorted(explanations, key=lambda one: (places.index(one.place), not one.keys))
@@ -31,7 +30,7 @@ def markdown(explanations: Sequence[Explanation]) -> str:
 
 
 def sections(explanations: Sequence[Explanation], level: str) -> str:
-    """The reference as Markdown, a section per table with a heading of that level."""
+    """The reference as Markdown: a section per table, headed by ``level`` ("##" or the like)."""
     lines: list[str] = []
     place = ""
     for one in explanations:
@@ -46,7 +45,7 @@ def sections(explanations: Sequence[Explanation], level: str) -> str:
             lines += ["", "| key | meaning | value | default |", "|---|---|---|---|"]
         if one.keys:
             continue
-        # Listed values show their type.
+        # A list of allowed values implies the type.
         kind = "" if one.type in (one.allowed, "one of the allowed values") else one.type
         value = ", ".join(filter(None, (kind, one.unit, one.allowed)))
         default = "required" if one.required else f"`{one.default}`" if one.default else ""

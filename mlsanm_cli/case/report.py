@@ -11,10 +11,9 @@ from typing import Any
 from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
 from mlsanm_cli.errors import CaseProblem
 
-LONGEST_SHOWN = 500
-"""Largest number of characters of a key that are shown."""
+MAX_SHOWN_CHARACTERS = 500
+"""Longer keys are shown without their middle."""
 
-# Names used by other codes and textbooks, too different for a comparison of letters.
 SYNONYMS = {
     "young": "E",
     "youngs_modulus": "E",
@@ -33,6 +32,7 @@ SYNONYMS = {
     "bc": "support",
     "boundary_condition": "support",
 }
+"""Names used by other codes and textbooks that no comparison of letters would find."""
 
 
 def nearest(word: object, valid: Iterable[str]) -> str:
@@ -67,22 +67,23 @@ def dotted(data: Any, path: KeyPath) -> str:
     parts: list[str] = []
     value = data
     for step in path:
-        value = _below(value, step)
+        value = child(value, step)
         name = value.get("name") if isinstance(step, int) and isinstance(value, Mapping) else None
         parts.append(name if isinstance(name, str) and name else str(step))
     return ".".join(parts)
 
 
 def shortened(text: str) -> str:
-    """The text without its middle if it is far longer than any name.
+    """The text, without its middle if it is far longer than any name.
 
     >>> len(shortened("k" * 1_000_000))
     125
     """
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:60]}[...]{text[-60:]}"
+    return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:60]}[...]{text[-60:]}"
 
 
-def _below(value: Any, step: str | int) -> Any:
+def child(value: Any, step: str | int) -> Any:
+    """The item of a table or list at a key or index, None if there is none."""
     if isinstance(value, Mapping):
         return value.get(step) if isinstance(step, str) else None
     if isinstance(value, tuple | list) and isinstance(step, int) and 0 <= step < len(value):
@@ -92,8 +93,8 @@ def _below(value: Any, step: str | int) -> Any:
 
 @dataclass
 class Report:
-    """Problems found so far in a case's ``data``, from the TOML ``text`` of a ``source``. ``changed`` holds
-    the paths set on the command line."""
+    """Problems found so far in the ``data`` of a case, read from the TOML ``text`` of the file ``source``;
+    ``changed`` are the paths set on the command line."""
 
     data: Mapping[str, Any]
     text: str
@@ -103,34 +104,33 @@ class Report:
 
     @cached_property
     def lines(self) -> Mapping[KeyPath, int]:
-        """Lines of the keys, looked for where there is a problem."""
+        """Line of each key; computed for the first problem."""
         return key_lines(self.text)
 
     def add(self, path: KeyPath, message: str, hint: str = "") -> None:
-        """Adds a problem of the key, once for the same key and message."""
+        """Adds a problem at a path, once for the same path and message."""
         if self._is_set(path):
             line, source = 0, "--set"
         else:
-            # In an empty file the first line is named.
             line, source = max(line_of(self.lines, path), 1), self.source
         key = shortened(dotted(self.data, path)) or "(file)"
         self._found.setdefault((path, message), CaseProblem(key, message, line, source, hint))
 
     def has(self, path: KeyPath) -> bool:
-        """Whether there is a problem of this very key."""
+        """Whether there is a problem at exactly this path."""
         return any(place == path for place, _ in self._found)
 
     def _is_set(self, path: KeyPath) -> bool:
         if any(path[: len(changed)] == changed for changed in self.changed):
             return True
-        # A table that was created by --set.
-        return path not in self.lines and any(changed[: len(path)] == path for changed in self.changed)
+        created = path not in self.lines
+        return created and any(changed[: len(path)] == path for changed in self.changed)
 
     def touches(self, path: KeyPath) -> bool:
-        """Whether a problem was found at the path or below it."""
+        """Whether there is a problem at the path or below it."""
         return any(found[: len(path)] == path for found, _ in self._found)
 
     @property
     def problems(self) -> tuple[CaseProblem, ...]:
-        """All problems in the order of the file, those of the command line last."""
+        """All problems in the order of their lines, those of the command line last."""
         return tuple(sorted(self._found.values(), key=lambda p: (p.line == 0, p.line)))

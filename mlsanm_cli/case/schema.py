@@ -1,6 +1,6 @@
-"""JSON Schema (draft 7) of the case file, for editors, `mlsanm explain`, the reference and hints on errors.
+"""JSON Schema (draft 7) of the case file, for editors, `mlsanm explain`, the case reference and error hints.
 
-Everything in it comes from the model and its docstrings.
+It is generated from the model and its docstrings.
 """
 
 from __future__ import annotations
@@ -45,17 +45,14 @@ def json_schema() -> Node:
 
 
 def follow(schema: Node, node: Node) -> Node:
-    """The node, or the definition that it refers to."""
+    """The node, with a reference to a definition resolved."""
     name = str(node.get("$ref", "")).rpartition("/")[2]
     found: Node = schema["definitions"][name] if name else node
     return found
 
 
 def tables(schema: Node, node: Node) -> tuple[Node, ...]:
-    """The tables that a node allows: one, several of different kinds, or none.
-
-    For lists of tables and tables by name these are the items.
-    """
+    """The tables that a node allows: none, one, or one per kind; for lists and tables by name, the items."""
     node = follow(schema, node)
     if "properties" in node:
         return (node,)
@@ -66,7 +63,7 @@ def tables(schema: Node, node: Node) -> tuple[Node, ...]:
 
 
 def tables_at(path: tuple[str, ...]) -> tuple[Node, ...]:
-    """The tables allowed at a path of keys and names of materials, as in `tables`."""
+    """The tables allowed at a path of keys and table names, as in `tables`."""
     schema = json_schema()
     found: tuple[Node, ...] = (schema,)
     for step in path:
@@ -77,14 +74,14 @@ def tables_at(path: tuple[str, ...]) -> tuple[Node, ...]:
 
 
 def known_keys() -> list[str]:
-    """All keys as dotted paths, without the names of items."""
+    """All keys as dotted paths without the names of items."""
     known: list[str] = []
     walk(json_schema(), lambda path, node, table: known.append(".".join(path)))
     return list(dict.fromkeys(known))
 
 
 def heading(path: tuple[str, ...]) -> str:
-    """How TOML writes the table at a path: [model], [[body]], [material.NAME]."""
+    """The TOML heading of the table at a path: [model], [[body]], [material.NAME]."""
     schema = json_schema()
     if not path:
         return "the top of the file"
@@ -98,7 +95,7 @@ def heading(path: tuple[str, ...]) -> str:
 
 
 def _plain(value: Any, keys_are_names: bool = False) -> Any:
-    """Removes pydantic's titles, writes tuples as in draft 7, and joins the lines of texts."""
+    """Removes pydantic's titles, rewrites tuples for draft 7 and joins the lines of texts."""
     if isinstance(value, list):
         return [_plain(item) for item in value]
     if isinstance(value, str):
@@ -119,7 +116,7 @@ Visit = Callable[[tuple[str, ...], Node, Node], None]
 
 
 def walk(schema: Node, visit: Visit) -> None:
-    """Call ``visit`` with the path of every key, its node and the table that holds it; names are left out."""
+    """Calls ``visit`` with the path of every key (without names), its node and the table that holds it."""
 
     def below(path: tuple[str, ...], table: Node) -> None:
         for key, node in table["properties"].items():

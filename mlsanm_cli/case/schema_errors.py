@@ -1,8 +1,9 @@
-"""Translates errors of pydantic into problems of the case file, with path, message and hint."""
+"""Translates pydantic's errors into problems of the case file, with path, message and hint."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import reduce
 from typing import Any
 
 from pydantic import ValidationError
@@ -10,7 +11,7 @@ from pydantic_core import ErrorDetails
 
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.expressions import NO_UNITS, with_unit
-from mlsanm_cli.case.report import Report, suggestion
+from mlsanm_cli.case.report import Report, child, suggestion
 
 _WORDS = {
     "float_type": "expected a number",
@@ -30,27 +31,26 @@ _BOUNDS = {
 }
 _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "strain" or "stress"'}
 
-
-UNKNOWN = "extra_forbidden"
+UNKNOWN_KEY = "extra_forbidden"
 """Pydantic's type of error for an unknown key."""
 Finding = tuple[KeyPath, ErrorDetails]
 
 
 def findings(data: Mapping[str, Any], error: ValidationError) -> Iterator[Finding]:
-    """The errors that pydantic found in ``data``, each with its path."""
+    """The errors of a validation of ``data``, each with its path."""
     for detail in error.errors(include_url=False):
         yield _path(data, detail["loc"]), detail
 
 
 def report_findings(report: Report, found: Iterable[Finding], covered: frozenset[KeyPath]) -> None:
-    """Adds every error to the report, except at or below the paths ``covered`` already."""
+    """Adds every error to the report, except at or below ``covered`` paths, which have been reported."""
     for path, detail in found:
         if not any(path[: len(cover)] == cover for cover in covered):
             _report(report, path, detail)
 
 
 def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
-    """The path in the file; pydantic's locations contain the kinds of tables and marks for keys, too."""
+    """The path in the file; pydantic's locations also contain the kinds of tables and marks for keys."""
     path: KeyPath = ()
     tagged = False
     for step in location:
@@ -58,26 +58,13 @@ def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
             tagged = True
         elif step != "[key]":
             path, tagged = (*path, step), False
-            data = _below(data, step)
+            data = child(data, step)
     return path
-
-
-def _below(data: Any, step: int | str) -> Any:
-    try:
-        return data[step]
-    except (KeyError, IndexError, TypeError):
-        return None
-
-
-def _at(data: Any, path: KeyPath) -> Any:
-    for step in path:
-        data = _below(data, step)
-    return data
 
 
 def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
-    if kind == UNKNOWN:
+    if kind == UNKNOWN_KEY:
         report.add(path, "unknown key", _unknown_hint(report.data, path))
     elif kind == "missing":
         hint = _MISSING.get(str(path[0]), f"add {_heading(path)}") if len(path) == 1 else ""
@@ -116,7 +103,7 @@ def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
 
 
 def _heading(path: KeyPath) -> str:
-    """How TOML writes the table or list of tables at a path, "" if it is neither."""
+    """The TOML heading of the table or list of tables at a path, "" if it is neither."""
     from mlsanm_cli.case.schema import heading, tables_at
 
     names = tuple(step for step in path if isinstance(step, str))
@@ -124,7 +111,7 @@ def _heading(path: KeyPath) -> str:
 
 
 def _kinds(path: KeyPath) -> list[str]:
-    """Kinds of the table at a path; none if it has a single kind."""
+    """Kinds of the table at a path, empty if it has only one."""
     from mlsanm_cli.case.schema import tables_at
 
     found = tables_at(tuple(step for step in path if isinstance(step, str)))
@@ -138,7 +125,7 @@ def _unknown_hint(data: Any, path: KeyPath) -> str:
     if below:
         return f"did you mean {' or '.join(below[:4])}?"
     found = tables_at(tuple(step for step in path[:-1] if isinstance(step, str)))
-    kind = _below(_at(data, path[:-1]), "kind")
+    kind = reduce(child, (*path[:-1], "kind"), data)
     own = [table for table in found if table["properties"].get("kind", {}).get("const", kind) == kind]
     keys = [key for table in own for key in table["properties"]]
     if path[0] == "load" and path[-1] == "value" and kind in keys:

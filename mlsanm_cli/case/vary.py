@@ -13,14 +13,14 @@ from mlsanm_cli.case.reading.overrides import is_word
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
 
-MOST = 100_000
+MAX_POINTS = 100_000
 """Largest number of points of a sweep."""
 _RANGE = re.compile(r"([^:,\[\]\"']+):([^:,\[\]\"']+):([^:,\[\]\"']+)")
 
 
 @dataclass(frozen=True)
 class Vary:
-    """A key in the form of ``--set``, and its values as TOML."""
+    """A dotted key as for ``--set``, and its values as TOML."""
 
     key: str
     values: tuple[str, ...]
@@ -55,8 +55,8 @@ def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
     count = 1
     for vary in varied:
         count *= len(vary.values)
-    if count > MOST:
-        raise RunError(f"the sweep has {count} points", f"at most {MOST}")
+    if count > MAX_POINTS:
+        raise RunError(f"the sweep has {count} points", f"at most {MAX_POINTS}")
     return [
         tuple(f"{key}={value}" for key, value in zip(keys, values, strict=True))
         for values in product(*(vary.values for vary in varied))
@@ -64,7 +64,7 @@ def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
 
 
 def flat(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a case by dotted keys in the form of ``--set``: items of lists by name or number.
+    """The content of a case by dotted keys as for ``--set``: list items by name or number.
 
     >>> flat({"body": [{"name": "a", "seed": 1}], "mls": {"degree": 2}})
     {'body.a.name': 'a', 'body.a.seed': 1, 'mls.degree': 2}
@@ -86,13 +86,13 @@ def _leaves(key: str, value: Any) -> list[tuple[str, Any]]:
 def _even(text: str, first: str, last: str, number: str) -> tuple[str, ...]:
     ends = [_number(text, end) for end in (first, last)]
     count = _number(text, number)
-    if not isinstance(count, int) or not 1 <= count <= MOST:
+    if not isinstance(count, int) or not 1 <= count <= MAX_POINTS:
         raise RunError(f"--vary {text}: {number} is not a number of values", "as in 0.0:0.5:11")
     start, stop = ends
     steps = max(count - 1, 1)
     if all(isinstance(end, int) for end in ends) and (stop - start) % steps == 0:
         return tuple(str(start + (stop - start) // steps * i) for i in range(count))
-    # Rounded, because directories are named after values: 0.15, not 0.15000000000000002.
+    # Rounded, because directories are named after the values: 0.15, not 0.15000000000000002.
     between = [float(f"{start + (stop - start) * i / steps:.12g}") for i in range(1, count - 1)]
     return tuple(map(repr, [float(start), *between, float(stop)][:count]))
 

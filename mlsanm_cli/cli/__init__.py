@@ -1,4 +1,4 @@
-"""The command line. Importing it loads click only; commands import the numerics when they are called."""
+"""The command line. Importing it loads click only; commands import the numerical modules when called."""
 
 from __future__ import annotations
 

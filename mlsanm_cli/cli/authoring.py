@@ -21,7 +21,7 @@ from mlsanm_cli.errors import RunError
 
 DEFAULT_KIND = "hertz"
 SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
-"""Shows editors where the schema is: `mlsanm schema > mlsanm.schema.json` writes it."""
+"""First line of a starter, by which editors find the schema written by `mlsanm schema`."""
 
 
 @click.command()
@@ -77,21 +77,20 @@ def schema(settings: Settings) -> int:
 
 @click.command()
 @click.argument("key", required=False, default="", shell_complete=completion.plain_keys)
-@click.option("--all", "everything", is_flag=True, help="Print the reference of all keys as Markdown.")
+@click.option("--all", "all_keys", is_flag=True, help="Print the reference of all keys as Markdown.")
 @common
 @click.pass_obj
-def explain(settings: Settings, key: str, everything: bool) -> int:
+def explain(settings: Settings, key: str, all_keys: bool) -> int:
     """Explain a key of the case file.
 
-    KEY is such as body.refine.spacing. Without KEY, list the tables.
+    KEY is a dotted key, for instance body.refine.spacing. Without KEY, list the tables.
     """
-    if everything:
-        from mlsanm_cli.case.reference import everything as all_keys
-        from mlsanm_cli.case.reference import markdown
+    if all_keys:
+        from mlsanm_cli.case.reference import all_explanations, markdown
 
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")
-        explanations = all_keys()
+        explanations = all_explanations()
         print_result(settings, {"explanations": [vars(one) for one in explanations]}, markdown(explanations))
         return 0
     from mlsanm_cli.case.explain import explain as explain_key
@@ -116,7 +115,7 @@ def _explanation(one: dict[str, Any], color: bool) -> str:
             lines.append(f"  {heading}")
             indent = max(map(len, listed)) + 6
             for name, meaning in listed.items():
-                text = _wrapped(meaning if heading == "kinds" else _first(meaning), width, indent)
+                text = _wrapped(meaning if heading == "kinds" else _first_sentence(meaning), width, indent)
                 lines += [f"    {name}".ljust(indent) + text[0].lstrip(), *text[1:]]
     return "\n".join(lines)
 
@@ -126,6 +125,6 @@ def _wrapped(text: str, width: int, indent: int) -> list[str]:
     return textwrap.wrap(text, width, initial_indent=space, subsequent_indent=space)
 
 
-def _first(text: str) -> str:
+def _first_sentence(text: str) -> str:
     """The first sentence of a description."""
     return re.split(r"[.;:]\s", text)[0].rstrip(".")

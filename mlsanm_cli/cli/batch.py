@@ -55,8 +55,8 @@ def sweep(
 ) -> int:
     """Solve CASE for all combinations of values.
 
-    As in --vary contact.interface.friction=0:0.5:11, or --vary body.block.spacing=0.1,0.2,0.4.
-    Completed points are skipped, so the same command continues an interrupted sweep.
+    For instance --vary contact.interface.friction=0:0.5:11 or --vary body.block.spacing=0.1,0.2,0.4.
+    Completed points are skipped: the same command continues an interrupted sweep.
     """
     with console_for(settings) as console:
         with numerics(threads):
@@ -84,7 +84,7 @@ def sweep(
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
     """Write a table of runs as CSV.
 
-    One row per run: parameters that differ, status, results.
+    One row per run: the parameters that differ, status and results.
     """
     with numerics(1):
         from mlsanm_cli.app.results.collect import as_csv, write_rows
@@ -102,9 +102,9 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
 @click.group()
 def cache() -> None:
-    """Show or delete what earlier versions left.
+    """Show or delete the disk cache of earlier versions.
 
-    They cached operators on disk; only compiled kernels are cached now.
+    Operators are no longer cached on disk, only compiled kernels.
     """
 
 
@@ -112,19 +112,19 @@ def cache() -> None:
 @common
 @click.pass_obj
 def cache_info(settings: Settings) -> int:
-    """Show location and size of files left by earlier versions."""
-    return _left_over(settings, "entries", remove=False)
+    """Show location and size of the disk cache of earlier versions."""
+    return _old_cache(settings, "entries", remove=False)
 
 
 @cache.command(name="clear")
 @common
 @click.pass_obj
 def cache_clear(settings: Settings) -> int:
-    """Delete files left by earlier versions; compiled kernels are kept."""
-    return _left_over(settings, "removed", remove=True)
+    """Delete the disk cache of earlier versions; compiled kernels are kept."""
+    return _old_cache(settings, "removed", remove=True)
 
 
-def _left_over(settings: Settings, counted: str, *, remove: bool) -> int:
+def _old_cache(settings: Settings, counted: str, *, remove: bool) -> int:
     from mlsanm_cli.kernels.aot.kept import cache_root
 
     directory = cache_root() / "operators"

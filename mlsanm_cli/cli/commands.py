@@ -1,4 +1,5 @@
-"""The commands. Each imports its dependencies when it is called, which keeps ``--help`` fast."""
+"""The group of commands and those on one scene. Each imports its dependencies when called, which keeps
+``--help`` fast."""
 
 from __future__ import annotations
 
@@ -20,17 +21,16 @@ from mlsanm_cli.cli.options import (
     set_option,
     threads_option,
 )
-from mlsanm_cli.cli.results import FRICTION, is_rubbed
+from mlsanm_cli.cli.results import FRICTION_KEYS, has_friction
 from mlsanm_cli.cli.resume import show_run
 from mlsanm_cli.cli.settings import Settings, numerics
 
-ELSEWHERE = {
+LAZY_COMMANDS = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
     **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
     **{name: name for name in ("compare", "plot", "probe", "report", "resume")},
 }
-"""Commands defined in other modules of this package, with their names."""
-
+"""Commands defined in other modules of this package, by name."""
 
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
@@ -45,7 +45,7 @@ class Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All names, in the order of the help."""
-        known = {*self.commands, *ELSEWHERE}
+        known = {*self.commands, *LAZY_COMMANDS}
         placed = [name for names in SECTIONS.values() for name in names]
         return [name for name in placed if name in known] + sorted(known - set(placed))
 
@@ -62,8 +62,8 @@ class Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of this name, or None."""
-        if cmd_name in ELSEWHERE:
-            module = importlib.import_module(f"mlsanm_cli.cli.{ELSEWHERE[cmd_name]}")
+        if cmd_name in LAZY_COMMANDS:
+            module = importlib.import_module(f"mlsanm_cli.cli.{LAZY_COMMANDS[cmd_name]}")
             command: click.Command = getattr(module, cmd_name)
             return command
         return super().get_command(ctx, cmd_name)
@@ -73,7 +73,7 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """As in click, with a suggestion for an unknown name."""
         if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
-            import difflib  # needed for unknown names only
+            import difflib
 
             names = self.list_commands(ctx)
             near = difflib.get_close_matches(args[0], names, n=1)
@@ -179,7 +179,7 @@ def check(
         result = check_case(
             case, overrides=overrides, write=write, picture=picture, threads=threads, console=console
         )
-    # The warnings are on stderr already.
+    # The warnings have been printed on stderr.
     shown = {key: value for key, value in result.items() if key != "warnings"}
     print_result(settings, result, pretty_result(settings, shown))
     return 0
@@ -196,7 +196,7 @@ def info(settings: Settings, rundir: Path) -> int:
 
     result = run_info(rundir)
     contacts = {
-        name: {key: value for key, value in one.items() if key not in FRICTION or is_rubbed(one)}
+        name: {key: value for key, value in one.items() if key not in FRICTION_KEYS or has_friction(one)}
         for name, one in result.get("contacts", {}).items()
     }
     print_result(settings, result, pretty_result(settings, {**result, "contacts": contacts}))
@@ -208,7 +208,7 @@ def info(settings: Settings, rundir: Path) -> int:
 @common
 @click.pass_obj
 def warmup(settings: Settings, threads: int) -> int:
-    """Compile the kernels ahead of the first run."""
+    """Compile the kernels before the first run."""
     with console_for(settings) as console:
         with numerics(threads):
             from mlsanm_cli.app.warmup import warmup as warm_up

@@ -62,13 +62,12 @@ def compare(
     force: bool,
     threads: int,
 ) -> int:
-    """Solve CASE by several methods and compare.
+    """Solve CASE by several methods and compare the results.
 
-    By ANM and the selected methods, on the same operators.
-    The method of CASE is always included. Exit code 1 if methods disagree.
+    ANM, the selected methods and the method of CASE use the same operators. Exit code 1 if they disagree.
     """
-    asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
-    methods = tuple(name for name, wanted in asked.items() if wanted)
+    selected = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
+    methods = tuple(name for name, wanted in selected.items() if wanted)
     with console_for(settings) as console:
         with numerics(threads):
             from mlsanm_cli.app.comparison.compare import CompareOptions

@@ -12,20 +12,20 @@ from typing import Any
 
 import click
 
-LISTED = ("body", "material", "load", "contact", "probe")
+NAMED_TABLES = ("body", "material", "load", "contact", "probe")
 """Tables whose items have names, which are part of keys."""
 Complete = Callable[[click.Context, click.Parameter, str], list[str]]
 
 
 def keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys in the form of ``--set`` and ``--vary``, with the names of the case of the command."""
+    """Keys as for ``--set`` and ``--vary``, with the names in the case given to the command."""
     case = _content(next(iter(_given(context, "case")), None))
     found = [f"{name}=" for key in _known() for name in _with_names(key, case)]
     return _matching(found, incomplete)
 
 
 def plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys in the form of ``explain``."""
+    """Keys as for ``explain``."""
     return _matching(_known(), incomplete)
 
 
@@ -37,7 +37,7 @@ def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -
 
 
 def names(*tables: str) -> Complete:
-    """A function that completes names of items of tables in the case of a run; of supports boundaries."""
+    """A function that completes names of items of tables in the case of a run; for supports, boundaries."""
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
         found: list[Any] = []
@@ -51,16 +51,16 @@ def names(*tables: str) -> Complete:
 
 
 def _known() -> list[str]:
-    """All keys of the schema with values (not tables)."""
+    """All keys of the schema that are not tables."""
     from mlsanm_cli.case.reference import value_keys
 
     return value_keys()
 
 
 def _with_names(key: str, case: Mapping[str, Any]) -> Iterator[str]:
-    """A key with the names of the items of a case and with the wildcard; without a case the latter only."""
+    """A key with the names of the items of a case and with the wildcard."""
     table, dot, rest = key.partition(".")
-    if table not in LISTED or not dot:
+    if table not in NAMED_TABLES or not dot:
         yield key
         return
     items = case.get(table)
@@ -81,10 +81,8 @@ def _matching(found: list[str], incomplete: str) -> list[str]:
 
 
 def _given(context: click.Context, *names: str) -> list[Path]:
-    """The files given to the command so far.
-
-    If the value of an option is missing, click leaves them among the remaining arguments.
-    """
+    """The files given to the command so far; if the value of an option is missing, click keeps them in
+    ``args``."""
     for name in names:
         given = context.params.get(name)
         if given:

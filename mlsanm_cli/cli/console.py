@@ -18,16 +18,17 @@ from mlsanm_cli.closing import Closing
 _COLUMNS = 80
 _SOLVING = "solving ..."
 _CLEAR = "\r\x1b[K"
-_INTERVAL = 1.0  # seconds between two lines of the step table in a log
-_FRAME = 0.05  # seconds between two changes of the line on a terminal
+_LOG_INTERVAL = 1.0
+_TERMINAL_INTERVAL = 0.05
+"""Seconds between two rows of the step table in a log, and on a terminal."""
 
 
 class TerminalConsole(Closing):
     """Progress, notes, warnings and tables.
 
     With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line, which shows the
-    elapsed time if nothing replaces it. Elsewhere a phase is a line, and steps are shown at most once a
-    second, the first and the last always.
+    elapsed time while it does not change. Elsewhere a phase is a line, and steps are shown at most once a
+    second, and always the first and the last.
     """
 
     def __init__(
@@ -47,19 +48,19 @@ class TerminalConsole(Closing):
         self._live = is_terminal(stream) and not settings.quiet
         self._clock = clock
         self._width = width
-        self._deaf = False
+        self._closed = False  # the reader has closed the stream
         self._style = DIM
         self._shown = ""  # the line on the terminal that the next one replaces
         self._row: list[str] = []  # its columns, if it is a step
-        self._doing = ""  # what is shown again after a message
-        self._waiting: list[str] = []  # the latest step that was not shown yet
+        self._doing = ""  # the phase, shown again after a message
+        self._waiting: list[str] = []  # the latest step if it has not been shown
         self._last: float | None = None
         # Two threads write: this one, and the one that shows the elapsed time.
         self._lock = threading.RLock()
-        self._heart = Heartbeat(self._still, interval)
+        self._heart = Heartbeat(self._show_elapsed, interval)
 
     def begin(self, text: str) -> None:
-        """Shows on a terminal what is done before the first phase; in a log nobody waits for it."""
+        """Shows a text until the first phase; on a terminal only."""
         with self._lock:
             if self._live:
                 self._doing = f"{text} ..."
@@ -85,7 +86,7 @@ class TerminalConsole(Closing):
         row = [f"step {index:4d} ", f"position {position:<9.6g}", f"residual {residual:8.2e} ", *remarks]
         with self._lock:
             now = self._clock()
-            pause = _FRAME if self._live else _INTERVAL
+            pause = _TERMINAL_INTERVAL if self._live else _LOG_INTERVAL
             if self._last is not None and now - self._last < pause:
                 self._waiting = row
                 return
@@ -121,7 +122,7 @@ class TerminalConsole(Closing):
             self._finish_steps()
             self._erase()
 
-    def _still(self, seconds: float) -> None:
+    def _show_elapsed(self, seconds: float) -> None:
         """Adds elapsed time and progress to the line on the terminal, omitting what does not fit."""
         with self._lock:
             if not self._shown:
@@ -148,7 +149,7 @@ class TerminalConsole(Closing):
         if self._waiting:
             self._show_step(self._waiting)
         if self._live:
-            # Without the elapsed time.
+            # Removes the elapsed time.
             self._put(f"{_CLEAR}{paint(self._shown, self._style, self._color)}\n")
             self._shown = ""
         self._last = None
@@ -179,13 +180,13 @@ class TerminalConsole(Closing):
 
     def _put(self, text: str) -> None:
         """Writes; after the reader has closed the stream, as in `| head`, output is discarded."""
-        if self._deaf:
+        if self._closed:
             return
         try:
             self._stream.write(text)
             self._stream.flush()
         except OSError:
-            self._deaf = True
+            self._closed = True
 
 
 def _factorisation() -> str:
@@ -195,9 +196,9 @@ def _factorisation() -> str:
 
 
 def _stopping() -> str:
-    """What is shown after a signal that the run obeys later, "" if there was none."""
+    """The message after a signal that stops the run after its step, "" if there was none."""
     module = sys.modules.get("mlsanm_cli.app.signals")
-    return "" if module is None else str(module.Stopper.heard)
+    return "" if module is None else str(module.Stopper.message)
 
 
 def fitting(columns: Sequence[str], width: int) -> str:

@@ -25,7 +25,7 @@ class Heartbeat:
         """Restarts the time; the first call starts the thread."""
         self._since = time.monotonic()
         if self._thread is None and not self._over.is_set():
-            # A daemon, so that an interrupted process does not wait for it.
+            # An interrupted process does not wait for a daemon thread.
             self._thread = threading.Thread(target=self._run, daemon=True)
             self._thread.start()
 
@@ -35,6 +35,6 @@ class Heartbeat:
 
     def _run(self) -> None:
         while not self._over.wait(self._interval):
-            still = time.monotonic() - self._since
-            if still >= self._interval:
-                self._beat(still)
+            elapsed = time.monotonic() - self._since
+            if elapsed >= self._interval:
+                self._beat(elapsed)

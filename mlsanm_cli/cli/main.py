@@ -20,9 +20,9 @@ from mlsanm_cli.cli.text import RED, YELLOW, as_json, paint, printable
 from mlsanm_cli.errors import CaseError, CaseProblem, MlsanmError
 
 USAGE, BUG, STOPPED = 2, 70, 75
-LOST = (errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EIO, errno.ENOSPC)
-"""Errors of writing to a stream: it has no reader, or the disk is full."""
-SHOWN = 200
+STREAM_ERRORS = (errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EIO, errno.ENOSPC)
+"""Errors of writing to a stream that has no reader or is on a full disk."""
+MAX_PROBLEMS = 200
 """Largest number of problems of a case that are printed."""
 
 
@@ -33,19 +33,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     open_closed_streams()
     settings = Settings()
-    # Before anything is parsed: errors in options are reported as JSON too.
+    # Before parsing: errors in options are reported as JSON too.
     settings.json = "--json" in (sys.argv[1:] if arguments is None else arguments)
     try:
         code = _run(arguments, settings)
-        if settings.unsaid is not None and not isinstance(settings.unsaid, BrokenPipeError):
-            _print("error", f"cannot write to stdout: {settings.unsaid.strerror}", settings)
+        if settings.stdout_error is not None and not isinstance(settings.stdout_error, BrokenPipeError):
+            _print("error", f"cannot write to stdout: {settings.stdout_error.strerror}", settings)
             code = code or USAGE
         return code
     finally:
         try:
             sys.stderr.flush()
         except OSError:
-            # Python resuming would repeat the failure at exit and change the exit code.
+            # Python would flush it again at exit, fail again, and change the exit code.
             silence(sys.stderr)
 
 
@@ -53,7 +53,7 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
     """Runs a command, reports its error, if any, and returns its exit code."""
     stdout, stderr = sys.stdout, sys.stderr
     try:
-        with _terminate_like_interrupt():
+        with _signals_as_interrupts():
             code = cli.main(
                 args=None if arguments is None else list(arguments),
                 prog_name="mlsanm",
@@ -63,18 +63,18 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
             sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except SystemExit as error:
-        # Raised by click after shell completion; and, with wrapped streams and code 1, after writing help to
-        # a closed stream.
+        # Raised by click after shell completion and, with wrapped streams, after writing help to a closed
+        # stream.
         if sys.stdout is not stdout:
             sys.stdout, sys.stderr = stdout, stderr
             silence(stdout)
             return 0
         return error.code if isinstance(error.code, int) else 0
     except OSError as error:
-        if error.filename is not None or error.errno not in LOST:
+        if error.filename is not None or error.errno not in STREAM_ERRORS:
             return _report(error, settings)
-        # A stream, because files have names: click writes help, version and completion itself.
-        settings.unsaid = error
+        # A stream, as files have names: click writes help, version and completion itself.
+        settings.stdout_error = error
         silence(sys.stdout)
         return 0
     except BaseException as error:
@@ -84,7 +84,7 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
 def _report(error: BaseException, settings: Settings) -> int:
     """Prints the error, with ``--json`` on stdout too, and returns its exit code."""
     if settings.debug and not isinstance(error, click.ClickException):
-        import traceback  # needed with --debug only
+        import traceback
 
         traceback.print_exception(error)
     if isinstance(error, click.ClickException):
@@ -95,11 +95,11 @@ def _report(error: BaseException, settings: Settings) -> int:
         _as_json([CaseProblem("", error.format_message())], settings)
         return USAGE
     if isinstance(error, CaseError):
-        for problem in error.problems[:SHOWN]:
+        for problem in error.problems[:MAX_PROBLEMS]:
             _print("", str(problem).replace("\n", "\\n"), settings)
         count = len(error.problems)
-        if count > SHOWN:
-            _print("", f"and {count - SHOWN} more", settings)
+        if count > MAX_PROBLEMS:
+            _print("", f"and {count - MAX_PROBLEMS} more", settings)
         _print("error", f"{count} problem{'' if count == 1 else 's'} in the case, nothing was run", settings)
         _as_json(error.problems, settings)
         return error.exit_code
@@ -152,8 +152,8 @@ def _print(kind: str, text: str, settings: Settings) -> None:
 
 
 @contextmanager
-def _terminate_like_interrupt() -> Iterator[None]:
-    """SIGTERM and SIGUSR1 end a command like Ctrl-C, so that files are closed; handlers are restored."""
+def _signals_as_interrupts() -> Iterator[None]:
+    """Within the block SIGTERM and SIGUSR1 end a command like Ctrl-C, which closes its files."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

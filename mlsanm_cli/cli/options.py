@@ -21,12 +21,12 @@ from mlsanm_cli.inputs import is_text
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-LONGEST_WALL = 1e9
-"""Seconds, about thirty years: the limit of timers on all systems."""
+MAX_WALL_SECONDS = 1e9
+"""About thirty years, a time that timers accept on all systems."""
 
 
 class File(click.Path):
-    """A path that is valid text, because results contain file names."""
+    """A path that is valid text, as results contain file names."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path; usage error for bytes that are not UTF-8."""
@@ -40,7 +40,7 @@ class Seconds(click.FloatRange):
     """A duration within the limit of timers."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The seconds; usage error for nan, which ranges do not exclude."""
+        """The seconds; usage error for nan, which FloatRange accepts."""
         seconds = super().convert(value, param, ctx)
         if math.isnan(seconds):
             self.fail("nan is not a duration", param, ctx)
@@ -56,7 +56,7 @@ def _store(context: click.Context, parameter: click.Parameter, value: Any) -> No
 
 
 def _common_option(*names: str, **settings: Any) -> Callable[[Function], Function]:
-    # Eager: read first, so that they apply to errors in other options too.
+    # Eager options are read first, and so apply to errors in other options too.
     return click.option(*names, is_eager=True, expose_value=False, callback=_store, **settings)
 
 
@@ -89,7 +89,7 @@ def max_wall_option(function: Function) -> Function:
     """``--max-wall``."""
     option = click.option(
         "--max-wall",
-        type=Seconds(min=0.0, min_open=True, max=LONGEST_WALL),
+        type=Seconds(min=0.0, min_open=True, max=MAX_WALL_SECONDS),
         metavar="SECONDS",
         help="Stop after this time with exit code 75; `mlsanm resume` continues.",
     )
@@ -97,7 +97,7 @@ def max_wall_option(function: Function) -> Function:
 
 
 def cache_option(function: Function) -> Function:
-    """``--no-cache``, which scripts may still have: without effect, as no operators are kept on disk."""
+    """``--no-cache``, kept for existing scripts, without effect: operators are not cached on disk."""
     return click.option("--cache/--no-cache", hidden=True, expose_value=False)(function)
 
 
@@ -115,9 +115,9 @@ def set_option(function: Function) -> Function:
 
 
 def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
-    """The console for progress messages on stderr; a terminal shows what is done until the first of them.
+    """The console for progress messages on stderr; a terminal shows ``doing`` until the first of them.
 
-    Opened before the numerics are imported, which takes a second or more.
+    Opened before the numerical modules are imported, which takes a second or more.
     """
     console = TerminalConsole(sys.stderr, settings)
     console.begin(doing)
@@ -133,6 +133,6 @@ def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> No
 
 
 def pretty_result(settings: Settings, result: Mapping[str, Any]) -> str:
-    """The result as tables of the width of the terminal."""
+    """The result as tables that fit the width of the terminal."""
     width = shutil.get_terminal_size((100, 24)).columns
     return pretty(result, color=settings.paints(sys.stdout), width=width)

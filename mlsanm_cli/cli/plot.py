@@ -1,4 +1,4 @@
-"""``mlsanm plot``: options."""
+"""``mlsanm plot``."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def plot(
 ) -> int:
     """Draw pictures of a run, or of several runs together.
 
-    Contact pressures, load path, deformed bodies with von Mises stress. No display is needed.
+    Contact pressures, the load path, and deformed bodies with von Mises stress. No display is needed.
     """
     with console_for(settings, "drawing"):
         with numerics(1):

@@ -1,4 +1,4 @@
-"""``mlsanm probe``: options, tables and CSV."""
+"""``mlsanm probe``: options, tables and CSV output."""
 
 from __future__ import annotations
 
@@ -19,13 +19,15 @@ from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import grid, label, number, plain
 from mlsanm_cli.errors import RunError
 
-_WAYS = {
+_ORIGINS = {
     "stored": "",
     "series": "from the power series of the step",
     "linear": "interpolated (linear problem)",
-    "interpolated": "interpolated to {error:.2g} % of the largest value",
+    "interpolated": "interpolated, error {error:.2g} % of the largest value",
 }
-_ORIGIN = ("how", "error")
+_ORIGIN_KEYS = ("how", "error")
+_ROUND_OFF = 1e-9
+"""Relative error below which an interpolation is exact to round-off."""
 
 
 class PointType(click.ParamType[tuple[float, float]]):
@@ -103,7 +105,7 @@ def probe(
         from mlsanm_cli.app.results import probe as app
 
     targets = [name for name in (contact, force, probe, body) if name is not None]
-    _refuse_mixtures(len(targets), contact, body, point, field, quantities, force)
+    _check_options(len(targets), contact, body, point, field, quantities, force)
     if as_csv and settings.json:
         raise RunError("--csv and --json exclude each other", "give one of them")
     if not targets:
@@ -124,14 +126,14 @@ def probe(
     if as_csv:
         for row in rows:
             if "error" in row:
-                console_for(settings).warning(f"position {number(row['position'])}: {_way(row)}")
+                console_for(settings).warning(f"position {number(row['position'])}: {_origin(row)}")
         say(settings, _csv(rows), newline=False)
         return 0
     print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
     return 0
 
 
-def _refuse_mixtures(
+def _check_options(
     targets: int,
     contact: str | None,
     body: str | None,
@@ -155,28 +157,31 @@ def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:
     """One table over the load levels; for a contact one table per level."""
     if any(hasattr(value, "tolist") for value in rows[0].values()):
         return "\n".join(_nodes(title, row, color) for row in rows)
-    columns = [key for key in rows[0] if key not in _ORIGIN]
-    cells = [[*(number(row[key]) for key in columns), _way(row)] for row in rows]
+    columns = [key for key in rows[0] if key not in _ORIGIN_KEYS]
+    cells = [[*(number(row[key]) for key in columns), _origin(row)] for row in rows]
     return grid(title, [*map(label, columns), ""], cells, color)
 
 
-def _way(row: Mapping[str, Any]) -> str:
-    """How a row is known, in words; none if it is stored."""
-    return _WAYS[row["how"]].format(error=100.0 * row.get("error", 0.0))
+def _origin(row: Mapping[str, Any]) -> str:
+    """The origin of a row in words, "" if it is stored."""
+    error = float(row.get("error", 0.0))
+    if row["how"] == "interpolated" and error < _ROUND_OFF:
+        return "interpolated to round-off"
+    return _ORIGINS[row["how"]].format(error=100.0 * error)
 
 
 def _nodes(title: str, row: Mapping[str, Any], color: bool) -> str:
-    columns = [key for key in row if key not in ("position", *_ORIGIN)]
-    way = f", {_way(row)}" if _way(row) else ""
+    columns = [key for key in row if key not in ("position", *_ORIGIN_KEYS)]
+    origin = f", {_origin(row)}" if _origin(row) else ""
     cells = [list(map(number, values)) for values in zip(*(plain(row[key]) for key in columns), strict=True)]
-    return grid(f"{title}, position {number(row['position'])}{way}", [*map(label, columns)], cells, color)
+    return grid(f"{title}, position {number(row['position'])}{origin}", [*map(label, columns)], cells, color)
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     """One line per level, for a contact one per level and node."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    columns = [key for key in rows[0] if key not in _ORIGIN]
+    columns = [key for key in rows[0] if key not in _ORIGIN_KEYS]
     writer.writerow(columns)
     for row in rows:
         values = [plain(row[key]) for key in columns]

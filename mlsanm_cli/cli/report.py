@@ -1,4 +1,4 @@
-"""``mlsanm report``: options."""
+"""``mlsanm report``."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from mlsanm_cli.cli.settings import Settings, numerics
 def report(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
     """Write an HTML report on one run or several.
 
-    A single self-contained file with case, pictures, tables, checks and provenance. For several runs it is
-    written to the current directory unless -o is given.
+    A self-contained file with case, pictures, tables, checks and provenance. For several runs it is written
+    to the current directory unless -o is given.
     """
     with console_for(settings, "drawing"):
         with numerics(1):

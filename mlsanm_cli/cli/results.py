@@ -9,8 +9,8 @@ from typing import Any
 from mlsanm_cli.cli.text import grid, label, number, table
 
 _CONTACT = ("peak_pressure", "peak_tension", "peak_traction", "half_width", "force", "min_gap")
-FRICTION = ("stick_nodes", "slip_nodes", "dissipated_work", "max_cone_ratio", "peak_traction")
-"""What a summary has of contacts with friction only to tell."""
+FRICTION_KEYS = ("stick_nodes", "slip_nodes", "dissipated_work", "max_cone_ratio", "peak_traction")
+"""Keys of a summary that are meaningful for contacts with friction only."""
 _QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memory_mb")
 
 
@@ -43,22 +43,22 @@ def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) 
     rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
     if contact.get("singular_ends"):
         rows[0] = ("peak pressure", f"{rows[0][1]} at a singular end: it depends on the grid")
-    nodes = ("stick_nodes", "slip_nodes") if is_rubbed(contact) else ("closed_nodes",)
+    nodes = ("stick_nodes", "slip_nodes") if has_friction(contact) else ("closed_nodes",)
     rows += [(label(key), number(contact[key])) for key in nodes if key in contact]
     pressures = (summary.get("error_estimate") or {}).get("pressure", {})
     if name in pressures:
         rows.append(("error estimate", _percent(pressures[name], "of the pressures")))
     reference = contact.get("reference")
     if reference:
-        away = _percent(reference.get("pressure_error_l2"), "pressure error")
+        error = _percent(reference.get("pressure_error_l2"), "pressure error")
         rows.append(
-            (str(reference.get("solution")), f"{away}, peak {number(reference.get('peak_pressure'))}")
+            (str(reference.get("solution")), f"{error}, peak {number(reference.get('peak_pressure'))}")
         )
     return rows
 
 
-def is_rubbed(contact: Mapping[str, Any]) -> bool:
-    """Whether a contact has friction: stick and slip are not distinguished without."""
+def has_friction(contact: Mapping[str, Any]) -> bool:
+    """Whether a contact of a summary has friction."""
     return contact.get("max_cone_ratio") is not None or "closed_nodes" not in contact
 
 
@@ -78,7 +78,7 @@ _WORK = {
     "seconds_setup": "set-up s",
     "seconds_path": "path s",
 }
-_APART = ("pressure", "traction", "displacement")
+_DIFFERENCES = ("pressure", "traction", "displacement")
 
 
 def comparison_text(result: Mapping[str, Any], color: bool) -> str:
@@ -86,10 +86,10 @@ def comparison_text(result: Mapping[str, Any], color: bool) -> str:
     methods = result["methods"]
     work = [[_cell(method, key) for key in _WORK] for method in methods]
     parts = [grid("work and CPU seconds", list(_WORK.values()), work, color)]
-    columns = ["", "against", *(f"{name} diff." for name in _APART), "limit", "agrees"]
+    columns = ["", "against", *(f"{name} diff." for name in _DIFFERENCES), "limit", "agrees"]
     analytic = any("reference_error" in method for method in methods)
     columns += ["reference error"] if analytic else []
-    rows = [_apart(method) + ([_worst(method)] if analytic else []) for method in methods]
+    rows = [_difference(method) + ([_worst(method)] if analytic else []) for method in methods]
     title = f"largest differences at {len(result['levels'])} load levels, relative to the peak"
     parts.append(grid(title, columns, rows, color))
     parts += [
@@ -109,11 +109,11 @@ def _cell(method: Mapping[str, Any], key: str) -> str:
     return f"{value:.3g}" if isinstance(value, float) else number(value)
 
 
-def _apart(method: Mapping[str, Any]) -> list[str]:
+def _difference(method: Mapping[str, Any]) -> list[str]:
     difference = method.get("difference")
     if difference is None:
-        return [method["method"], *["-"] * (len(_APART) + 3)]
-    values = [f"{difference[name]:.2g}" for name in _APART]
+        return [method["method"], *["-"] * (len(_DIFFERENCES) + 3)]
+    values = [f"{difference[name]:.2g}" for name in _DIFFERENCES]
     agrees = "converges" if method["agrees"] and "convergence" in method else number(method["agrees"])
     return [method["method"], method["against"], *values, f"{method['limit']:.2g}", agrees]
 
@@ -143,7 +143,7 @@ def _outcome(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _limited(key: str, summary: Mapping[str, Any]) -> str:
+def _with_limit(key: str, summary: Mapping[str, Any]) -> str:
     """A quantity with the limit at which a run fails."""
     limit = summary.get("limits", {}).get(key)
     shown = number(summary[key])
@@ -164,9 +164,9 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
     if peaks:
         body, peak = max(peaks.items(), key=lambda one: float(one[1]["error"]))
         x, y = (number(value) for value in peak["place"])
-        off = _percent(peak["error"], "error")
-        rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {off}"))
-    rows += [(label(key), _limited(key, summary)) for key in _QUALITY if key in summary]
+        error = _percent(peak["error"], "error")
+        rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {error}"))
+    rows += [(label(key), _with_limit(key, summary)) for key in _QUALITY if key in summary]
     sizes = [
         f"{number(summary[key])} {label(key)}"
         for key in ("nodes", "unknowns", "contact_unknowns")

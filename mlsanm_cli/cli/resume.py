@@ -29,7 +29,7 @@ _STATUS_CODES = {"failed": 3, "stopped": 75}
 def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
     """Continue the interrupted run in RUNDIR after its last saved step.
 
-    The result agrees with that of an uninterrupted run to the solver's tolerance.
+    The result agrees with that of an uninterrupted run to the tolerance of the solver.
     """
     threads = threads or _threads_of(rundir)
     with console_for(settings) as console:
@@ -43,7 +43,7 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
     """Prints the result of a run and returns its exit code."""
     width = shutil.get_terminal_size((100, 24)).columns
     print_result(settings, summary, run_text(summary, settings.paints(sys.stdout), width))
-    # Before its first state a run has nothing to draw.
+    # A run without a state has nothing to draw.
     drawable = summary.get("position") is not None and "directory" in summary
     if drawable and not settings.quiet and not settings.json:
         say(settings, f"pictures: mlsanm plot {summary['directory']}")
@@ -51,10 +51,10 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
 
 
 def _threads_of(rundir: Path) -> int:
-    """The number of threads of a run, from its first event: run.h5 cannot be opened before it is set."""
+    """The number of threads of a run, from its first event: run.h5 cannot be read before it is set."""
     try:
         with (rundir / "events.jsonl").open(encoding="utf-8") as stream:
             return max(int(json.loads(stream.readline())["threads"]), 1)
     except (OSError, ValueError, KeyError, TypeError):
-        # Problems of the directory are reported when it is read.
+        # Problems of the directory are reported later, when it is read.
         return 1

@@ -1,4 +1,4 @@
-"""Settings from the options common to all commands."""
+"""Settings from the options common to all commands, and the number of threads."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TextIO
 
-THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+from mlsanm_cli.system import THREAD_VARIABLES
 
 
 @dataclass
@@ -19,7 +19,7 @@ class Settings:
     json: bool = False
     debug: bool = False
     color: str = "auto"
-    unsaid: OSError | None = None
+    stdout_error: OSError | None = None
     """The error of writing the result to stdout, if any."""
 
     def paints(self, stream: TextIO) -> bool:
@@ -35,7 +35,7 @@ def is_terminal(stream: TextIO) -> bool:
 
 
 def set_threads(threads: int) -> None:
-    """Sets the number of threads of the numerical libraries, which read it when they are first imported."""
+    """Sets the number of threads of the numerical libraries, which read it when they are imported."""
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
 

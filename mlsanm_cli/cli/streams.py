@@ -1,4 +1,4 @@
-"""The standard streams, which may be closed by the caller or the reader at any time."""
+"""The standard streams, which the caller or the reader may close at any time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mlsanm_cli.cli.settings import Settings
 def open_closed_streams() -> None:
     """Replaces closed standard streams (``>&-``) by the null device.
 
-    Otherwise the first file of a run would get the number of the stream and receive its output.
+    Otherwise the first file opened by a run would get the number of the stream, and its output.
     """
     for number in range(3):
         try:
@@ -28,20 +28,20 @@ def open_closed_streams() -> None:
 
 
 def say(settings: Settings, text: str, *, newline: bool = True) -> None:
-    """Writes to stdout. An error is stored in the settings, and the command continues: its work and exit code
-    do not depend on the reader."""
-    if settings.unsaid is not None:
+    """Writes to stdout. An error is stored in the settings, and the command continues: its results and exit
+    code do not depend on the reader."""
+    if settings.stdout_error is not None:
         return
     try:
-        # Colours are decided already; click must not change them.
+        # Colours are set already; click must not change them.
         click.echo(text, nl=newline, color=True)
     except OSError as error:
-        settings.unsaid = error
+        settings.stdout_error = error
         silence(sys.stdout)
 
 
 def silence(stream: TextIO) -> None:
-    """Discards buffered and future output of a stream, which Python flushes again at exit."""
-    # A stream that is not a file, as in tests, has no number.
+    """Discards buffered and future output of a stream, which Python would flush again at exit."""
+    # A stream that is not a file, as in tests, has no file descriptor.
     with contextlib.suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-LONGEST_LINE = 2000
+MAX_LINE_LENGTH = 2000
 BOLD, RED, YELLOW, DIM = "1", "31", "33", "2"
 
 
@@ -26,15 +26,15 @@ def printable(text: str) -> str:
 
 
 def _line(line: str) -> str:
-    if len(line) > LONGEST_LINE:
-        line = f"{line[: LONGEST_LINE // 2]} [...] {line[-LONGEST_LINE // 2 :]}"
+    if len(line) > MAX_LINE_LENGTH:
+        line = f"{line[: MAX_LINE_LENGTH // 2]} [...] {line[-MAX_LINE_LENGTH // 2 :]}"
     if line.isprintable():
         return line
     return "".join(c if c.isprintable() or c == "\t" else ascii(c)[1:-1] for c in line)
 
 
 def plain(value: Any) -> Any:
-    """The value in JSON's types: arrays as lists, numbers of numpy as numbers, nan and inf as null."""
+    """The value in JSON's types: arrays as lists, numpy scalars as numbers, nan and inf as null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if hasattr(value, "tolist"):
@@ -81,7 +81,7 @@ LABELS = {
     "git": "commit",
     "argv": "command",
 }
-"""Headings of keys whose names say too little."""
+"""Headings of keys whose names are too short."""
 
 
 def label(key: str) -> str:
@@ -91,7 +91,7 @@ def label(key: str) -> str:
 
 
 def table(title: str, rows: Sequence[tuple[str, str]], color: bool = False) -> str:
-    """Two aligned columns under a title."""
+    """Two aligned columns with a title."""
     width = max((len(name) for name, _ in rows), default=0)
     lines = [paint(title, BOLD, color)] if title else []
     lines += [f"  {name:<{width}}  {value}".rstrip() for name, value in rows]
@@ -99,7 +99,7 @@ def table(title: str, rows: Sequence[tuple[str, str]], color: bool = False) -> s
 
 
 def grid(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], color: bool = False) -> str:
-    """A table with a heading per column, the first column to the left, the others to the right."""
+    """A table with a heading per column; the first column is left-aligned, the others right-aligned."""
     cells = [list(columns), *[list(row) for row in rows]]
     widths = [max(len(row[column]) for row in cells) for column in range(len(columns))]
     lines = [paint(title, BOLD, color)] if title else []

@@ -1,8 +1,8 @@
-"""Cells of a cloud's nodes: the median dual of its triangles, closed by the body's true outline.
+"""Cells of a cloud's nodes: the median dual of its triangles, closed by the body's exact outline.
 
-A cell's inner faces run from the mid-sides of the triangles' edges to the triangles' centroids; on the
-outline the mid-side is the point of the curve halfway between two nodes, and the cell ends at the curve.
-Cells thus fill the body, and a flux integrated over all faces of a cell is what its divergence makes inside.
+Inner faces run from edge mid-points to triangle centroids. On the outline the mid-point is taken on the
+curve, halfway in arc length between two nodes, and the cell ends at the curve. The cells therefore fill the
+body, and the divergence theorem holds on each of them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.surface import Surface
 
 Rule: TypeAlias = tuple[tuple[float, float], ...]
-"""Places on a face, from 0 to 1, and weights of a quadrature."""
+"""Points on a face, from 0 to 1, and weights of a quadrature rule."""
 
 
 def _gauss(count: int) -> Rule:
@@ -27,17 +27,20 @@ def _gauss(count: int) -> Rule:
 
 
 GAUSS: dict[int, Rule] = {count: _gauss(count) for count in range(1, 5)}
-"""Gauss's rules by their number of points."""
+"""Gauss-Legendre rules by number of points."""
 FINE = GAUSS[4]
-"""That for functions of place that may be anything."""
-MOST_TIMES = 16
-CLOSED = 1e-4
-"""What the normals of a closed cell may leave, as a part of the lengths: Gauss's rule on curves."""
+"""The rule for integrands of unknown smoothness."""
+MAX_REPEATS = 16
+CLOSURE_TOLERANCE = 1e-4
+"""Closure tolerance of a cell: sum of its normals, relative to its perimeter."""
 
 
 @dataclass(frozen=True)
 class Faces:
-    """Inner faces (f,) between the cells of nodes ``one`` and ``other``, from ``start`` to ``end`` (f, 2)."""
+    """Inner faces (f,) between the cells of nodes ``one`` and ``other``, from ``start`` to ``end`` (f, 2).
+
+    The normal points out of the cell of ``one``.
+    """
 
     one: IntArray
     other: IntArray
@@ -45,23 +48,22 @@ class Faces:
     end: FloatArray
 
     def between(self, labels: IntArray) -> Faces:
-        """Those between nodes with different ``labels`` (n,)."""
-        return self.taken(labels[self.one] != labels[self.other])
+        """The faces between nodes with different ``labels`` (n,)."""
+        return self.select(labels[self.one] != labels[self.other])
 
-    def taken(self, kept: BoolArray) -> Faces:
-        """Those that are ``kept`` (f,)."""
+    def select(self, kept: BoolArray) -> Faces:
+        """The faces selected by the mask ``kept`` (f,)."""
         return Faces(self.one[kept], self.other[kept], self.start[kept], self.end[kept])
 
     def quadrature(self, rule: Rule = GAUSS[2]) -> tuple[FloatArray, FloatArray]:
-        """The g points (f, g, 2) of a ``rule`` on every face, and there the normals out of the cell of
-        ``one`` times the lengths they stand for (f, g, 2)."""
+        """Points (f, g, 2) of a ``rule`` on every face, and normals times quadrature weights (f, g, 2)."""
         along = self.end - self.start
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
         points = np.stack([self.start + x * along for x, _ in rule], axis=1)
         return points, np.stack([weight * normal for _, weight in rule], axis=1)
 
     def edges(self, rule: Rule = GAUSS[2]) -> Edges:
-        """Both faces between the same two cells together, with the points of a ``rule`` on each."""
+        """Both faces between the same two cells merged, with the points of a ``rule`` on each."""
         count = 1 + int(max(self.one.max(initial=0), self.other.max(initial=0)))
         low, high = np.minimum(self.one, self.other), np.maximum(self.one, self.other)
         key, first, edge = np.unique(low * count + high, return_index=True, return_inverse=True)
@@ -79,9 +81,11 @@ class Faces:
 
 @dataclass(frozen=True)
 class Edges:
-    """All that separates the cells of nodes ``one`` and ``other`` (e,), the lower number first: g points
-    ``points`` (e, 2g, 2) of a rule on either face, and the ``normals`` (e, 2g, 2) out of the cell of ``one``
-    times the lengths they stand for, nothing on the second where there is one face only."""
+    """The boundary between the cells of nodes ``one`` < ``other`` (e,): one face or two.
+
+    ``points`` (e, 2g, 2) are the g quadrature points on either face, ``normals`` (e, 2g, 2) the normals out
+    of the cell of ``one`` times quadrature weights, zero for a missing second face.
+    """
 
     one: IntArray
     other: IntArray
@@ -90,17 +94,17 @@ class Edges:
 
     @property
     def middle(self) -> FloatArray:
-        """The means (e, 2) of the points."""
+        """Mean (e, 2) of the points."""
         return np.asarray(self.points.mean(axis=1))
 
 
 @dataclass(frozen=True)
 class Halves:
-    """Gauss's points on the halves of a surface between neighbouring nodes, each half in its node's cell.
+    """Quadrature points on a surface: each interval between neighbouring nodes is halved at the cell limit.
 
-    Point g lies at arc length ``arc`` (g,), stands for ``length`` (g,) of the surface, and is in the cell of
-    the surface's node number ``own`` (g,); ``share`` (g,) is the linear function that is 1 at that node
-    and 0 at its neighbour number ``other`` (g,).
+    Point g lies at arc length ``arc`` (g,) with weight ``length`` (g,), in the cell of the surface's node
+    number ``own`` (g,). ``share`` (g,) is the linear hat function of that node; its neighbour ``other`` (g,)
+    has 1 - ``share``.
     """
 
     own: IntArray
@@ -111,9 +115,11 @@ class Halves:
 
     @classmethod
     def of(cls, surface: Surface, rule: Rule = GAUSS[2]) -> Halves:
-        """Those of a surface, by the places and weights of a quadrature ``rule``, several times on each half
-        if the curve is known by more points than there are nodes: cells must close along its waves."""
-        rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MOST_TIMES))
+        """Apply a quadrature ``rule`` to each half interval of a ``surface``.
+
+        The rule is repeated where the curve has more data points than nodes, else cells would not close.
+        """
+        rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MAX_REPEATS))
         arc, step = surface.ends, np.diff(surface.ends)
         first = np.arange(len(step))
         second = (first + 1) % len(surface.index)
@@ -128,14 +134,14 @@ class Halves:
 
 
 def _repeated(rule: Rule, times: int) -> Rule:
-    """The rule on each of so many equal parts."""
+    """The composite rule on ``times`` equal parts."""
     if times <= 1:
         return rule
     return tuple(((k + x) / times, weight / times) for k in range(times) for x, weight in rule)
 
 
 def dual_faces(points: FloatArray, triangles: IntArray, surfaces: Mapping[str, Surface]) -> Faces:
-    """The inner faces of all cells: three in each of the ``triangles`` (t, 3) of ``points`` (n, 2)."""
+    """Inner faces of all cells: three per triangle (t, 3) of ``points`` (n, 2)."""
     one, other = triangles.T.ravel(), np.roll(triangles, -1, axis=1).T.ravel()
     middle, center = 0.5 * (points[one] + points[other]), np.tile(points[triangles].mean(axis=1), (3, 1))
     key, middles = _outline_middles(len(points), surfaces)
@@ -149,11 +155,11 @@ def dual_faces(points: FloatArray, triangles: IntArray, surfaces: Mapping[str, S
 def cell_quadrature(
     points: FloatArray, triangles: IntArray
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Quadrature over the cells of straight ``triangles`` (t, 3), exact up to quadratics: in each of a
-    triangle's six parts (corner, mid-side, centroid) three points.
+    """Quadrature over the cells of straight ``triangles`` (t, 3), exact for quadratics.
 
-    Returns for every point the triangle's nodes (e, 3), of which the first has the cell, the point (e, 2),
-    the area (e,) it stands for, and the nodes' linear functions there (e, 3).
+    Three points in each of a triangle's six parts (corner, mid-side, centroid). Returns per point the
+    triangle's nodes (e, 3), the owner of the cell first, the point (e, 2), its area weight (e,) and the
+    nodes' linear shape functions there (e, 3).
     """
     inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
     nodes, shares = [], []
@@ -171,8 +177,8 @@ def cell_quadrature(
 
 
 def corner_moments() -> tuple[FloatArray, FloatArray]:
-    """Integrals over the cell of a triangle's first corner, over the triangle's area: of its nodes' linear
-    functions (3,), and of the products of each two (3, 3)."""
+    """Integrals over the cell of a triangle's first corner, divided by the triangle's area: of the linear
+    shape functions (3,) and of their products (3, 3)."""
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     node, _, area, shares = cell_quadrature(corners, np.array([[0, 1, 2]]))
     own = node[:, 0] == 0
@@ -183,7 +189,7 @@ def corner_moments() -> tuple[FloatArray, FloatArray]:
 
 
 def _outline_middles(count: int, surfaces: Mapping[str, Surface]) -> tuple[IntArray, FloatArray]:
-    """Pairs of neighbours on the outline, as sorted numbers (b,), and the points of the curves halfway."""
+    """Edges of the outline, as sorted keys (b,), and their mid-points (b, 2) on the curves."""
     keys, middles = [], []
     for surface in surfaces.values():
         arc, index = surface.ends, surface.index
@@ -198,8 +204,8 @@ def _outline_middles(count: int, surfaces: Mapping[str, Surface]) -> tuple[IntAr
 
 @dataclass(frozen=True)
 class Measures:
-    """``area`` (k,) of cells or of groups of them, their ``middle`` (k, 2), and whether they are ``closed``
-    (k,): where triangles miss an edge of the outline, they are not."""
+    """``area`` (k,) and centroid ``middle`` (k, 2) of cells or groups of cells, and whether they are
+    ``closed`` (k,): they are not where the triangulation misses an edge of the outline."""
 
     area: FloatArray
     middle: FloatArray
@@ -207,10 +213,10 @@ class Measures:
 
 
 def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], labels: IntArray) -> Measures:
-    """Of the groups of cells with the same ``labels`` (n,), not counting those with -1 nor numbers below the
-    smallest other, by integrals along their faces and the outline.
+    """Area and centroid of the groups of cells with equal ``labels`` (n,); -1 marks cells to be left out.
 
-    A = 1/2 oint x . n and, for the first moments, 1/2 oint x^2 n_x and 1/2 oint y^2 n_y.
+    Labels are counted from the smallest one. By boundary integrals: A = 1/2 oint x . n, first moments
+    1/2 oint x^2 n_x and 1/2 oint y^2 n_y.
     """
     chosen = np.flatnonzero(labels >= 0)
     lowest = int(labels[chosen].min())
@@ -236,7 +242,7 @@ def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], l
 
     opening, length = total(normal), np.bincount(group, np.hypot(*normal.T), count)
     area = 0.5 * total(arm * normal).sum(axis=1)
-    closed = (np.hypot(*opening.T) <= CLOSED * length) & (area > 0.0)
+    closed = (np.hypot(*opening.T) <= CLOSURE_TOLERANCE * length) & (area > 0.0)
     first = 0.5 * total(arm**2 * normal)
     middle = near + np.where(closed[:, None], first / np.where(closed, area, 1.0)[:, None], 0.0)
     return Measures(area, middle, closed)

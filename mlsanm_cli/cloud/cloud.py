@@ -12,10 +12,10 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.front import filled
+from mlsanm_cli.cloud.front import fill_region
 from mlsanm_cli.cloud.halves import halved
-from mlsanm_cli.cloud.joined import SMOOTH
-from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
+from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.places import Places
 from mlsanm_cli.cloud.relax import relax
@@ -30,17 +30,17 @@ from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
-FLATTEST = 10.0
-"""Hollows of a radius above this many times the body's extent count as flat."""
+FLAT_RADIUS = 10.0
+"""Concave curves with a radius above this many times the body's extent count as flat."""
 STRIPS = 512
-ACUTE = math.pi / 3.0
-"""Corners of less than this angle (radian) leave less than a spacing between nodes next to them."""
+MAX_ACUTE_ANGLE = math.pi / 3.0
+"""Interior angle (radian) below which nodes next to a corner are closer than a spacing."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Nodes of one body: ``points`` (n, 2), ``spacing`` (n,) asked for there, its surfaces, and its symmetry
-    if it was made to have one."""
+    """Nodes of one body: ``points`` (n, 2), target ``spacing`` (n,), its surfaces by name, and its symmetry
+    if it was built with one."""
 
     points: FloatArray
     spacing: FloatArray
@@ -49,7 +49,7 @@ class Cloud:
 
     @cached_property
     def content(self) -> str:
-        """A digest of the nodes and surfaces."""
+        """Digest of the nodes and surfaces."""
         surfaces = {s.name: [s.index, s.arc_length, s.normal] for s in self.surfaces.values()}
         return digest(self.points, self.spacing, surfaces, self.mirror)
 
@@ -63,27 +63,27 @@ class Cloud:
         """Pairs (b, 2) of neighbours along the boundary, loop by loop, the material on their left."""
         return _edges(self.surfaces.values())
 
-    def holds(self, targets: FloatArray) -> BoolArray:
+    def contains(self, targets: FloatArray) -> BoolArray:
         """Which of the ``targets`` (e, 2) lie in the body or on its boundary."""
         names = [surface.name for surface in self.surfaces.values() for _ in surface.index]
-        return belongs(self.points, *self._bounding, names, targets)
+        return inside_body(self.points, *self._bounding, names, targets)
 
     @cached_property
     def sight(self) -> VisibilityCriterion | None:
-        """Which nodes see each other past the body's slits; None without slits."""
+        """Visibility between nodes past the body's slits; None without slits."""
         return visibility_criterion(self.points, self.edges)
 
     @cached_property
     def tips(self) -> Tips | None:
-        """Sharp corners that point into the material; None without any."""
+        """Reentrant corners; None without any."""
         return tips_of(self.points, self.edges, *self._bounding)
 
     @cached_property
     def room(self) -> FloatArray:
-        """Distance (n,) from the nearest hollow of the outline, fillet, notch or hole, plus its radius:
+        """Distance (n,) to the nearest concave part of the outline (fillet, notch, hole) plus its radius;
         infinite without any."""
         room = np.full(len(self.points), np.inf)
-        flattest = FLATTEST * float(np.ptp(self.points, axis=0).max())
+        flattest = FLAT_RADIUS * float(np.ptp(self.points, axis=0).max())
         for surface in self.surfaces.values():
             curve = surface.curve
             if (curve.curvature(surface.arc_length) < 0.0).any():
@@ -96,30 +96,30 @@ class Cloud:
 
     @cached_property
     def tree(self) -> cKDTree:
-        """A search tree of the nodes."""
+        """Search tree of the nodes."""
         return cKDTree(self.points)
 
     @cached_property
     def separation(self) -> NodeSeparation:
-        """How the nodes stand to their nearest ones."""
+        """Node distances relative to the spacing."""
         return separation(self.points, self.tree, self.spacing, self.sight, self._between_faces)
 
     @cached_property
     def acute(self) -> dict[int, float]:
-        """The corner nodes where the material is a tip of less than ACUTE, and the angles (radian) there."""
+        """Corner nodes with an interior angle below MAX_ACUTE_ANGLE, and these angles (radians)."""
         found = {}
         for one in self.surfaces.values():
             for other in self.surfaces.values():
                 if not one.curve.closed and one.index[-1] == other.index[0]:
                     (x, y), (u, v) = one.normal[-1], other.normal[0]
                     angle = float(np.pi - np.arctan2(x * v - y * u, x * u + y * v))
-                    if angle < ACUTE:
+                    if angle < MAX_ACUTE_ANGLE:
                         found[int(other.index[0])] = angle
         return found
 
     @property
     def _between_faces(self) -> FloatArray:
-        """What acute corners leave between the nodes (n,) on their two faces."""
+        """Distance (n,) between the faces of acute corners at their nodes, infinite elsewhere."""
         room = np.full(len(self.points), np.inf)
         for corner, angle in self.acute.items():
             away = np.hypot(*(self.points[self.boundary_nodes] - self.points[corner]).T)
@@ -130,37 +130,37 @@ class Cloud:
 
     @cached_property
     def thinnest(self) -> Thinnest:
-        """How many nodes the body's thinnest part has across, and where."""
+        """Number of nodes across the thinnest part of the body, and where that is."""
         return thinnest(self.points, self.spacing, *self._bounding)
 
     @cached_property
     def _bounding(self) -> tuple[IntArray, FloatArray]:
-        """The nodes (b,) of all surfaces, one after the other, and their normals (b, 2)."""
+        """Nodes (b,) of all surfaces, one after the other, and their normals (b, 2)."""
         surfaces = self.surfaces.values()
         index = np.concatenate([surface.index for surface in surfaces])
         return index, np.concatenate([surface.normal for surface in surfaces])
 
     @cached_property
     def triangles(self) -> IntArray:
-        """Delaunay triangles (t, 3) of the nodes that lie inside the body, counter-clockwise.
+        """Delaunay triangles (t, 3) of the nodes inside the body, counter-clockwise.
 
-        For figures about a cloud, checks of a result and the nodes' cells; no function is defined on them.
+        They serve quality figures, checks and the nodes' cells; no shape function is defined on them.
         """
         return triangulate(self.points, self.edges, self.sight)
 
     @cached_property
     def faces(self) -> Faces:
-        """The inner faces of the nodes' cells."""
+        """Inner faces of the nodes' cells."""
         return dual_faces(self.points, self.triangles, self.surfaces)
 
     @cached_property
     def areas(self) -> FloatArray:
-        """Area (n,) a node stands for: a third of each of its triangles."""
+        """Area (n,) of a node: a third of each of its triangles."""
         a, b, c = (self.points[self.triangles[:, corner]] for corner in range(3))
         twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
         shares = np.repeat(twice / 6.0, 3)
         areas: FloatArray = np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64)
-        # Four nodes on a circle have two triangulations, of which the mirror may show the other.
+        # Four nodes on a circle have two triangulations, and the mirror image may have the other.
         return areas if self.mirror is None else 0.5 * (areas + areas[self.mirror.image])
 
 
@@ -173,13 +173,13 @@ def build_cloud(
     line: SymmetryLine | None = None,
     wanted: Sequence[tuple[float, float]] = (),
 ) -> Cloud:
-    """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
+    """Place nodes on the outline and inside it; deterministic for a given ``seed``.
 
-    There are nodes at the points ``wanted``, or on the outline next to those that are closer to it than half
-    a spacing; those so close to a corner or to another one have none.
+    Points ``wanted`` become nodes, or shift to the outline if they are closer to it than half a spacing; they
+    are dropped if they are that close to a corner or to each other.
     About a ``line`` the cloud is its own mirror image if outline, spacing and points are, and if the line
     does not run along the outline.
-    Raises RunError when more than ``limit`` nodes would be needed.
+    Raises RunError if more than ``limit`` nodes would be needed.
     """
     half, places = None, Places.of(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
     if line is not None and spacing.symmetric(line) and places.upon(line):
@@ -193,13 +193,13 @@ def build_cloud(
     far, zones = spacing.far, spacing.table()
 
     def fill() -> Arrays:
-        points = filled(start, chords, _strips(chords), far, zones, CANDIDATES, seed, limit)
+        points = fill_region(start, chords, _strips(chords), far, zones, CANDIDATES, seed, limit)
         if len(points) >= limit:
             hint = "use larger spacings or smaller refinements"
             raise RunError(f"more than {limit} nodes in one body", hint)
         if half is None:
             return {"points": relax(points, fixed, spacing)}
-        inner, upon = half.settled(points[len(first) :], spacing)
+        inner, upon = half.with_line_nodes(points[len(first) :], spacing)
         points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
         return {"points": points, "upon": np.array(upon)}
 
@@ -211,18 +211,18 @@ def build_cloud(
         mirror = None if half is None else half.mirror(len(points), int(kept["upon"]))
         return Cloud(points, spacing.at(points), surfaces, mirror)
 
-    # The same nodes serve surfaces of other names.
+    # Surfaces with other names share the same nodes.
     return memo.value("cloud", digest(key, list(surfaces)), made)
 
 
 def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
-    """The ends of an open surface, 0 or -1, at which another surface continues without a corner, and its
-    name."""
+    """Ends (0 or -1) of an open surface at which another surface continues without a corner, and the name of
+    that surface."""
     own = {part.name for part, _ in surface.members}
     for place in () if surface.curve.closed else (0, -1):
         node, normal = surface.index[place], surface.normal[place]
         for name, other in cloud.surfaces.items():
-            smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH)
+            smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH_ANGLE)
             if name not in own and smooth.any():
                 yield place, name
 
@@ -230,8 +230,8 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
 def _bounded(
     outline: Outline, spacing: Spacing, places: Places, line: SymmetryLine | None = None
 ) -> tuple[FloatArray, dict[str, Surface], IntArray]:
-    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places``, and where curves cross a
-    ``line`` halfway."""
+    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places`` and where the middle of a
+    curve lies on the symmetry ``line``."""
     steps = [
         spacing.steps_along(curve, line, places.along(number).tolist())
         for number, curve in enumerate(outline.curves)

@@ -1,4 +1,4 @@
-"""Zones of refinement that give every node about the spacing it asks for."""
+"""Refinement zones that approximate a wanted spacing field."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 LIMIT = 24
-TOLERANCE = 1.25
-"""A node is content with a spacing this many times wider than asked for."""
-NEAR_LINE = 0.5
-"""Zones nearer to a line of symmetry than this part of what they ask for are put on it."""
+SPACING_TOLERANCE = 1.25
+"""Accepted ratio of actual to wanted spacing."""
+SNAP_DISTANCE = 0.5
+"""Zone centres closer to the symmetry line than this fraction of the wanted spacing are moved onto it."""
 
 
 def cover(
@@ -23,12 +23,12 @@ def cover(
     growth: float,
     line: SymmetryLine | None = None,
 ) -> tuple[Zone, ...]:
-    """Round zones, LIMIT at most or twice as many with a ``line`` of symmetry, for nodes ``points`` (n, 2) of
-    ``spacing`` (n,) that want ``wanted`` (n,).
+    """Circular refinement zones for nodes ``points`` (n, 2) of ``spacing`` (n,) that want ``wanted`` (n,).
 
-    Greedy: the node that is farthest from what it wants becomes the middle of a zone, whose radius grows as
-    long as most of the area inside wants the same; infinity wants nothing. ``planned`` is the spacing
-    without these zones. With a ``line`` they are their own mirror images, if ``planned`` and ``wanted`` are.
+    At most LIMIT zones, twice as many with a symmetry ``line``. Greedy: the node with the largest ratio of
+    actual to wanted spacing becomes the centre of a zone, whose radius grows as long as most of the area
+    inside wants that spacing; infinity wants nothing. ``planned`` is the spacing without these zones. With a
+    ``line`` the zones are symmetric if ``planned`` and ``wanted`` are.
     """
     has = planned.at(points)
     area = spacing**2
@@ -36,17 +36,17 @@ def cover(
     for _ in range(LIMIT):
         ratio = has / wanted
         worst = int(np.argmax(ratio))
-        if ratio[worst] <= TOLERANCE:
+        if ratio[worst] <= SPACING_TOLERANCE:
             break
         h = float(wanted[worst])
         middle = points[worst]
-        if line is not None and abs(middle[line.axis] - line.at) < NEAR_LINE * h:
+        if line is not None and abs(middle[line.axis] - line.at) < SNAP_DISTANCE * h:
             middle = np.where(np.arange(2) == line.axis, line.at, middle)
         distance = np.hypot(*(points - middle).T)
         near = np.argsort(distance)
-        fine = area[near] * (wanted[near] <= TOLERANCE * h)
+        fine = area[near] * (wanted[near] <= SPACING_TOLERANCE * h)
         mostly = np.cumsum(fine) >= 0.7 * np.cumsum(area[near])
-        # As far as every circle up to there mostly needs this spacing.
+        # The largest circle such that this spacing is needed in most of it and of all smaller ones.
         last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1
         radius = max(float(distance[near[max(last, 0)]]), h)
         places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)

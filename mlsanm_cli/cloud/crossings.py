@@ -9,7 +9,7 @@ from mlsanm_cli.startup import cKDTree
 
 
 def first_crossing(chords: FloatArray) -> FloatArray | None:
-    """A point (2,) where two of the ``chords`` (e, 4) cross; those that only share an end do not."""
+    """A point (2,) near the crossing of two ``chords`` (e, 4), or None; sharing an end is no crossing."""
     start, end = chords[:, :2], chords[:, 2:]
     reach = float(np.hypot(*(end - start).T).max())
     pairs = cKDTree(0.5 * (start + end)).query_pairs(reach, output_type="ndarray")

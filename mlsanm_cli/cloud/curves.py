@@ -1,4 +1,4 @@
-"""Plane curves that outlines are made of, each run through with the material on its left."""
+"""Plane curves that make up outlines, traversed with the material on the left."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 
 
 class Curve(Protocol):
-    """A curve measured by its arc length ``s`` from 0 to ``length``."""
+    """A curve parametrised by arc length ``s`` from 0 to ``length``."""
 
     @property
     def length(self) -> float:
@@ -21,7 +21,7 @@ class Curve(Protocol):
 
     @property
     def closed(self) -> bool:
-        """Whether the end is the start again."""
+        """Whether the curve ends where it starts."""
 
     def points(self, s: FloatArray) -> FloatArray:
         """Positions (n, 2) at arc lengths ``s`` (n,)."""
@@ -36,7 +36,7 @@ class Curve(Protocol):
         """Curvature (n,), positive where the material is convex."""
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
-        """The lines and arcs, of six numbers each, by which the spacing kernel knows the curve."""
+        """Rows of six numbers, one per straight line or arc, in the format of the spacing kernel."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ class Segment:
 
 @dataclass(frozen=True)
 class Arc:
-    """Circular arc about ``center`` from angle ``start`` over ``sweep``, both in radian.
+    """Circular arc about ``center`` from angle ``start`` over ``sweep``, both in radians.
 
-    Counter-clockwise (``sweep`` > 0) the material lies inside the circle, clockwise (< 0) outside, as along a
-    hole.
+    The material lies inside the circle if ``sweep`` > 0 (counter-clockwise), outside it if ``sweep`` < 0, as
+    along a hole.
     """
 
     center: tuple[float, float]
@@ -138,7 +138,7 @@ class Arc:
 class Outline:
     """Closed loops of named curves with the material on the left, one loop after the other.
 
-    ``starts`` are the numbers of the curves that loops begin with.
+    ``starts`` are the indices of the first curve of each loop.
     """
 
     names: tuple[str, ...]
@@ -147,12 +147,12 @@ class Outline:
 
     @property
     def loops(self) -> tuple[slice, ...]:
-        """The curves of each loop."""
+        """Index range of the curves of each loop."""
         return tuple(map(slice, self.starts, (*self.starts[1:], len(self.curves))))
 
 
 def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Outline:
-    """Boundaries bottom, right, top, left."""
+    """Rectangle with boundaries bottom, right, top, left."""
     a, b, c, d = (x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])
     return Outline(
         ("bottom", "right", "top", "left"), (Segment(a, b), Segment(b, c), Segment(c, d), Segment(d, a))
@@ -160,12 +160,12 @@ def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Outline:
 
 
 def disk(center: tuple[float, float], radius: float) -> Outline:
-    """One boundary, arc, starting at the top."""
+    """Disk with one boundary, arc, starting at the top."""
     return Outline(("arc",), (Arc(center, radius, 0.5 * math.pi, 2.0 * math.pi),))
 
 
 def annulus(center: tuple[float, float], radii: tuple[float, float]) -> Outline:
-    """A whole ring between two radii; boundaries outer and inner, starting at the top."""
+    """Full ring between two radii with boundaries outer and inner, starting at the top."""
     inner, outer = (
         Arc(center, radius, 0.5 * math.pi, turn * 2.0 * math.pi)
         for radius, turn in zip(radii, (-1.0, 1.0), strict=True)
@@ -174,7 +174,7 @@ def annulus(center: tuple[float, float], radii: tuple[float, float]) -> Outline:
 
 
 def half_disk(center: tuple[float, float], radius: float, side: str) -> Outline:
-    """The half of a disk on its ``side`` lower, upper, left or right; boundaries arc and flat."""
+    """The lower, upper, left or right half (``side``) of a disk, with boundaries arc and flat."""
     start = {"lower": 1.0, "right": 1.5, "upper": 0.0, "left": 0.5}[side] * math.pi
     arc = Arc(center, radius, start, math.pi)
     ends = arc.points(np.array([0.0, arc.length]))
@@ -184,7 +184,7 @@ def half_disk(center: tuple[float, float], radius: float, side: str) -> Outline:
 
 
 def sector(center: tuple[float, float], radii: tuple[float, float], angles: tuple[float, float]) -> Outline:
-    """Part of a ring between two radii and two ``angles`` (radian); boundaries outer, end, inner, start."""
+    """Ring sector between two radii and two ``angles`` (radians) with boundaries outer, end, inner, start."""
     inner, outer = radii
     first, last = angles
     outside = Arc(center, outer, first, last - first)

@@ -1,4 +1,4 @@
-"""Outlines drawn by corners, straight sides and curves, and what can be wrong with them."""
+"""Outlines drawn from corners, straight sides and curves, and the checks of such input."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from mlsanm_cli.errors import Fault, OutlineError
 Point = tuple[float, float]
 Named = tuple[str, Curve]
 
-SMALL = 1e-9
+ZERO_LENGTH = 1e-9
 """Lengths below this fraction of the outline's size are zero."""
-JOINED = 1e-6
-"""Ends closer to each other than this fraction of the outline's size coincide: files round coordinates."""
-CHORDS = 16
-"""Chords that stand for an arc in the search for crossings."""
-MOST_CHORDS = 4000
-"""Largest number of chords of an outline of sides: the search for crossings takes seconds beyond."""
+JOIN_TOLERANCE = 1e-6
+"""Ends closer than this fraction of the outline's size coincide: coordinates in files are rounded."""
+ARC_CHORDS = 16
+"""Chords per arc in the search for crossings."""
+MAX_CHORDS = 4000
+"""Largest number of chords of an outline of sides: with more, the search for crossings takes seconds."""
 
 
 @dataclass(frozen=True)
 class Side:
-    """A boundary called ``name``: a smooth curve through ``points``, or a straight line to ``to``, or to
-    where the next side begins."""
+    """A boundary ``name``: a smooth curve through ``points``, or a straight line to ``to`` or, without it, to
+    the start of the next side."""
 
     name: str
     to: Point | None = None
@@ -40,27 +40,27 @@ class Side:
 
     @property
     def first(self) -> Point | None:
-        """Where it begins, if it says so."""
+        """Start point, if given."""
         return None if self.points is None else self.points[0]
 
     @property
     def last(self) -> Point | None:
-        """Where it ends, if it says so."""
+        """End point, if given."""
         return self.to if self.points is None else self.points[-1]
 
 
 def polygon(
     points: Sequence[Point], names: Sequence[str], rounding: Sequence[float], arcs: Sequence[str]
 ) -> list[Named]:
-    """The sides and rounded corners of a polygon, counter-clockwise.
+    """Sides and rounded corners of a polygon, counter-clockwise.
 
     Side ``names[k]`` goes from point k to the next; the arc ``arcs[k]`` of radius ``rounding[k]`` rounds
-    point k; lists may be shorter or hold "", for default names and sharp corners. A side that its arcs use
-    up is left out. An arc without a name between two sides of one name belongs to their boundary. Raises
-    OutlineError for repeated points, points on a line, and radii that are too large.
+    point k. Lists may be shorter than ``points`` or hold "", for default names and sharp corners. A side of
+    no remaining length is left out. An unnamed arc between two sides of one name belongs to their boundary.
+    Raises OutlineError for repeated points, collinear points, and radii that are too large.
     """
     count = len(points)
-    size, small = extent(points), SMALL * extent(points)
+    size, small = extent(points), ZERO_LENGTH * extent(points)
     _refuse(_point_faults(points, small, size))
     order = list(range(count))
     if signed_area(np.array(points)) < 0.0:
@@ -103,11 +103,11 @@ def polygon(
 def closed_chain(sides: Sequence[Side]) -> list[Named]:
     """Straight sides and smooth curves joined end to end, counter-clockwise.
 
-    Raises OutlineError for sides that do not join, and for points on a line.
+    Raises OutlineError for sides that do not join, and for collinear points.
     """
     known = [point for side in sides for point in (side.points or (side.to,)) if point is not None]
     size, count = extent(known or [(0.0, 0.0)]), len(sides)
-    _refuse(_join_faults(sides, JOINED * size))
+    _refuse(_join_faults(sides, JOIN_TOLERANCE * size))
     chain: list[tuple[str, tuple[Point, ...]]] = []
     closed = False
     for number, side in enumerate(sides):
@@ -120,7 +120,7 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
             continue
         points = side.points
         if count == 1:
-            # Begins at its highest point, as disks do, so that nodes lie where a mirror line crosses it.
+            # Starts at the highest point, as disks do, so that a vertical symmetry line crosses at a node.
             top = max(range(len(points) - 1), key=lambda k: points[k][1])
             points, closed = (*points[top:-1], *points[: top + 1]), True
         elif after.first is not None:
@@ -129,9 +129,9 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
         chain.append((side.name, points))
     corners = np.array([point for _, points in chain for point in points[:-1]])
     area = signed_area(corners)
-    if len(corners) > MOST_CHORDS:
-        raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MOST_CHORDS}")])
-    if abs(area) <= SMALL * size**2:
+    if len(corners) > MAX_CHORDS:
+        raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MAX_CHORDS}")])
+    if abs(area) <= ZERO_LENGTH * size**2:
         raise OutlineError([Fault(("sides",), "all points lie on a line")])
     if area < 0.0:
         chain = [(name, points[::-1]) for name, points in reversed(chain)]
@@ -142,19 +142,18 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
 
 
 def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]], key: str) -> Outline:
-    """The outline of a chain and circular holes (name, centre, radius). Several curves of one name are
-    "name/1" and so on.
+    """The outline of a chain and circular holes (name, centre, radius).
 
-    Raises OutlineError where the chain crosses or touches itself, reported at ``key``, and for holes that are
-    not inside with material around them.
+    Several curves of one name become "name/1", "name/2" and so on. Raises OutlineError where the chain
+    crosses or touches itself (reported at ``key``) and for holes that are not surrounded by material.
     """
     parts = [_chords(curve) for _, curve in outer]
     chords = np.concatenate(parts)
     names = [name for (name, _), part in zip(outer, parts, strict=True) for _ in part]
     size = float(np.ptp(chords[:, :2], axis=0).max())
-    meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, SMALL * size))
+    meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, ZERO_LENGTH * size))
     _refuse(Fault((key,), f'the boundaries "{one}" and "{other}" cross or touch') for one, other in meeting)
-    _refuse(_hole_faults(outer, chords, holes, SMALL * size))
+    _refuse(_hole_faults(outer, chords, holes, ZERO_LENGTH * size))
     circles = [(name, Arc(center, r, 0.5 * math.pi, -2.0 * math.pi)) for name, center, r in holes]
     chain = [*outer, *circles]
     starts = (0, *range(len(outer), len(chain)))
@@ -162,7 +161,7 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
 
 
 def extent(points: Sequence[Point]) -> float:
-    """The larger side of the bounding box."""
+    """Longer side of the bounding box."""
     return float(np.ptp(np.array(points), axis=0).max())
 
 
@@ -202,7 +201,7 @@ def _rounding_faults(
         following = (place + 1) % len(order)
         if radius[place] and cut[place] <= small:
             yield Fault(("rounding", number), "there is no corner to round at this point", "write 0.0")
-        elif cut[place] + cut[following] > room[place] * (1.0 + SMALL):
+        elif cut[place] + cut[following] > room[place] * (1.0 + ZERO_LENGTH):
             larger, other = (place, following) if cut[place] >= cut[following] else (following, place)
             rest = float(room[place] - cut[other])
             text = f"a radius of {radius[larger]:g} takes {cut[larger]:g} of a side that has {rest:g} left"
@@ -252,12 +251,16 @@ def _hole_faults(
             yield Fault(("holes", number, "radius"), text, "holes lie inside, with material all around")
         for other in range(number):
             if math.dist(center, holes[other][1]) <= radius + holes[other][2] + small:
-                yield Fault(("holes", number, "center"), f"the hole meets hole {other + 1}", "separate them")
+                yield Fault(
+                    ("holes", number, "center"),
+                    f"the hole overlaps or touches hole {other + 1}",
+                    "separate them",
+                )
 
 
 def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
-    """Pairs of the ``chords`` (e, 4) of a closed chain that come closer than ``small`` elsewhere than at a
-    common end; of neighbours those that fold back on each other."""
+    """Pairs of the ``chords`` (e, 4) of a closed chain that come closer than ``small`` other than at a common
+    end; neighbouring chords if they fold back on each other."""
     count = len(chords)
     low, high = np.minimum(chords[:, 0], chords[:, 2]), np.maximum(chords[:, 0], chords[:, 2])
     order = np.argsort(low)
@@ -277,11 +280,11 @@ def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
 def _folds_back(first: FloatArray, then: FloatArray) -> bool:
     came, goes = first[2:] - first[:2], then[2:] - then[:2]
     back = float(came @ goes)
-    return back < 0.0 and bool(abs(_cross(came, goes)) <= SMALL * abs(back))
+    return back < 0.0 and bool(abs(_cross(came, goes)) <= ZERO_LENGTH * abs(back))
 
 
 def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
-    """Distances (m,) of a chord (4,) to ``others`` (m, 4), 0 where they cross."""
+    """Distance (m,) of a chord (4,) to ``others`` (m, 4), 0 where they cross."""
     a, b = np.broadcast_to(one[:2], (len(others), 2)), np.broadcast_to(one[2:], (len(others), 2))
     c, d = others[:, :2], others[:, 2:]
     crossing = (_cross(b - a, c - a) * _cross(b - a, d - a) < 0.0) & (
@@ -298,11 +301,11 @@ def _to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 
 
 def _chords(curve: Curve) -> FloatArray:
-    """Chords (e, 4) of a curve, between the given points of a smooth one."""
+    """Chords (e, 4) of a curve; those of a smooth curve join its given points."""
     if isinstance(curve, SplinePart):
         points = curve.spline.nodes[curve.first : curve.last + 1]
     else:
-        count = CHORDS if isinstance(curve, Arc) else 1
+        count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))
     return np.hstack([points[:-1], points[1:]])
 

@@ -1,6 +1,6 @@
-"""The boundary of a body given as elements, and everything that makes elements no body.
+"""The boundary of a body given as finite elements, and the checks of such meshes.
 
-Elements are rings of nodes: corners and mid-side nodes around each, in either direction.
+An element is a ring of nodes: its corners and mid-side nodes in cyclic order, either way round.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.startup import cKDTree
 
-SMALL = 1e-9
-"""Nodes nearer than this part of the extent are one; elements flatter than this part of a square are none."""
+DEGENERATE = 1e-9
+"""Relative tolerance for coincident nodes (of the extent) and flat elements (of the squared size)."""
 
 
 @dataclass(frozen=True)
 class EdgeNames:
-    """What names the boundary's edges.
+    """Names of the boundary edges.
 
-    ``lines`` (l, 2) of nodes have ``names`` (l,), empty for none. A set of nodes names the edges between its
-    nodes, unless it has nodes inside the body.
+    ``lines`` (l, 2) are line elements with ``names`` (l,), "" for none. A node set names the edges between
+    its nodes, unless it contains interior nodes.
     """
 
     lines: IntArray
@@ -35,10 +35,10 @@ class EdgeNames:
 
 
 def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: EdgeNames) -> tuple[Loop, ...]:
-    """The boundary of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use.
+    """Boundary loops of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use.
 
     Raises GeometryError for coincident nodes, degenerate or overlapping elements, edges of three elements,
-    separate parts, a boundary that touches itself, and marks that do not fit.
+    separate parts, a boundary that touches itself, and edge names that do not fit.
     """
     _refuse_coincident(points)
     turned = [_counter_clockwise(points, ring) for ring in rings]
@@ -66,7 +66,7 @@ def _at(points: FloatArray, nodes: IntArray | Sequence[int]) -> str:
 
 def _refuse_coincident(points: FloatArray) -> None:
     size = float(np.ptp(points, axis=0).max())
-    pairs = cKDTree(points).query_pairs(SMALL * size, output_type="ndarray")
+    pairs = cKDTree(points).query_pairs(DEGENERATE * size, output_type="ndarray")
     if len(pairs):
         raise GeometryError(
             f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[:1, 0])}",
@@ -83,8 +83,8 @@ def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
     x, y = np.moveaxis(corners - corners[:, :1], 2, 0)
     area = 0.5 * (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
     extent = np.ptp(corners, axis=1).max(axis=1)
-    flat = np.abs(area) <= SMALL * extent**2
-    # Curved sides may bend inward a little, but a corner that turns the wrong way is a folded element.
+    flat = np.abs(area) <= DEGENERATE * extent**2
+    # Curved sides may be slightly concave, but a corner that turns the wrong way is a folded element.
     bends = (turn * np.sign(area)[:, None]) < 0.0
     step = 1 if ring.shape[1] in (3, 4) else 2
     flat |= bends[:, ::step].any(axis=1)
@@ -112,7 +112,7 @@ def _refuse_overlaps(points: FloatArray, edges: IntArray) -> None:
 
 
 def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
-    # Only meshes need it; with it come the eigenvalue solvers.
+    # Imported here: it loads the eigenvalue solvers, and only meshes need it.
     from scipy.sparse.csgraph import connected_components
 
     count = len(points)
@@ -133,7 +133,7 @@ def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
 
 
 def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: EdgeNames) -> tuple[str, ...]:
-    """Names (b,) of the boundary's edges."""
+    """Names (b,) of the boundary edges."""
     count = len(points)
     place = {int(k): number for number, k in enumerate(_key(np.sort(boundary, axis=1), count))}
     names = [""] * len(boundary)
@@ -165,7 +165,7 @@ def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: 
 
 
 def _chain(points: FloatArray, boundary: IntArray, names: tuple[str, ...]) -> tuple[Loop, ...]:
-    """Edges (b, 2) joined to loops."""
+    """Boundary edges (b, 2) joined to loops."""
     start, times = np.unique(boundary[:, 0], return_counts=True)
     if (times > 1).any():
         place = _at(points, start[[int(np.argmax(times > 1))]])

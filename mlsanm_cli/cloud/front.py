@@ -1,4 +1,4 @@
-"""The advancing front that fills a region, in slices: between them signals are handled and limits kept."""
+"""Advancing front that fills a region with nodes, in time slices so that signals and limits are served."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
 
-SLICE = 0.05
-"""Seconds that a slice should take: a person who presses Ctrl-C does not notice twice as much."""
-FIRST = 500
-"""Nodes that the first slice continues from."""
+SLICE_SECONDS = 0.05
+"""Target duration of a slice, s: the delay of Ctrl-C."""
+FIRST_PARENTS = 500
+"""Parent nodes processed in the first slice."""
 WEYL = 0x9E3779B97F4A7C15
 MODULUS = 2**64
 
 Strips = tuple[IntArray, IntArray, float, float]
 
 
-def filled(
+def fill_region(
     boundary: FloatArray,
     edges: FloatArray,
     strips: Strips,
@@ -31,9 +31,9 @@ def filled(
 ) -> FloatArray:
     """Nodes (n, 2) inside the closed boundary: the boundary nodes (b, 2) first, then the interior ones.
 
-    ``edges`` (e, 4) are the boundary's chords, sorted into horizontal ``strips``; ``far`` and ``zones`` give
-    the spacing. The same ``seed`` gives the same nodes, however long slices take. From ``limit`` nodes on the
-    front stops, and the caller, who sees at least ``limit`` nodes, must refuse the cloud.
+    ``edges`` (e, 4) are the boundary's chords, sorted into horizontal ``strips``; ``far`` and ``zones``
+    define the spacing. The result depends on ``seed``, not on the timing of slices. The front stops at
+    ``limit`` nodes: the caller must reject a cloud of ``limit`` nodes or more.
     """
     count = len(boundary)
     room = 2 * count + 1024
@@ -43,7 +43,7 @@ def filled(
     keys, heads = _empty(8192), _empty(8192)
     state = (seed * 2 + 1) * WEYL % MODULUS
     progress = np.array([count, 0, 0, 0, state - MODULUS if 2 * state >= MODULUS else state], np.int64)
-    parents = FIRST
+    parents = FIRST_PARENTS
     while True:
         begun = time.monotonic()
         stopped = advance_front(
@@ -55,13 +55,14 @@ def filled(
         if stopped == FULL_POINTS:
             points, h, following = _longer(points, 0.0), _longer(h, 0.0), _longer(following, EMPTY)
         elif stopped == FULL_TABLE:
-            # Too full for quick probing: a larger, empty table, into which every node goes again.
+            # Hash table too full for fast probing: continue with a larger one; all nodes are re-entered.
             room = 8 * int(progress[3] + progress[0] - progress[2])
             keys, heads = _empty(room), _empty(room)
             progress[2] = progress[3] = 0
         else:
             spent = time.monotonic() - begun
-            parents = int(np.clip(parents * SLICE / max(spent, 1e-3 * SLICE), parents / 8, 2 * parents)) + 1
+            wanted = parents * SLICE_SECONDS / max(spent, 1e-3 * SLICE_SECONDS)
+            parents = int(np.clip(wanted, parents / 8, 2 * parents)) + 1
 
 
 def _empty(room: int) -> IntArray:
@@ -69,7 +70,7 @@ def _empty(room: int) -> IntArray:
 
 
 def _longer(array: AnyArray, fill: float) -> AnyArray:
-    """The array with as many rows again."""
+    """The array extended to twice its rows."""
     grown = np.full((2 * len(array), *array.shape[1:]), fill, array.dtype)
     grown[: len(array)] = array
     return grown

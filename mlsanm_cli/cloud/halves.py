@@ -1,4 +1,4 @@
-"""Half of a body that is its own mirror image: nodes are placed there, the others are images."""
+"""Half of a mirror-symmetric body: nodes are placed there, the others are their images."""
 
 from __future__ import annotations
 
@@ -15,21 +15,24 @@ from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.startup import cKDTree
 
-ONTO = 0.3
-"""Nodes nearer to the line than this part of the spacing are put on it."""
-HOLE = 0.85
-"""Farther than this from all nodes, in spacings, the line gets one of its own.
+SNAP_DISTANCE = 0.3
+"""Nodes closer to the line than this fraction of the spacing are moved onto it."""
+HOLE_RADIUS = 0.85
+"""A point of the line farther than this many spacings from all nodes gets a node.
 
-Nodes at equal steps along the line were tried as well: more clouds of degree 4 failed their certificate."""
-FINE = 0.1
-"""Holes are looked for in steps of this part of the spacing."""
+Nodes at equal steps along the line did worse: more clouds of degree 4 failed their certificate."""
+HOLE_STEP = 0.1
+"""Step of the search for such points, in spacings."""
 
 
 @dataclass(frozen=True)
 class Half:
-    """What lies on one side of the ``line``: boundary nodes there, ``start`` (s, 2), and ``chords`` (c, 4)
-    around it, the last ones the ``cuts`` (k, 2, 2) along the line. ``image`` (b,) and ``side`` (b,) are those
-    of all ``boundary`` nodes (b, 2), ``surfaces`` their images."""
+    """The half of a body on the positive side of the ``line``.
+
+    ``start`` (s, 2) are its boundary nodes and ``chords`` (c, 4) its closed outline, of which the last are
+    the ``cuts`` (k, 2, 2) along the line. ``image`` (b,) and ``side`` (b,) refer to all ``boundary`` nodes
+    (b, 2), ``surfaces`` to the images of surfaces.
+    """
 
     line: SymmetryLine
     boundary: FloatArray
@@ -40,12 +43,12 @@ class Half:
     side: IntArray
     surfaces: Mapping[str, tuple[str, IntArray]]
 
-    def settled(self, inner: FloatArray, spacing: Spacing) -> tuple[FloatArray, int]:
-        """The nodes ``inner`` (n, 2) of the half without holes along the line, nodes on it first, and the
-        number of these."""
+    def with_line_nodes(self, inner: FloatArray, spacing: Spacing) -> tuple[FloatArray, int]:
+        """Interior nodes ``inner`` (n, 2) of the half with holes along the line filled, those on the line
+        first, and the number of the latter."""
         line = self.line
         inner = inner.copy()
-        upon = np.abs(inner[:, line.axis] - line.at) < ONTO * spacing.at(inner)
+        upon = np.abs(inner[:, line.axis] - line.at) < SNAP_DISTANCE * spacing.at(inner)
         inner[upon, line.axis] = line.at
         tree = cKDTree(np.concatenate([self.boundary, inner]))
         filled = [node for cut in self.cuts for node in _fillings(cut, tree, spacing)]
@@ -53,8 +56,8 @@ class Half:
         return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
 
     def mirror(self, count: int, upon: int) -> Mirror:
-        """The symmetry of ``count`` nodes: the boundary's, ``upon`` on the line, those next to it, their
-        images."""
+        """Symmetry of ``count`` nodes ordered as: boundary nodes, ``upon`` nodes on the line, interior nodes
+        of the half, their images."""
         first = len(self.boundary)
         on = np.arange(first, first + upon)
         adjacent, beyond = np.split(np.arange(first + upon, count), 2)
@@ -72,7 +75,7 @@ def halved(
 ) -> Half | None:
     """The half of the body whose ``boundary`` nodes (b, 2) are joined by ``edges`` (e, 2).
 
-    None where they are not their own mirror images, or the line runs along the boundary.
+    None if they are not mirror-symmetric, or if the line runs along the boundary.
     """
     image = line.images(boundary, spacing.at(boundary))
     if image is None:
@@ -103,13 +106,13 @@ def halved(
 
 
 def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:
-    """Nodes (2,) that holes along a ``cut`` (2, 2) through the body need, from its lower end upwards."""
+    """Nodes (2,) that fill the holes along a ``cut`` (2, 2) through the body, in ascending order."""
     segment = Segment((float(cut[0, 0]), float(cut[0, 1])), (float(cut[1, 0]), float(cut[1, 1])))
     steps = spacing.steps_along(segment)
-    fine = np.interp(np.arange(0.0, len(steps) - 1.0, FINE), np.arange(len(steps)), steps)
+    fine = np.interp(np.arange(0.0, len(steps) - 1.0, HOLE_STEP), np.arange(len(steps)), steps)
     places = segment.points(fine)
     sizes, last = spacing.at(places), -np.inf
-    for k in np.flatnonzero(nearest(tree, places)[0] > HOLE * sizes):
+    for k in np.flatnonzero(nearest(tree, places)[0] > HOLE_RADIUS * sizes):
         if fine[k] - last >= sizes[k]:
             last = fine[k]
             yield places[k]
@@ -118,7 +121,7 @@ def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[Floa
 def surface_images(
     image: IntArray, surfaces: Mapping[str, Surface]
 ) -> dict[str, tuple[str, IntArray]] | None:
-    """The image of every surface and of its nodes (b,), by their places there; None where there are none."""
+    """Image of every surface and of its nodes (b,), as indices into the image; None without symmetry."""
     places = {name: {int(node): k for k, node in enumerate(s.index)} for name, s in surfaces.items()}
     images = {}
     for name, surface in surfaces.items():

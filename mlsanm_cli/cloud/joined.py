@@ -1,4 +1,4 @@
-"""Curves put together from others, and parts of curves: what a user calls one side may be several pieces."""
+"""Curves composed of others and parts of curves: a side named by the user may consist of several pieces."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.splines import SplinePart
 
-SMOOTH = math.radians(1.0)
-"""Curves that meet under a smaller angle continue smoothly: what a kink does to stresses goes with its
+SMOOTH_ANGLE = math.radians(1.0)
+"""Largest angle between two curves that counts as a smooth joint: the stress effect of a kink scales with its
 angle."""
-CHORDS, BEND = 64, 0.2
-SAME = 1e-9
-"""Differences below this part of a curve's size are round-off."""
+MAX_CHORDS, MAX_TURN = 64, 0.2
+ROUND_OFF = 1e-9
+"""Relative differences below this are round-off."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurvePart:
-    """The part of a ``whole`` curve from arc length ``first`` over ``length``, on a closed one past its start
-    if need be."""
+    """The part of a ``whole`` curve from arc length ``first`` over ``length``; on a closed curve it may pass
+    the start."""
 
     whole: Curve
     first: float
@@ -64,26 +64,26 @@ class CurvePart:
 
 
 def chords(curve: Curve) -> tuple[tuple[float, ...], ...]:
-    """Lines that are near enough to a curve for a node spacing: each turns by ``BEND`` at most, as far as
-    ``CHORDS`` of them do."""
-    x, y = curve.normals(np.linspace(0.0, curve.length, CHORDS + 1)).T
+    """Chords that approximate a curve well enough for a spacing field: each turns by at most MAX_TURN, unless
+    that takes more than MAX_CHORDS chords."""
+    x, y = curve.normals(np.linspace(0.0, curve.length, MAX_CHORDS + 1)).T
     whole = float(np.abs(np.diff(np.unwrap(np.arctan2(y, x)))).sum())
-    count = min(math.ceil(whole / BEND) or 1, CHORDS)
+    count = min(math.ceil(whole / MAX_TURN) or 1, MAX_CHORDS)
     ends = curve.points(np.linspace(0.0, curve.length, count + 1)).tolist()
     return tuple(row for a, b in pairwise(ends) for row in Segment((a[0], a[1]), (b[0], b[1])).zones())
 
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Curves one after the other, each beginning where the one before ends; a ``closed`` one ends where it
-    begins."""
+    """A composite curve: each piece begins where the previous one ends; ``closed`` if the last one ends where
+    the first one begins."""
 
     pieces: tuple[Curve, ...]
     closed: bool = False
 
     @cached_property
     def starts(self) -> FloatArray:
-        """Arc lengths (k + 1,) where the pieces begin, and where the last one ends."""
+        """Arc lengths (k + 1,) at which the pieces begin, and the total length."""
         return np.array([*accumulate((piece.length for piece in self.pieces), initial=0.0)])
 
     @property
@@ -92,14 +92,13 @@ class Joined:
 
     @cached_property
     def corners(self) -> FloatArray:
-        """Arc lengths (c,) of joints that are no smooth ones; those of a closed curve may have 0 among
-        them."""
+        """Arc lengths (c,) of joints that are corners; 0 for one at the start of a closed curve."""
         pairs = [*zip(self.pieces, self.pieces[1:], strict=False)]
         if self.closed:
             pairs.append((self.pieces[-1], self.pieces[0]))
         turns = [turn(before, after) for before, after in pairs]
         places = [*self.starts[1:-1].tolist(), 0.0]
-        return np.array([at for at, angle in zip(places, turns, strict=False) if abs(angle) > SMOOTH])
+        return np.array([at for at, angle in zip(places, turns, strict=False) if abs(angle) > SMOOTH_ANGLE])
 
     def _number(self, s: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
@@ -135,7 +134,7 @@ class Joined:
 
 
 def turn(before: Curve, after: Curve) -> float:
-    """The angle (radian) by which the way turns left from the end of a curve to the start of the next."""
+    """Angle (radians) by which the direction turns left from the end of a curve to the start of the next."""
     (a,), (b,) = before.normals(np.array([before.length])), after.normals(np.zeros(1))
     return math.atan2(float(a[0] * b[1] - a[1] * b[0]), float(a @ b))
 
@@ -146,10 +145,10 @@ def corners_of(curve: Curve) -> FloatArray:
 
 
 def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArray:
-    """Outward normals (n, 2) at arc lengths ``s`` (n,), at corners within the curve those of the side that is
-    more opposed to the vectors ``other`` (n, 2)."""
+    """Outward normals (n, 2) at arc lengths ``s`` (n,); at a corner that of the side which is more opposed to
+    the vectors ``other`` (n, 2)."""
     normals = curve.normals(s)
-    small = SAME * curve.length
+    small = ROUND_OFF * curve.length
     for corner in corners_of(curve):
         at = np.flatnonzero(np.abs(s - corner) <= small)
         ways = (corner + small, corner - small if corner > 0.0 else curve.length - small)
@@ -161,7 +160,7 @@ def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArra
 
 
 def points_of(curve: Curve) -> int:
-    """How many points a curve is given by, as far as it is a curve through points."""
+    """Number of data points of a spline curve, 0 for other curves."""
     if isinstance(curve, Joined):
         return sum(map(points_of, curve.pieces))
     if isinstance(curve, CurvePart):
@@ -170,9 +169,9 @@ def points_of(curve: Curve) -> int:
 
 
 def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
-    """One curve of several, one after the other; ``around`` if the last one ends where the first begins.
+    """Concatenate curves; ``around`` if the last one ends where the first begins.
 
-    Lines that continue straight, arcs of one circle and parts of one curve become one again.
+    Collinear lines, arcs of one circle and consecutive parts of one curve are merged.
     """
     pieces: list[Curve] = []
     for curve in curves:
@@ -188,28 +187,28 @@ def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
 
 def _merged(one: Curve, other: Curve) -> Curve | None:
     if isinstance(one, Segment) and isinstance(other, Segment):
-        straight = abs(turn(one, other)) <= SAME
+        straight = abs(turn(one, other)) <= ROUND_OFF
         return Segment(one.start, other.end) if straight else None
     if isinstance(one, Arc) and isinstance(other, Arc):
-        size = SAME * one.radius
+        size = ROUND_OFF * one.radius
         same = math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
         if not same or one.sweep * other.sweep <= 0.0:
             return None
         sweep = one.sweep + other.sweep
-        if abs(abs(sweep) - 2.0 * math.pi) <= SAME:
+        if abs(abs(sweep) - 2.0 * math.pi) <= ROUND_OFF:
             sweep = math.copysign(2.0 * math.pi, sweep)
         return Arc(one.center, one.radius, one.start, sweep)
     if isinstance(one, CurvePart) and isinstance(other, CurvePart) and one.whole is other.whole:
         whole, length = one.whole, one.length + other.length
-        if abs(length - whole.length) > SAME * whole.length:
+        if abs(length - whole.length) > ROUND_OFF * whole.length:
             return CurvePart(whole, one.first, length)
-        # All of a closed curve would begin where it does itself, and not where the first part does.
+        # The whole of a closed curve starts where the curve does, not at the first part.
         return whole if not whole.closed or one.first == 0.0 else None
     return None
 
 
 def part_of(curve: Curve, first: float, last: float) -> Curve:
-    """The part of a curve between two arc lengths; of a closed one ``last`` may lie past its end."""
+    """The part of a curve between two arc lengths; on a closed one ``last`` may lie past its end."""
     if isinstance(curve, Segment):
         a, b = curve.points(np.array([first, last])).tolist()
         return Segment((a[0], a[1]), (b[0], b[1]))
@@ -222,8 +221,8 @@ def part_of(curve: Curve, first: float, last: float) -> Curve:
 
 
 def cut(outline: Outline, cuts: Mapping[int, Sequence[float]]) -> Outline:
-    """The outline with its curves cut at arc lengths, by the curves' numbers: the parts of "side" are
-    "side/1", "side/2" and so on. A closed curve begins at its first cut."""
+    """Split curves, given by index, at arc lengths. The parts of "side" are "side/1", "side/2" and so on; a
+    closed curve then begins at its first cut."""
     names, curves, starts = list[str](), list[Curve](), list[int]()
     for number, (name, curve) in enumerate(zip(outline.names, outline.curves, strict=True)):
         if number in outline.starts:
@@ -241,8 +240,8 @@ def cut(outline: Outline, cuts: Mapping[int, Sequence[float]]) -> Outline:
 
 
 def chain_of(outline: Outline, numbers: Sequence[int]) -> tuple[tuple[int, ...], bool] | None:
-    """Curves by their numbers in the order in which they follow each other along a loop, and whether they are
-    all of it; None if they are no one chain."""
+    """Order curves (by index) as they follow each other along a loop, and tell whether they are all of it;
+    None if they are not one contiguous chain."""
     wanted = sorted(set(numbers))
     loop = next((loop for loop in outline.loops if loop.start <= wanted[0] < loop.stop), None)
     if loop is None or wanted[-1] >= loop.stop:

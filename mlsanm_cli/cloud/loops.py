@@ -1,7 +1,7 @@
-"""From the nodes along a body's boundary to its outline: corners kept, smooth where smooth.
+"""From the ordered boundary nodes of a body to its outline, with corners kept sharp.
 
-The outline is cut at corners and where names change. Between two corners one spline runs through all nodes,
-so that a change of name alone leaves no kink; stretches on a line become straight lines.
+The outline is split at corners and where names change. Between two corners one spline interpolates all nodes,
+so that a change of name causes no kink; collinear stretches become straight lines.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
 
 ALIGNED = 0.9
-STRAIGHT = 1e-8
-"""Nodes this near to a line, in parts of the body's extent, lie on it."""
+COLLINEARITY_TOLERANCE = 1e-8
+"""Nodes within this fraction of the body's extent of a line lie on it."""
 
 
 @dataclass(frozen=True)
 class Loop:
-    """Boundary nodes ``nodes`` (k,) in order, the material on the left; ``names[j]`` is that of the edge from
-    node j to the next, empty where it has none."""
+    """Boundary nodes ``nodes`` (k,) in order, the material on the left; ``names[j]`` is the name of the edge
+    from node j to the next, "" for none."""
 
     nodes: IntArray
     names: tuple[str, ...]
@@ -41,8 +41,8 @@ class Loop:
 
 @dataclass(frozen=True)
 class Traced:
-    """An outline with the nodes it runs through: ``nodes[c]`` (b,) of curve c, both ends included, on a
-    closed curve each once."""
+    """An outline and the nodes it interpolates: ``nodes[c]`` (b,) of curve c include both ends, but only one
+    of a closed curve."""
 
     outline: Outline
     nodes: tuple[IntArray, ...]
@@ -56,14 +56,17 @@ class _Piece:
 
 
 def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
-    """The outline through the loops' nodes, with corners where it turns by more than ``corner`` (radian).
+    """The outline through the loops' nodes, with corners where it turns by more than ``corner`` (radians).
 
-    The loop around everything comes first; each begins at its lowest corner. Names that several curves have
-    get numbers along the outline, curves without a name are edge1, edge2 and so on. Raises GeometryError
-    where that leaves two curves with one name.
+    The outer loop comes first; each loop begins at its lowest corner. Names of several curves are numbered
+    along the outline, unnamed curves are edge1, edge2 and so on. Raises GeometryError if two curves still
+    share a name.
     """
     size = float(np.ptp(points, axis=0).max())
-    cut = [list(_pieces(points, _begun(points, loop, corner), corner, STRAIGHT * size)) for loop in loops]
+    cut = [
+        list(_pieces(points, _begun(points, loop, corner), corner, COLLINEARITY_TOLERANCE * size))
+        for loop in loops
+    ]
     outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
     cut = [cut[k] for k in sorted(range(len(cut)), key=lambda k: not outer[k])]
     pieces = [piece for loop in cut for piece in loop]
@@ -73,10 +76,10 @@ def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
 
 
 def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | None = None) -> Cloud:
-    """The cloud of nodes that came with their outline; its spacing is the distance of neighbours.
+    """The cloud of given nodes and their outline; its spacing is the mean neighbour distance.
 
-    ``normals`` (n, 2) take the place of the curves' where they are within 25 degrees of these: at a corner
-    a node has one normal in a file and two here.
+    Given ``normals`` (n, 2) replace those of the curves where they agree within 25 degrees: a corner node has
+    one normal in a file and two here.
     """
     surfaces = {}
     for name, curve, nodes in zip(traced.outline.names, traced.outline.curves, traced.nodes, strict=True):
@@ -92,7 +95,7 @@ def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | Non
 
 
 def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
-    """The same cloud as its own mirror image about a ``line``; None where its nodes or surfaces are none, or
+    """The same cloud with its symmetry about a ``line``; None if its nodes or surfaces are not symmetric or
     the line runs along its outline."""
     image = line.images(cloud.points, cloud.spacing)
     if image is None:
@@ -102,7 +105,7 @@ def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
     if images is None or own[cloud.edges].all(axis=1).any():
         return None
     side = np.where(own, 0, np.sign(cloud.points[:, line.axis] - line.at)).astype(np.int64)
-    # Of a quad's two triangulations the mirror may show the other: distances of neighbours are then unlike.
+    # The image of a quadrilateral may be split along its other diagonal: neighbour distances then differ.
     spacing = 0.5 * (cloud.spacing + cloud.spacing[image])
     return Cloud(cloud.points, spacing, cloud.surfaces, Mirror(line, image, side, images))
 
@@ -116,10 +119,7 @@ def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:
 
 
 def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
-    """Median length of the triangles' edges at every node, its mean over the neighbours (n,).
-
-    0 at nodes that are in no triangle.
-    """
+    """Median edge length at every node, averaged over its neighbours (n,); 0 at nodes of no triangle."""
     ends = np.concatenate([triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     length = np.tile(np.hypot(*(points[ends[:, 0]] - points[ends[:, 1]]).T), 2)
@@ -131,12 +131,12 @@ def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
     low, high = first + (count - 1) // 2, first + count // 2
     spacing = 0.5 * (length[np.minimum(low, len(length) - 1)] + length[np.minimum(high, len(length) - 1)])
     spacing[count == 0] = 0.0
-    # Meshes differ from node to node by more than any spacing that was asked for.
+    # Averaged, as mesh sizes vary more from node to node than a spacing field does.
     return np.asarray((spacing + np.bincount(node, spacing[other], len(points))) / (count + 1))
 
 
 def turns(points: FloatArray) -> FloatArray:
-    """Angles (k,) by which a closed polygon turns left at its points."""
+    """Angles (k,) by which a closed polygon turns left at its vertices."""
     after = np.roll(points, -1, axis=0) - points
     before = np.roll(after, 1, axis=0)
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -144,7 +144,7 @@ def turns(points: FloatArray) -> FloatArray:
 
 
 def _begun(points: FloatArray, loop: Loop, corner: float) -> Loop:
-    """The loop turned around so that it begins at its lowest corner, else change of name, else node."""
+    """The loop rotated to begin at its lowest corner, or else change of name, or else node."""
     sharp, renamed = _breaks(points, loop, corner)
     choice = next((mask for mask in (sharp, renamed) if mask.any()), np.ones(len(sharp), dtype=bool))
     candidates = np.flatnonzero(choice)
@@ -154,7 +154,7 @@ def _begun(points: FloatArray, loop: Loop, corner: float) -> Loop:
 
 
 def _breaks(points: FloatArray, loop: Loop, corner: float) -> tuple[BoolArray, BoolArray]:
-    """Where a loop has corners, and where the name changes."""
+    """Masks (k,) of the corners of a loop and of its changes of name."""
     sharp = np.abs(turns(points[loop.nodes])) > corner
     renamed = np.array([name != before for before, name in zip(("", *loop.names), loop.names, strict=False)])
     renamed[0] = loop.names[0] != loop.names[-1]
@@ -173,7 +173,7 @@ def _pieces(points: FloatArray, loop: Loop, corner: float, small: float) -> Iter
         yield _Piece(loop.names[0], SplinePart(spline, 0, count), loop.nodes)
         return
     if len(ends) == 1:
-        # A curve that ends where it begins is two: no surface has a node twice.
+        # A curve that ends where it begins is split: no surface contains a node twice.
         ends = np.array([0, count // 2])
     chains = np.append(corners, count) if len(corners) else np.array([0, count])
     for first, last in pairwise(chains.tolist()):
@@ -199,7 +199,7 @@ def _straight(points: FloatArray, small: float) -> bool:
 
 
 def _names(pieces: Sequence[_Piece]) -> tuple[str, ...]:
-    """Names of all curves: numbered where several have the same, and where they have none."""
+    """Names of all curves, numbered where they are shared or empty."""
     total = Counter(piece.name for piece in pieces)
     passed: Counter[str] = Counter()
     names = []

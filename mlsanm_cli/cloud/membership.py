@@ -1,4 +1,4 @@
-"""Whether points belong to a body, decided from its boundary nodes alone, as run.h5 keeps them."""
+"""Point-in-body test from the boundary nodes alone, as run.h5 stores them."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.polygon import TOGETHER, inside_polygon
+from mlsanm_cli.cloud.polygon import BATCH_SIZE, inside_polygon
 
-SLACK = 1.1
-"""Arcs bulge over their chords by what their normals turn; curves that are no arcs may by this much more."""
+SAGITTA_FACTOR = 1.1
+"""Factor on the sagitta of an arc through two nodes: allowance for curves that are not arcs."""
 ROUND_OFF = 1e-9
 
 
 def boundary_chords(index: IntArray, names: Sequence[str]) -> IntArray:
-    """Pairs (b, 2) of places in ``index`` (nb,) that are neighbours along the boundary, loop by loop.
+    """Pairs (b, 2) of positions in ``index`` (nb,) that are neighbours along the boundary, loop by loop.
 
     ``index`` holds the nodes surface by surface, ``names`` (nb,) the surface of each.
     """
     owner = np.array(names)
     chains = [np.flatnonzero(owner == name) for name in dict.fromkeys(names)]
     starts = {int(index[chain[0]]) for chain in chains}
-    # A surface that continues nowhere is closed.
+    # A surface that no other one continues is closed.
     whole = [chain if int(index[chain[-1]]) in starts else np.append(chain, chain[:1]) for chain in chains]
     return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in whole])
 
 
-def belongs(
+def inside_body(
     points: FloatArray, index: IntArray, normal: FloatArray, names: Sequence[str], targets: FloatArray
 ) -> BoolArray:
-    """Which ``targets`` (e, 2) lie in the body of ``points`` (n, 2) or on its boundary.
+    """Mask (e,) of ``targets`` (e, 2) in the body of ``points`` (n, 2) or on its boundary.
 
-    Boundary nodes ``index`` (nb,) with outward ``normal`` (nb, 2) and ``names`` as in
-    :func:`boundary_chords`. A curve may lie outside its chords by c tan(phi/4)/2, with c the chord and phi
-    the angle between the normals at its ends.
+    Boundary nodes ``index`` (nb,) have outward ``normal`` (nb, 2) and ``names`` as in
+    :func:`boundary_chords`. A curve may lie outside its chord by the sagitta c tan(phi/4)/2, with c the chord
+    length and phi the angle between the normals at its ends.
     """
     chords = boundary_chords(index, names)
     start, end = points[index[chords[:, 0]]], points[index[chords[:, 1]]]
@@ -42,12 +42,12 @@ def belongs(
     length = np.hypot(along[:, 0], along[:, 1])
     cosine = (normal[chords[:, 0]] * normal[chords[:, 1]]).sum(axis=1)
     bulge = 0.5 * length * np.tan(0.25 * np.arccos(np.clip(cosine, -1.0, 1.0)))
-    near = SLACK * bulge + ROUND_OFF * float(np.ptp(points, axis=0).max())
+    near = SAGITTA_FACTOR * bulge + ROUND_OFF * float(np.ptp(points, axis=0).max())
     inside = inside_polygon(np.concatenate([start, end], axis=1), targets)
-    # Only what is outside of the chords, and not far from all of them, can be below a bulge.
+    # Only targets outside the polygon but near a chord can lie between a chord and its curve.
     low, high = start.min(axis=0) - near.max(), start.max(axis=0) + near.max()
     around = ((targets >= low) & (targets <= high)).all(axis=1)
-    for some in _together(np.flatnonzero(around & ~inside), len(start)):
+    for some in _batches(np.flatnonzero(around & ~inside), len(start)):
         offset = targets[some, None] - start
         share = np.clip((offset * along).sum(axis=2) / length**2, 0.0, 1.0)
         away = offset - share[:, :, None] * along
@@ -55,6 +55,6 @@ def belongs(
     return inside
 
 
-def _together(targets: IntArray, chords: int) -> list[IntArray]:
-    """Targets that are compared with all chords at once."""
-    return np.array_split(targets, 1 + len(targets) * chords // TOGETHER)
+def _batches(targets: IntArray, chords: int) -> list[IntArray]:
+    """Batches of targets to be compared with all chords at once."""
+    return np.array_split(targets, 1 + len(targets) * chords // BATCH_SIZE)

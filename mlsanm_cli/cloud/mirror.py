@@ -1,4 +1,4 @@
-"""Clouds that are their own mirror images."""
+"""Mirror-symmetric clouds."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.startup import cKDTree
 
-SAME = 1e-9
-"""What is nearer to an image than this part of the spacing is the image."""
+IMAGE_TOLERANCE = 1e-9
+"""A node within this fraction of the spacing of an image is that image."""
 
 
 @dataclass(frozen=True)
 class SymmetryLine:
-    """A line of symmetry: the coordinate ``axis``, 0 for x and 1 for y, is ``at`` there."""
+    """A line of symmetry: coordinate ``axis`` (0 for x, 1 for y) equals ``at``."""
 
     axis: int
     at: float
@@ -27,31 +27,35 @@ class SymmetryLine:
         return f"{'xy'[self.axis]} = {self.at:g}"
 
     def reflect(self, points: FloatArray) -> FloatArray:
-        """The mirror images (n, 2) of ``points`` (n, 2)."""
+        """Mirror images (n, 2) of ``points`` (n, 2)."""
         reflected = points.copy()
         reflected[:, self.axis] = 2.0 * self.at - points[:, self.axis]
         return reflected
 
     @property
     def signs(self) -> FloatArray:
-        """What a vector's components (2,) are multiplied by in the mirror."""
+        """Factors (2,) of a vector's components under reflection."""
         signs = np.ones(2)
         signs[self.axis] = -1.0
         return signs
 
     def images(self, points: FloatArray, size: FloatArray) -> IntArray | None:
-        """Which of ``points`` (n, 2) is the image (n,) of each, nearer to it than SAME of ``size`` (n,); None
-        where they are not their own mirror images."""
+        """Indices (n,) of the images of ``points`` (n, 2), within IMAGE_TOLERANCE times ``size`` (n,); None
+        if the points are not mirror-symmetric."""
         away, image = nearest(cKDTree(points), self.reflect(points))
         found: IntArray = np.asarray(image, dtype=np.int64)
         paired = np.array_equal(found[found], np.arange(len(points)))
-        return found if paired and (np.asarray(away) <= SAME * size).all() else None
+        return found if paired and (np.asarray(away) <= IMAGE_TOLERANCE * size).all() else None
 
 
 @dataclass(frozen=True)
 class Mirror:
-    """A cloud's symmetry about a ``line``: ``image`` (n,) of every node, itself on the line, and of every
-    surface the name of its image and, node by node (b,), which one of that surface is the node's."""
+    """A cloud's symmetry about a ``line``.
+
+    ``image`` (n,) is the image of every node (itself on the line), ``side`` (n,) the sign of its distance
+    from the line; ``surfaces`` gives for every surface the name of its image and the images of its nodes (b,)
+    as indices there.
+    """
 
     line: SymmetryLine
     image: IntArray
@@ -60,12 +64,12 @@ class Mirror:
 
     @cached_property
     def own(self) -> IntArray:
-        """The nodes (h,) on the line and on its side 1; the others are images of these."""
+        """Nodes (h,) on the line and on its positive side; the others are their images."""
         return np.flatnonzero(self.side >= 0)
 
     @cached_property
     def place(self) -> IntArray:
-        """Where every node (n,), or its image, is among :attr:`own`."""
+        """Position (n,) of every node, or else of its image, in :attr:`own`."""
         place = np.empty(len(self.image), dtype=np.int64)
         place[self.own] = np.arange(len(self.own))
         beyond = self.side < 0
@@ -73,7 +77,7 @@ class Mirror:
         return place
 
     def derivative_signs(self, kinds: int) -> FloatArray:
-        """What value, d/dx, d/dy, d2/dx2, d2/dxdy and d2/dy2, the first ``kinds`` of them, are multiplied by
-        in the mirror."""
+        """Factors under reflection of value, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2, the first ``kinds`` of
+        them."""
         x, y = self.line.signs
         return np.array([1.0, x, y, 1.0, x * y, 1.0])[:kinds]

@@ -1,8 +1,8 @@
 """Division of a cloud into connected pieces of about equally many nodes.
 
-By recursive bisection across the longer axis of inertia (Simon 1991, doi:10.1016/0956-0521(91)90014-V), all
-parts of one level at a time; then parts that are not connected by the triangles are split. The pieces of a
-cloud with a mirror are their own images or each other's.
+By recursive bisection across the longer principal axis of inertia (Simon 1991,
+doi:10.1016/0956-0521(91)90014-V), one level at a time; disconnected parts are split afterwards. The pieces of
+a cloud with a mirror are symmetric or images of each other.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.startup import cKDTree, connected_components
 
-DEEPER = 1.0
-"""Pieces may be as wide as they are deep inside the body, by this factor: force and bending get lost in thin
-bodies, and large pieces deep inside serve as well and cost less. With 0.7 to 1.5 errors are the same."""
-MOST = 400.0
-"""Nodes of the largest pieces."""
-NARROWER, FEWEST = 0.4, 2.0
-"""Pieces are narrower than the distance to a hollow plus its radius by this factor, and of so many nodes at
-least: portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8 to 24 nodes, depending on
-where they happened to be cut, and lose up to 1.3 % then. With 0.7 a hole in a mesh whose triangles are 1.6
-times as deep as wide, 64 nodes around it, lost up to 6 % of its peak stress at degree 2 and 17 % at degree 4,
-and with 0.4, 2.4 and 6.6 %."""
-APART = 3.5
-"""Pairs are farther than so many spacings from supports and corners."""
-ALIKE = 1e-9
-"""Moments of inertia, and distances over the body's size, that differ by less are the same."""
-FEW = 0.25
-"""Pieces with less than this part of the size wanted join a neighbour."""
+WIDTH_OVER_DEPTH = 1.0
+"""Largest width of a piece over its depth inside the body: in thin bodies large pieces lose force and bending
+stiffness, deep inside they are as accurate and cheaper. Errors are the same with 0.7 to 1.5."""
+MAX_NODES = 400.0
+"""Largest number of nodes of a piece."""
+WIDTH_OVER_ROOM, MIN_NODES = 0.4, 2.0
+"""Largest width of a piece over the distance to a hollow plus its radius, and its least number of nodes.
+
+Portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8 to 24 nodes, depending on the cuts,
+and lose up to 1.3 % with this bound. With 0.7, a meshed hole of 64 nodes (triangles 1.6 times as deep as
+wide) lost up to 6 % of its peak stress at degree 2 and 17 % at degree 4; with 0.4, 2.4 and 6.6 %."""
+CLEARANCE = 3.5
+"""Distance of pairs from supports and corners, in spacings."""
+TIE_TOLERANCE = 1e-9
+"""Relative tolerance for equal moments of inertia, and for equal distances over the body's size."""
+MERGE_FRACTION = 0.25
+"""Pieces below this fraction of the wanted size are merged with a neighbour."""
 
 
 def divide(cloud: Cloud, size: int) -> IntArray:
-    """Numbers (n,) of the pieces of about ``size`` nodes that the cloud's nodes belong to."""
-    # A node at the root of a narrow slit may be a corner of no triangle, and is a piece of no area by itself.
+    """Piece numbers (n,) of the cloud's nodes, for pieces of about ``size`` nodes."""
+    # A node at the root of a narrow slit may be in no triangle; by itself it would be a piece of no area.
     alone = np.bincount(cloud.triangles.ravel(), minlength=len(cloud.points)) == 0
     along = cloud.edges[alone[cloud.edges].any(axis=1)]
     pairs = np.concatenate([along, *(cloud.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0)))])
     mirror = cloud.mirror
     depth = nearest(cKDTree(cloud.points[cloud.boundary_nodes]), cloud.points)[0] / cloud.spacing
-    wanted = np.clip((DEEPER * depth) ** 2, size, MOST)
-    wanted = np.minimum(wanted, np.maximum((NARROWER * cloud.room / cloud.spacing) ** 2, FEWEST))
+    wanted = np.clip((WIDTH_OVER_DEPTH * depth) ** 2, size, MAX_NODES)
+    wanted = np.minimum(wanted, np.maximum((WIDTH_OVER_ROOM * cloud.room / cloud.spacing) ** 2, MIN_NODES))
     if mirror is None:
         return _divided(cloud.points, pairs, wanted)
     place = np.full(len(cloud.points), -1, dtype=np.int64)
@@ -54,7 +54,7 @@ def divide(cloud: Cloud, size: int) -> IntArray:
         cloud.points[mirror.own], place[pairs][(place[pairs] >= 0).all(axis=1)], wanted[mirror.own]
     )
     labels = own[mirror.place]
-    # What touches the mirror, or reaches across it, is one piece with its image.
+    # A piece that touches the line, or has edges across it, is merged with its image.
     touching = np.zeros(own.max() + 1, dtype=bool)
     touching[labels[mirror.side == 0]] = True
     touching[labels[pairs[mirror.side[pairs].prod(axis=1) < 0]]] = True
@@ -64,9 +64,9 @@ def divide(cloud: Cloud, size: int) -> IntArray:
 
 
 def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> IntArray:
-    """Numbers (n,) of pairs of neighbours along the surfaces ``touching`` others, -1 for all other nodes.
+    """Pair numbers (n,) of neighbours along the contact surfaces ``touching``, -1 for all other nodes.
 
-    Nodes near ``held`` surfaces and corners are in none: there pairs spoil the equilibrium of a support.
+    Nodes near ``held`` surfaces and corners stay single: pairs there spoil the equilibrium of a support.
     """
     surfaces = cloud.surfaces
     ends = [s.index[[0, -1]] for s in surfaces.values() if not s.curve.closed]
@@ -75,12 +75,12 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     )
     far = np.ones(len(cloud.points), dtype=bool)
     if len(stops):
-        far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > APART * cloud.spacing
+        far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > CLEARANCE * cloud.spacing
     mirror, labels, count = cloud.mirror, np.full(len(cloud.points), -1, dtype=np.int64), 0
     for name in sorted(touching):
         for run in _runs(surfaces[name].index, far):
             if mirror is not None:
-                # One side after the other: images of pairs are pairs.
+                # One side at a time: images of pairs are pairs.
                 run = run[mirror.side[run] > 0]
             pairs = len(run) // 2
             labels[run[: 2 * pairs]] = count + np.repeat(np.arange(pairs), 2)
@@ -94,23 +94,22 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
 
 
 def _runs(index: IntArray, far: BoolArray) -> list[IntArray]:
-    """Stretches of a surface's nodes ``index`` (b,) that are ``far`` (n,) from what must be left out."""
+    """Stretches of a surface's nodes ``index`` (b,) selected by the mask ``far`` (n,)."""
     cuts = np.flatnonzero(~far[index])
     return [run[far[run]] for run in np.split(index, cuts)]
 
 
 def _divided(points: FloatArray, pairs: IntArray, wanted: FloatArray) -> IntArray:
-    return _joined(_connected(_bisected(points, wanted), pairs), pairs, FEW * wanted)
+    return _joined(_connected(_bisected(points, wanted), pairs), pairs, MERGE_FRACTION * wanted)
 
 
 def _bisected(points: FloatArray, wanted: FloatArray) -> IntArray:
-    """Numbers (n,) of parts of the ``points`` (n, 2), of about as many as is ``wanted`` (n,) by the one of
-    its points that wants fewest."""
+    """Part numbers (n,) of the ``points`` (n, 2); a part has about the smallest ``wanted`` (n,) in it."""
     labels, order = np.zeros(len(points), dtype=np.int64), np.arange(len(points))
     while True:
         count = np.bincount(labels)
         first = np.cumsum(count) - count
-        # The points are in the order of their parts, as these are what they were cut into.
+        # ``order`` sorts the points by part: each bisection keeps parts contiguous.
         parts = np.round(count / np.minimum.reduceat(wanted[order], first))
         chosen = parts[labels] >= 2.0
         if not chosen.any():
@@ -124,32 +123,32 @@ def _bisected(points: FloatArray, wanted: FloatArray) -> IntArray:
 
 
 def _counted(labels: IntArray) -> IntArray:
-    """The same numbers (n,) without those that nothing has."""
+    """Renumber ``labels`` (n,) without gaps."""
     return np.asarray((np.cumsum(np.bincount(labels) > 0) - 1)[labels], dtype=np.int64)
 
 
 def _least(values: FloatArray, labels: IntArray, count: int) -> FloatArray:
-    """The least of the ``values`` (n,) in each of ``count`` parts."""
+    """Minimum of the ``values`` (n,) in each of ``count`` parts."""
     least = np.full(count, np.inf)
     np.minimum.at(least, labels, values)
     return least
 
 
 def _along(points: FloatArray, labels: IntArray, count: IntArray) -> FloatArray:
-    """Distance (n,) of every point from the middle of its part along the part's longer axis of inertia."""
+    """Coordinate (n,) of every point along the longer principal axis of its part."""
     middle = np.stack([np.bincount(labels, one) for one in points.T], axis=1) / count[:, None]
     x, y = (points - middle[labels]).T
     xx, yy, xy = (np.bincount(labels, one) for one in (x * x, y * y, x * y))
-    # Of regular meshes neither squares may be cut by round-off, nor may it choose among equally far nodes.
-    least = ALIKE * (xx + yy)
+    # Round-off must not choose the axis of a square part of a regular mesh, nor among equally distant nodes.
+    least = TIE_TOLERANCE * (xx + yy)
     across, twice = (np.where(np.abs(one) > least, one, 0.0) for one in (xx - yy, 2.0 * xy))
     angle = 0.5 * np.arctan2(twice, across)
     along = np.cos(angle)[labels] * x + np.sin(angle)[labels] * y
-    return np.asarray(np.round(along / (ALIKE * float(np.ptp(points, axis=0).max()))))
+    return np.asarray(np.round(along / (TIE_TOLERANCE * float(np.ptp(points, axis=0).max()))))
 
 
 def _connected(labels: IntArray, pairs: IntArray) -> IntArray:
-    """The same with parts split that the ``pairs`` (e, 2) of neighbours do not connect."""
+    """Split parts that the ``pairs`` (e, 2) of neighbours do not connect."""
     within = pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]]
     shape = (len(labels), len(labels))
     graph = sparse.coo_array((np.ones(len(within), dtype=np.int8), (within[:, 0], within[:, 1])), shape=shape)
@@ -157,8 +156,8 @@ def _connected(labels: IntArray, pairs: IntArray) -> IntArray:
 
 
 def _joined(labels: IntArray, pairs: IntArray, few: FloatArray) -> IntArray:
-    """The same with parts of fewer points than the ``few`` (n,) of any of them joined to the neighbour they
-    have most edges to."""
+    """Merge parts of fewer points than the smallest ``few`` (n,) in them with the neighbour they share most
+    edges with."""
     while True:
         count = np.bincount(labels)
         small = count < _least(few, labels, len(count))
@@ -171,7 +170,7 @@ def _joined(labels: IntArray, pairs: IntArray, few: FloatArray) -> IntArray:
         order = np.lexsort((-times, part))
         first = order[np.unique(part[order], return_index=True)[1]]
         to = np.arange(len(count))
-        # One at a time where two small ones would join each other.
+        # If two small parts would merge into each other, only one does.
         for at in first:
             if to[neighbour[at]] == neighbour[at]:
                 to[part[at]] = neighbour[at]

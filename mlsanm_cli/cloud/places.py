@@ -1,4 +1,4 @@
-"""Points that are to have a node: on the outline, or inside."""
+"""Points at which nodes are wanted, on the outline or inside."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.membership import belongs
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
-from mlsanm_cli.cloud.spacing import APART, Spacing
+from mlsanm_cli.cloud.membership import inside_body
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
+from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface
 
 
 @dataclass(frozen=True)
 class Places:
-    """``points`` (k, 2), the numbers ``curve`` (k,) of the outline's curves that they lie on, or next to, -1
-    elsewhere, and the arc lengths ``arc`` (k,) nearest to them there."""
+    """Wanted ``points`` (k, 2), the index ``curve`` (k,) of the outline curve they lie on or next to (-1
+    inside), and the arc length ``arc`` (k,) of the closest point there."""
 
     points: FloatArray
     curve: IntArray
@@ -26,36 +26,36 @@ class Places:
 
     @classmethod
     def of(cls, outline: Outline, spacing: Spacing, points: FloatArray) -> Places:
-        """Where ``points`` (k, 2) lie."""
+        """Locate ``points`` (k, 2)."""
         number, arc, least = np.full(len(points), -1), np.zeros(len(points)), np.full(len(points), np.inf)
         for k, curve in enumerate(outline.curves if len(points) else ()):
             s = curve.closest(points)
             away = np.hypot(*(curve.points(s) - points).T)
             nearer = away < least
             number[nearer], arc[nearer], least[nearer] = k, s[nearer], away[nearer]
-        number[least > APART * spacing.at(points)] = -1
+        number[least > MIN_DISTANCE * spacing.at(points)] = -1
         return cls(points, number, arc)
 
     def along(self, number: int) -> FloatArray:
-        """The arc lengths of those on a curve."""
+        """Arc lengths of the points on curve ``number``."""
         return np.asarray(self.arc[self.curve == number])
 
     def upon(self, line: SymmetryLine) -> bool:
-        """Whether all inside are on a ``line``."""
+        """Whether all interior points are on a ``line``."""
         points = self.points[self.curve < 0]
         size = np.abs(points).max(initial=0.0) + abs(line.at)
-        return bool((np.abs(points[:, line.axis] - line.at) <= SAME * size).all())
+        return bool((np.abs(points[:, line.axis] - line.at) <= IMAGE_TOLERANCE * size).all())
 
     def inside(self, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing) -> FloatArray:
-        """Those (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""
+        """Interior points (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""
         points = self.points[self.curve < 0]
         if not len(points):
             return points
         index = np.concatenate([surface.index for surface in surfaces.values()])
         normal = np.concatenate([surface.normal for surface in surfaces.values()])
         names = [surface.name for surface in surfaces.values() for _ in surface.index]
-        room = APART * spacing.at(points)
-        kept = belongs(boundary, index, normal, names, points)
+        room = MIN_DISTANCE * spacing.at(points)
+        kept = inside_body(boundary, index, normal, names, points)
         for k in np.flatnonzero(kept):
             others = np.flatnonzero(kept[:k])
             kept[k] = (np.hypot(*(points[others] - points[k]).T) > room[k]).all()

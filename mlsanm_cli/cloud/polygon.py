@@ -1,4 +1,4 @@
-"""Points in polygons, and their areas."""
+"""Point-in-polygon test and polygon area."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-TOGETHER = 2**18
-"""Pairs of a point and an edge that are looked at together: enough for speed, few enough for memory."""
+BATCH_SIZE = 2**18
+"""Point-edge pairs processed at once: large for speed, small for memory."""
 
 
 def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
-    """Even-odd rule for ``points`` (n, 2) among ``edges`` (e, 4), which form closed loops."""
+    """Mask (n,) of ``points`` (n, 2) inside closed loops of ``edges`` (e, 4), by the even-odd rule."""
     x0, y0, x1, y1 = edges[edges[:, 1] != edges[:, 3]].T
     inside = np.zeros(len(points), dtype=bool)
-    step = max(1, TOGETHER // max(1, len(x0)))
+    step = max(1, BATCH_SIZE // max(1, len(x0)))
     for first in range(0, len(points), step):
         x, y = points[first : first + step].T
-        # Few edges cross the level of a point: only there is the crossing's place worth finding.
+        # Few edges cross the level of a point: only for these is the intersection computed.
         point, edge = np.nonzero((y0 > y[:, None]) != (y1 > y[:, None]))
         crossing = x0[edge] + (y[point] - y0[edge]) / (y1[edge] - y0[edge]) * (x1[edge] - x0[edge])
         odd = np.bincount(point[x[point] < crossing], minlength=len(x)) % 2
@@ -26,6 +26,6 @@ def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
 
 
 def signed_area(points: FloatArray) -> float:
-    """Area inside a closed polygon ``points`` (k, 2), negative where it runs clockwise."""
+    """Area of a closed polygon ``points`` (k, 2), negative if clockwise."""
     x, y = (points - points[0]).T
     return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())

@@ -1,4 +1,4 @@
-"""Areas of a cloud's triangles for functions that are singular at places of the outline."""
+"""Quadrature over a cloud's triangles for functions with singular points on the outline."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.startup import cKDTree
 
-NEAR = 2.0
-"""Triangles nearer to a singular place than their longest side times this are divided into four, ..."""
-TIMES = 2
-"""... at most so many times."""
+REFINE_DISTANCE = 2.0
+"""A triangle closer to a singular point than this times its longest side is divided into four, ..."""
+MAX_REFINEMENTS = 2
+"""... up to this many times."""
 
 
 def graded_quadrature(cloud: Cloud, singular: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (e, 2) of the triangles and their areas (e,), smaller ones towards the ``singular`` places
-    (k, 2), none of which is a point."""
+    """Midpoint rule: points (e, 2) and areas (e,), graded towards the ``singular`` points (k, 2)."""
     tree, corners = cKDTree(singular), cloud.points[cloud.triangles]
     points, areas = [], []
-    for time in range(TIMES + 1):
+    for time in range(MAX_REFINEMENTS + 1):
         middle = corners.mean(axis=1)
         sides = corners - np.roll(corners, 1, axis=1)
         size = np.hypot(*np.moveaxis(sides, 2, 0)).max(axis=1)
-        close = (tree.query(middle)[0] < NEAR * size) & (time < TIMES)
+        close = (tree.query(middle)[0] < REFINE_DISTANCE * size) & (time < MAX_REFINEMENTS)
         (a, b) = np.moveaxis(sides[~close, 1:], 1, 0)
         points.append(middle[~close])
         areas.append(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
@@ -32,7 +31,7 @@ def graded_quadrature(cloud: Cloud, singular: FloatArray) -> tuple[FloatArray, F
 
 
 def _quarters(corners: FloatArray) -> FloatArray:
-    """The four triangles (4e, 3, 2) that the middles of the sides make of each (e, 3, 2)."""
+    """The four triangles (4e, 3, 2) obtained by joining the mid-sides of each (e, 3, 2)."""
     middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
     before = np.roll(middles, 1, axis=1)
     ends = [np.stack([corners[:, i], middles[:, i], before[:, i]], axis=1) for i in range(3)]

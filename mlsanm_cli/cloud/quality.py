@@ -1,4 +1,4 @@
-"""Figures that show whether a cloud is fit for use."""
+"""Quality figures of a cloud."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.startup import cKDTree
 
-TOGETHER = 256
-"""Triangles that are looked at together, from the largest on."""
+BATCH_SIZE = 256
+"""Triangles processed at once, largest first."""
 
 
 @dataclass(frozen=True)
 class CloudQuality:
-    """``closest``: smallest node distance over the local spacing; ``hole``: radius of the largest empty
-    circle inside over the local spacing; ``growth``: largest change of spacing per unit distance between
-    neighbours."""
+    """``closest``: separation distance over the local spacing; ``hole``: radius of the largest empty circle
+    (fill distance) over the local spacing; ``growth``: largest spacing difference of neighbours over their
+    distance."""
 
     nodes: int
     boundary_nodes: int
@@ -39,7 +39,7 @@ def measure(cloud: Cloud) -> CloudQuality:
 
 
 def _largest_hole(cloud: Cloud) -> float:
-    """Largest distance over spacing from the nodes to the centre of a triangle that lies among them."""
+    """Largest distance over spacing of the centres of the inner Delaunay triangles from the nodes."""
     corners = cloud.points[cloud.triangles]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac = b - a, c - a
@@ -48,20 +48,20 @@ def _largest_hole(cloud: Cloud) -> float:
     x = (ac[:, 1] * ab2 - ab[:, 1] * ac2) / twice
     y = (ab[:, 0] * ac2 - ac[:, 0] * ab2) / twice
     center, radius = a + np.stack([x, y], axis=1), np.hypot(x, y)
-    # Flat triangles along the outline have their centres outside: they are no holes. A centre counts as
-    # inside where the nearest boundary node does not see it in front of its surface.
+    # Flat triangles along the outline have their centres outside. A centre is inside if it lies behind the
+    # tangent at the nearest boundary node.
     normals = np.zeros_like(cloud.points)
     for surface in cloud.surfaces.values():
         normals[surface.index] += surface.normal
     boundary = cloud.boundary_nodes
     outline = cKDTree(cloud.points[boundary])
-    # The nearest node of a centre is a corner: no triangle comes out larger than by its finest one.
+    # Upper bounds: the nearest node of a circumcentre is a corner of the triangle.
     most = radius / cloud.spacing[cloud.triangles].min(axis=1)
     largest, order = 0.0, np.argsort(-most)
-    for some in np.split(order, range(TOGETHER, len(order), TOGETHER)):
+    for some in np.split(order, range(BATCH_SIZE, len(order), BATCH_SIZE)):
         near = boundary[nearest(outline, center[some])[1]]
         inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-        # Triangles are Delaunay's with slits opened: as drawn there may be nodes within their circles.
+        # Opened slits are not Delaunay: nodes may lie within circumcircles.
         away, node = nearest(cloud.tree, center[some])
         largest = float((away / cloud.spacing[node])[inside].max(initial=largest))
         if largest >= most[some[-1]]:

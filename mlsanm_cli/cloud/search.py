@@ -1,4 +1,4 @@
-"""Long searches in pieces, and outside the main thread: signals are handled while they last."""
+"""Long compiled calls in batches or in another thread, so that signals are handled meanwhile."""
 
 from __future__ import annotations
 
@@ -13,32 +13,34 @@ from mlsanm_cli.startup import cKDTree
 
 Result = TypeVar("Result")
 
-PIECE = 8192
-"""Points looked for at once: some hundredths of a second."""
-WAIT = 0.1
-"""Seconds after which a waiting thread looks up, on systems where signals do not wake it."""
+BATCH_SIZE = 8192
+"""Points per batch: a few hundredths of a second."""
+POLL_SECONDS = 0.1
+"""Polling interval of a waiting thread, s, on systems where signals do not wake it."""
 
 
 def nearest(tree: cKDTree, points: FloatArray, k: int | IntArray = 1) -> tuple[FloatArray, IntArray]:
-    """Distances and numbers of the nodes of a ``tree`` nearest to ``points`` (n, 2), as its ``query`` gives
-    them: (n,) for k = 1, otherwise (n, k)."""
-    if len(points) <= PIECE:
+    """Distances and indices of the ``k`` nodes of a ``tree`` nearest to ``points`` (n, 2): (n,) for k = 1,
+    otherwise (n, k)."""
+    if len(points) <= BATCH_SIZE:
         found = tree.query(points, k=k)
         return np.asarray(found[0]), np.asarray(found[1])
-    pieces = [tree.query(points[at : at + PIECE], k=k) for at in range(0, len(points), PIECE)]
+    pieces = [tree.query(points[at : at + BATCH_SIZE], k=k) for at in range(0, len(points), BATCH_SIZE)]
     return np.concatenate([piece[0] for piece in pieces]), np.concatenate([piece[1] for piece in pieces])
 
 
-def in_pieces(function: Callable[[AnyArray], AnyArray], rows: AnyArray, piece: int = PIECE) -> AnyArray:
-    """``function(rows)``, which treats every row alone, by pieces of so many rows."""
+def in_batches(function: Callable[[AnyArray], AnyArray], rows: AnyArray, piece: int = BATCH_SIZE) -> AnyArray:
+    """``function(rows)`` evaluated in batches; it must treat every row separately."""
     if len(rows) <= piece:
         return function(rows)
     return np.concatenate([function(rows[at : at + piece]) for at in range(0, len(rows), piece)])
 
 
-def listening(call: Callable[[], Result]) -> Result:
-    """The result of a ``call`` of compiled code that lets other threads run: a thread of its own makes it,
-    while this one hears signals. After an interrupt nobody waits for it any more."""
+def run_interruptible(call: Callable[[], Result]) -> Result:
+    """Run a compiled ``call`` that releases the GIL in a thread, while this one handles signals.
+
+    After an interrupt the thread is abandoned.
+    """
     if threading.current_thread() is not threading.main_thread():
         return call()
     done: list[Result] = []
@@ -53,7 +55,7 @@ def listening(call: Callable[[], Result]) -> Result:
     thread: Any = threading.Thread(target=work, daemon=True)
     thread.start()
     while thread.is_alive():
-        thread.join(WAIT)
+        thread.join(POLL_SECONDS)
     if failed:
         raise failed[0]
     return done[0]

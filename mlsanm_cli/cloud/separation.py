@@ -1,4 +1,4 @@
-"""How the nodes of a cloud stand to their nearest ones, and how many there are across its thinnest part."""
+"""Separation of the nodes of a cloud, and the number of nodes across the body's thinnest part."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import cKDTree
 
 NEIGHBORS = 6
-FACING, OPPOSED = 32, 0.9
-"""Boundary nodes among which one across is looked for, and how much against each other normals are there."""
+MAX_FACING, OPPOSITE_COSINE = 32, 0.9
+"""Nearest boundary nodes searched for one on the opposite side, and the least -n1.n2 of such a pair."""
 
 
 @dataclass(frozen=True)
 class NodeSeparation:
-    """``closest``: smallest distance to another node over the local spacing, that of ``node``; ``growth``:
-    largest change of spacing per unit distance between neighbours."""
+    """``closest``: smallest distance to another node over the local spacing, attained at ``node``;
+    ``growth``: largest spacing difference of neighbours over their distance."""
 
     node: int
     closest: float
@@ -33,9 +33,8 @@ def separation(
     sight: VisibilityCriterion | None,
     room: FloatArray,
 ) -> NodeSeparation:
-    """By the nearest nodes of all ``points`` (n, 2), found in their ``tree``, ``spacing`` (n,) asked for
-    there, of which an acute corner leaves no more than ``room`` (n,); those that ``sight`` hides across a
-    slit are infinitely far."""
+    """Separation of ``points`` (n, 2) with ``spacing`` (n,), at most ``room`` (n,) between the faces of acute
+    corners, and search ``tree``; pairs that ``sight`` hides from each other across a slit do not count."""
     count = min(NEIGHBORS, len(points) - 1)
     distance, found = nearest_nodes(tree, points, np.arange(2, count + 2))
     neighbour = np.asarray(found, dtype=np.int64)
@@ -50,8 +49,8 @@ def separation(
 
 @dataclass(frozen=True)
 class Thinnest:
-    """How many ``spacings`` the thinnest part of a body has across, near the boundary's node ``node``, and
-    its ``width``; infinite where none is thin enough to be seen."""
+    """The thinnest part of a body: ``width``, the number of ``spacings`` across it, and a boundary ``node``
+    there; infinite where no part is thin enough to be found."""
 
     node: int
     spacings: float
@@ -59,17 +58,18 @@ class Thinnest:
 
 
 def thinnest(points: FloatArray, spacing: FloatArray, index: IntArray, normal: FloatArray) -> Thinnest:
-    """Where two sides of a body with ``points`` (n, 2) and ``spacing`` (n,) are closest, with nothing but
-    material in between: by its boundary's nodes ``index`` (b,) with outward ``normal`` (b, 2).
+    """The thinnest part of a body of ``points`` (n, 2) with ``spacing`` (n,), from its boundary nodes
+    ``index`` (b,) with outward ``normal`` (b, 2).
 
-    The width is the diameter of the circle that touches the boundary in one node and meets the other.
+    Its width is the diameter of the circle inside that touches the boundary at one node and passes through
+    another one.
     """
     at = points[index]
-    count = min(FACING, len(index) - 1)
+    count = min(MAX_FACING, len(index) - 1)
     near = np.asarray(nearest_nodes(cKDTree(at), at, np.arange(2, count + 2))[1], dtype=np.int64)
     away = at[:, None] - at[near]
     depth = (away * normal[:, None]).sum(axis=2)
-    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSED)
+    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSITE_COSINE)
     width = np.full(near.shape, np.inf)
     np.divide((away**2).sum(axis=2), depth, out=width, where=across)
     least = width.min(axis=1)

@@ -1,7 +1,7 @@
-"""Slits: places where the outline faces itself across a void, near in space and far along the outline.
+"""Visibility criterion at slits, where the outline faces itself across a narrow void.
 
-Nodes on the two faces of a slit are no neighbours, however near they are: the displacement may jump from one
-to the other. A chord over a hollow of the outline or past a re-entrant corner does no harm.
+The displacement may jump across a slit, so nodes on its two faces are no neighbours, however close. Chords
+over a hollow of the outline or past a reentrant corner are harmless and allowed.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.startup import cKDTree
 
-DETOUR = 3.0
-"""A void is a slit where the way along the outline from face to face is so many times its width.
+MIN_DETOUR = 3.0
+"""A void is a slit if the way along the outline from face to face is at least this many times its width.
 
-A notch is a slit where it is deeper than wide, a wedge where it opens by less than about 40 degrees.
+A notch is a slit if it is deeper than wide, a wedge if it opens by less than about 40 degrees.
 """
-REACH = 12.0
-"""Slits wider than this many spacings are wider than any stencil."""
-INWARD = 1e-3
-"""Points on the outline are looked at from this part of an edge's length inside."""
-OPENING = 0.3
-"""Faces of slits are moved apart by twice this part of an edge's length for their triangulation."""
+MAX_WIDTH = 12.0
+"""Voids wider than this many spacings are wider than any stencil."""
+INWARD_SHIFT = 1e-3
+"""Points on the outline are shifted inward by this fraction of the edge length before visibility tests."""
+FACE_SHIFT = 0.3
+"""Each face of a slit is shifted by this fraction of the edge length for the triangulation."""
 FLAT = 1e-12
 
 
 @dataclass(frozen=True)
 class VisibilityCriterion:
-    """What the nodes ``points`` (n, 2) of a body with slits see of each other.
+    """Visibility between the nodes ``points`` (n, 2) of a body with slits.
 
-    ``edges`` (e, 2) are the outline's chords as pairs of nodes, ``normals`` (e, 2) their outward normals,
-    ``along`` (e, 2) distances along the outline at their ends, ``loop`` (e,) lengths of their loops; edges
-    ``slits`` face another one across a slit.
+    ``edges`` (e, 2) are the outline's chords as node pairs, ``normals`` (e, 2) their outward normals,
+    ``along`` (e, 2) the arc lengths of their ends along the outline, ``loop`` (e,) the lengths of their
+    loops, ``slits`` the edges that face another one across a slit.
     """
 
     points: FloatArray
@@ -47,12 +47,12 @@ class VisibilityCriterion:
     slits: IntArray
 
     def near(self, targets: FloatArray, radius: FloatArray) -> BoolArray:
-        """Which circles of ``radius`` (t,) about ``targets`` (t, 2) reach a slit."""
+        """Mask (t,) of circles of ``radius`` (t,) about ``targets`` (t, 2) that reach a slit."""
         distance = cKDTree(self._middles[self.slits]).query(targets)[0]
         return np.asarray(distance <= radius + self._longest)
 
     def cut(self, targets: FloatArray, numbers: IntArray) -> BoolArray:
-        """Which of the nodes ``numbers`` (t, k) cannot be seen from ``targets`` (t, 2) across a slit."""
+        """Mask (t, k) of nodes ``numbers`` (t, k) hidden from ``targets`` (t, 2) by a slit."""
         span = self.points[numbers] - targets[:, None]
         reach = np.sqrt((span**2).sum(axis=2).max(axis=1)) + self._longest
         start, near = _neighbours(self._tree, targets, reach)
@@ -66,11 +66,11 @@ class VisibilityCriterion:
             self.along,
             self.loop,
             self.normals,
-            DETOUR,
+            MIN_DETOUR,
         )
 
     def apart(self, one: IntArray, other: IntArray) -> BoolArray:
-        """Which pairs of nodes ``one``, ``other`` (p,) do not see each other."""
+        """Mask (p,) of pairs of nodes ``one``, ``other`` (p,) that a slit hides from each other."""
         apart = np.zeros(len(one), dtype=bool)
         span = self.points[other] - self.points[one]
         asked = np.flatnonzero(self.near(self.points[one], np.sqrt((span**2).sum(axis=1))))
@@ -97,7 +97,7 @@ class VisibilityCriterion:
 
     @cached_property
     def _corners(self) -> FloatArray:
-        """Outward directions (n, 2) at the boundary nodes, between the normals of the edges there."""
+        """Outward unit vectors (n, 2) at the boundary nodes: mean of the adjacent edge normals."""
         total = np.zeros_like(self.points)
         for end in (0, 1):
             total[self.edges[:, end]] += self.normals
@@ -106,16 +106,16 @@ class VisibilityCriterion:
 
     @cached_property
     def opened(self) -> FloatArray:
-        """The nodes (n, 2) with the faces of slits moved apart: their edges are then Delaunay edges."""
-        return self._drawn_in(OPENING, self.slits)
+        """The nodes (n, 2) with the faces of slits moved apart: slit edges are then Delaunay edges."""
+        return self._drawn_in(FACE_SHIFT, self.slits)
 
     @cached_property
     def _ends(self) -> FloatArray:
-        """The nodes, those of the boundary a little inside."""
-        return self._drawn_in(INWARD, np.arange(len(self.edges)))
+        """The nodes (n, 2), those of the boundary moved slightly inward."""
+        return self._drawn_in(INWARD_SHIFT, np.arange(len(self.edges)))
 
     def _drawn_in(self, part: float, which: IntArray) -> FloatArray:
-        """The nodes, those of some edges moved inward by a part of the edge's length."""
+        """The nodes (n, 2), those of edges ``which`` moved inward by ``part`` of the edge length."""
         points = self.points.copy()
         for end in (0, 1):
             node = self.edges[which, end]
@@ -124,7 +124,7 @@ class VisibilityCriterion:
         return points
 
     def _inward(self, targets: FloatArray) -> FloatArray:
-        """The targets, those on the outline or beyond one of its chords a little inside."""
+        """The targets, those on the outline or outside a chord moved slightly inward."""
         start, near = _neighbours(self._tree, targets, np.full(len(targets), 1.01 * self._longest))
         row = np.repeat(np.arange(len(targets)), np.diff(start))
         a, step = self._chords[near, :2], self._chords[near, 2:] - self._chords[near, :2]
@@ -133,7 +133,7 @@ class VisibilityCriterion:
         distance = np.sqrt(((targets[row] - foot) ** 2).sum(axis=1))
         order = np.lexsort((distance, row))
         chosen = order[np.flatnonzero(np.diff(row[order], prepend=-1))]
-        depth = INWARD * np.sqrt((step[chosen] ** 2).sum(axis=1))
+        depth = INWARD_SHIFT * np.sqrt((step[chosen] ** 2).sum(axis=1))
         outside = ~inside_polygon(self._chords, targets[row[chosen]])
         chosen, depth = (x[(distance[chosen] < depth) | outside] for x in (chosen, depth))
         first, last = (self._corners[self.edges[near[chosen], end]] for end in (0, 1))
@@ -144,7 +144,7 @@ class VisibilityCriterion:
 
 
 def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCriterion | None:
-    """What the nodes ``points`` (n, 2) inside the loops of ``edges`` (e, 2) see; None without slits."""
+    """Visibility of ``points`` (n, 2) inside loops of ``edges`` (e, 2); None for outlines without slits."""
     step = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.sqrt((step**2).sum(axis=1))
     begins = np.flatnonzero(np.append(True, edges[1:, 0] != edges[:-1, 1]))
@@ -152,7 +152,7 @@ def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCrite
         following = np.roll(step, -1, axis=0)
         turn = step[:, 0] * following[:, 1] - step[:, 1] * following[:, 0]
         if (turn >= -FLAT * length * np.roll(length, -1)).all():
-            return None  # a convex outline has no void to face itself across
+            return None  # a convex outline does not face itself across a void
     number = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(edges))))
     end = np.cumsum(length)
     along = np.stack([end - length, end], axis=1) - (end - length)[begins][number][:, None]
@@ -165,26 +165,26 @@ def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCrite
 def _slits(
     middles: FloatArray, normals: FloatArray, along: FloatArray, loop: FloatArray, number: IntArray
 ) -> IntArray:
-    """Numbers of the edges that face another one across a narrow void."""
-    start, other = _neighbours(cKDTree(middles), middles, REACH * (along[:, 1] - along[:, 0]))
+    """Indices of the edges that face another one across a narrow void."""
+    start, other = _neighbours(cKDTree(middles), middles, MAX_WIDTH * (along[:, 1] - along[:, 0]))
     one = np.repeat(np.arange(len(middles)), np.diff(start))
     across = middles[other] - middles[one]
     out, back = (across * normals[one]).sum(axis=1), -(across * normals[other]).sum(axis=1)
     adjacent = np.abs(across[:, 0] * normals[one, 1] - across[:, 1] * normals[one, 0])
     edge = along[:, 1] - along[:, 0]
     facing = (out > 0.0) & (back > 0.0) & ((normals[one] * normals[other]).sum(axis=1) < 0.0)
-    # Edges that are ahead of each other: others may look the same way past the material between them.
+    # Only edges in front of each other: others may have opposed normals past the material between them.
     facing &= adjacent <= np.maximum(out, back) + 0.5 * (edge[one] + edge[other])
     one, other, width = one[facing], other[facing], np.maximum(out, back)[facing]
     at = along.mean(axis=1)
     way = np.abs(at[one] - at[other])
     way = np.where(number[one] == number[other], np.minimum(way, loop[one] - way), np.inf)
-    narrow = way > DETOUR * width
+    narrow = way > MIN_DETOUR * width
     return np.unique(np.concatenate([one[narrow], other[narrow]]))
 
 
 def _neighbours(tree: cKDTree, targets: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Points of a tree within ``radius`` (t,) of ``targets`` (t, 2), in compressed rows."""
+    """Indices of tree points within ``radius`` (t,) of ``targets`` (t, 2), in CSR form."""
     found = tree.query_ball_point(targets, radius)
     start = np.concatenate([[0], np.cumsum([len(one) for one in found])]).astype(np.int64)
     return start, np.concatenate([np.zeros(0, dtype=np.int64), *map(np.array, found)]).astype(np.int64)

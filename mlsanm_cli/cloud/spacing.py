@@ -1,4 +1,4 @@
-"""Node spacing h(x): a far value, and zones around points or curves where it is smaller."""
+"""Node spacing field h(x): a far value, and zones around points or curves where it is smaller."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
-from mlsanm_cli.cloud.search import PIECE, in_pieces
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
+from mlsanm_cli.cloud.search import BATCH_SIZE, in_batches
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 
-MOST_STEPS = 2_000_000
-"""Most nodes along one curve; with those behind them they would be more than fit into any memory."""
+MAX_STEPS = 2_000_000
+"""Largest number of nodes along one curve; with more, the interior nodes would not fit in memory."""
 
-APART = 0.5
-"""Nodes that are asked for at places are at least so many spacings from ends, and from each other."""
+MIN_DISTANCE = 0.5
+"""Least distance of wanted nodes from ends and from each other, in spacings."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class Zone:
 
 @dataclass(frozen=True)
 class Spacing:
-    """Spacing field: the smallest of ``far`` and of what each zone asks for."""
+    """Spacing field: the minimum of ``far`` and the spacings of all zones."""
 
     far: float
     zones: tuple[Zone, ...] = ()
 
     def table(self) -> FloatArray:
-        """Zones as the rows (z, 9) that the kernels read."""
+        """Zones as rows (z, 9) in the format of the kernels."""
         rows = [
             (*part, zone.spacing, zone.radius, zone.growth)
             for zone in self.zones
@@ -56,20 +56,20 @@ class Spacing:
     def at(self, points: FloatArray) -> FloatArray:
         """Spacing (n,) at ``points`` (n, 2)."""
         table = self.table()
-        piece = PIECE * 8 // (len(table) + 1) + 1
-        return in_pieces(lambda some: spacing_at(self.far, table, some), np.ascontiguousarray(points), piece)
+        piece = BATCH_SIZE * 8 // (len(table) + 1) + 1
+        return in_batches(lambda some: spacing_at(self.far, table, some), np.ascontiguousarray(points), piece)
 
     def with_zones(self, zones: tuple[Zone, ...]) -> Spacing:
-        """The same with further zones."""
+        """The same field with further zones."""
         return replace(self, zones=(*self.zones, *zones))
 
     def symmetric(self, line: SymmetryLine) -> bool:
-        """Whether it is its own mirror image: every zone has one among the zones."""
-        marks, asked = _marks(self.table())
+        """Whether every zone is symmetric about ``line`` or has its mirror image among the zones."""
+        marks, asked = _zone_points(self.table())
         images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
-        slack = SAME * asked[:, :1, None]
+        slack = IMAGE_TOLERANCE * asked[:, :1, None]
         for image, wanted in zip(images, asked, strict=True):
-            like = np.isclose(asked, wanted, rtol=SAME, atol=0.0).all(axis=1)
+            like = np.isclose(asked, wanted, rtol=IMAGE_TOLERANCE, atol=0.0).all(axis=1)
             near = [np.abs(marks - way).max(axis=(1, 2)) <= slack[:, 0, 0] for way in (image, image[::-1])]
             if not (like & (near[0] | near[1])).any():
                 return False
@@ -83,40 +83,39 @@ class Spacing:
     def steps_along(
         self, curve: Curve, line: SymmetryLine | None = None, places: Sequence[float] = ()
     ) -> FloatArray:
-        """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h
-        between them and the ``places`` that are to have a node; so is its middle if it is on the ``line``.
-        Places closer than half a spacing to an end or to another place get none.
+        """Arc lengths of nodes on ``curve``, ends included, at equal increments of the integral of ds/h.
 
-        Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it
-        was asked for; two bodies' fine zones would otherwise no longer face each other. Raises RunError for
-        more than MOST_STEPS.
+        There are nodes at the ``places`` (arc lengths), and at the middle if it is on the symmetry ``line``.
+        Places within half a spacing of an end or of another place are dropped. Equal increments, unlike steps
+        of h rescaled at the end, keep a fine zone in its place, so that fine zones of two bodies face each
+        other. Raises RunError for more than MAX_STEPS nodes.
         """
-        if not curve.length <= MOST_STEPS * self.far:
+        if not curve.length <= MAX_STEPS * self.far:
             raise _too_many()
         s = np.linspace(0.0, curve.length, 257)
         for _ in range(40):
-            # Sample until 1/h changes by little from sample to sample, then the trapezoid rule is enough.
+            # Refine the samples until 1/h varies little between them; then the trapezoidal rule is enough.
             h = self.at(curve.points(s))
             coarse = np.maximum(h[1:], h[:-1]) > 1.05 * np.minimum(h[1:], h[:-1])
-            # A zone can hide between two samples that see nothing of it.
+            # A zone may lie between two samples.
             coarse |= np.diff(s) > 2.0 * np.minimum(h[1:], h[:-1])
             if not coarse.any():
                 break
             s = np.sort(np.concatenate([s, (0.5 * (s[1:] + s[:-1]))[coarse]]))
-            if len(s) > 2 * MOST_STEPS:
+            if len(s) > 2 * MAX_STEPS:
                 raise _too_many()
         density = 1.0 / self.at(curve.points(s))
         integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (density[1:] + density[:-1]))])
-        if not integral[-1] <= MOST_STEPS:
+        if not integral[-1] <= MAX_STEPS:
             raise _too_many()
         total, halved = float(integral[-1]), line is not None and _halved(curve, line)
         ends, wanted = [0.0, *([0.5 * total] if halved else ()), total], np.zeros(0)
         if len(places):
             wanted = np.interp(places, s, integral)
         for place in wanted.tolist():
-            if min(abs(place - end) for end in ends) > APART:
+            if min(abs(place - end) for end in ends) > MIN_DISTANCE:
                 ends.append(place)
-        # The small shift decides ties the same way in every system of units.
+        # The small shift decides ties alike in every system of units.
         if len(ends) == 2 + halved:
             part, least = 1 + halved, 8 if curve.closed else 2
             even = np.linspace(0.0, total, max(least, part * int(total / part + 0.5 - 1e-6)) + 1)
@@ -133,14 +132,14 @@ class Spacing:
 
 
 def _halved(curve: Curve, line: SymmetryLine) -> bool:
-    """Whether the middle of a curve is on the ``line``."""
+    """Whether the middle of a curve is on the symmetry ``line``."""
     middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
-    return bool(abs(middle - line.at) <= SAME * curve.length)
+    return bool(abs(middle - line.at) <= IMAGE_TOLERANCE * curve.length)
 
 
-def _marks(table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Three points (z, 3, 2) of every zone's line or arc, of a whole circle its centre, and what is asked for
-    there (z, 4): spacing, radius, growth, and the circle's radius."""
+def _zone_points(table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Three points (z, 3, 2) on every zone's line or arc (the centre, for a full circle) and its spacing,
+    radius, growth and circle radius (z, 4)."""
     first, last = table[:, 1:3], table[:, 3:5]
     marks = np.stack([first, 0.5 * (first + last), last], axis=1)
     asked = np.concatenate([table[:, 6:9], np.zeros((len(table), 1))], axis=1)
@@ -154,4 +153,4 @@ def _marks(table: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _too_many() -> RunError:
-    return RunError(f"more than {MOST_STEPS} nodes along one boundary", "use larger spacings")
+    return RunError(f"more than {MAX_STEPS} nodes along one boundary", "use larger spacings")

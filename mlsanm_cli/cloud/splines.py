@@ -1,7 +1,7 @@
-"""Curves through nodes: a smooth outline keeps its curvature between the nodes that a file gives of it.
+"""Interpolating splines through boundary nodes, which keep the curvature of a smooth outline.
 
-A cubic spline over the chord length (de Boor 1978, doi:10.1007/978-1-4612-6333-3): positions are off by
-h^4 and normals by h^3, where chords are off by h^2 and h.
+Cubic splines over chord length (de Boor 1978, doi:10.1007/978-1-4612-6333-3): positions converge with h^4 and
+normals with h^3; those of chords converge with h^2 and h.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.startup import cKDTree, dgtsv
 
 GAUSS = 6
-"""Points of Gauss' rule for the length of an interval."""
+"""Gauss points per interval for arc lengths."""
 SAMPLES = 4
-"""Points per interval among which the closest is looked for first."""
-ITERATIONS = 60
-EXACT = 4.0 * np.finfo(float).eps
-LAST = 5e-8
-"""Steps of Newton's method below this part of the curve are the last ones: errors go with their square."""
+"""Samples per interval for the initial guess of the closest point."""
+MAX_ITERATIONS = 60
+ROOT_TOLERANCE = 4.0 * np.finfo(float).eps
+NEWTON_TOLERANCE = 5e-8
+"""A Newton step below this fraction of the curve is the last one: convergence is quadratic."""
 
 
 @cache
@@ -34,26 +34,28 @@ def _gauss() -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class NodeSpline:
-    """Spline through ``nodes`` (k, 2), in order; closed ones name their first node again at the end."""
+    """Cubic spline through ``nodes`` (k, 2), in order; a closed one repeats its first node at the end."""
 
     nodes: FloatArray
     closed: bool
 
     @cached_property
     def knots(self) -> FloatArray:
-        """Parameters (k,) of the nodes: lengths of the chords up to there."""
+        """Parameters (k,) of the nodes: cumulative chord length."""
         return np.append(0.0, np.cumsum(np.hypot(*np.diff(self.nodes, axis=0).T)))
 
     @cached_property
     def _slopes(self) -> FloatArray:
-        """Derivatives (k, 2) at the knots that make second ones continuous; at both ends of open curves the
-        third ones too. scipy's splines take longer to import than the rest of it."""
+        """First derivatives (k, 2) at the knots: C2 everywhere, not-a-knot at the ends of open curves.
+
+        Own code, as importing scipy's splines costs more than it does.
+        """
         steps = np.diff(self.knots)
         rise = np.diff(self.nodes, axis=0) / steps[:, None]
         count, last = len(steps), len(steps) - (1 if self.closed else 0)
         if count == 1:
             return np.repeat(rise, 2, axis=0)
-        # Numbers of the knots, and of the intervals before and behind them.
+        # Knots, and the intervals before and behind them.
         at = np.arange(0 if self.closed else 1, count)
         before, behind = steps[at - 1], steps[at]
         entries = [(at, at, 2.0 * (before + behind))]
@@ -72,12 +74,12 @@ class NodeSpline:
             rhs[end] = ((near + 2.0 * both) * far * rise[one] + near**2 * rise[other]) / both
         rows, columns, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
         matrix = sparse.csc_array((values, (rows, columns)), shape=(last + 1, last + 1))
-        found = _in_a_ring(matrix, rhs) if self.closed else _in_a_row(matrix, rhs)
+        found = _solve_cyclic(matrix, rhs) if self.closed else _solve_tridiagonal(matrix, rhs)
         return np.concatenate([found, found[:1]]) if self.closed else found
 
     @cached_property
     def _powers(self) -> FloatArray:
-        """Coefficients (4, k - 1, 2) of the powers of the distance from the knot before."""
+        """Coefficients (4, k - 1, 2) of the powers of the distance from the previous knot."""
         steps, slope = np.diff(self.knots)[:, None], self._slopes
         rise = np.diff(self.nodes, axis=0) / steps
         bend = (slope[:-1] + slope[1:] - 2.0 * rise) / steps
@@ -89,7 +91,7 @@ class NodeSpline:
         return np.append(0.0, np.cumsum(self._length(self.knots[:-1], self.knots[1:])))
 
     def _length(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Arc lengths (n,) from parameters ``start`` (n,) to ``end`` (n,), within one interval each."""
+        """Arc lengths (n,) from parameters ``start`` (n,) to ``end`` (n,), each within one interval."""
         half = 0.5 * (end - start)[:, None]
         points, weights = _gauss()
         t = 0.5 * (start + end)[:, None] + half * points
@@ -97,7 +99,7 @@ class NodeSpline:
         return np.asarray((half * weights * speed).sum(axis=1))
 
     def derivative(self, t: FloatArray, order: int) -> FloatArray:
-        """Position (order 0) or its derivatives up to the second at parameters ``t``, shape (..., 2)."""
+        """Position (order 0) or derivative of order 1 or 2 at parameters ``t``, shape (..., 2)."""
         t = np.mod(t, self.knots[-1]) if self.closed else t
         k = self._interval(t, self.knots)
         u, total = (t - self.knots[k])[..., None], np.zeros((*t.shape, 2))
@@ -107,7 +109,7 @@ class NodeSpline:
         return total
 
     def up_to_second(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What :meth:`derivative` says of orders 0, 1 and 2 at parameters ``t`` (n,)."""
+        """Position, first and second derivative (n, 2) at parameters ``t`` (n,)."""
         t = np.mod(t, self.knots[-1]) if self.closed else t
         k = self._interval(t, self.knots)
         u, (a, b, c, d) = (t - self.knots[k])[:, None], self._powers.take(k, axis=1)
@@ -123,22 +125,22 @@ class NodeSpline:
         return self.arcs[k] + self._length(self.knots[k], t)
 
     def parameter_of(self, s: FloatArray) -> FloatArray:
-        """Parameters (n,) at arc lengths ``s`` (n,), by Newton's method: speed hardly varies."""
+        """Parameters (n,) at arc lengths ``s`` (n,), by Newton's method: the speed is nearly constant."""
         k = self._interval(s, self.arcs)
         low, high = self.knots[k], self.knots[k + 1]
         t = low + (high - low) * (s - self.arcs[k]) / (self.arcs[k + 1] - self.arcs[k])
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             speed = np.hypot(*self.derivative(t, 1).T)
             step = (self.arcs[k] + self._length(low, t) - s) / speed
             t = np.clip(t - step, low, high)
-            if (np.abs(step) <= LAST * self.knots[-1]).all():
+            if (np.abs(step) <= NEWTON_TOLERANCE * self.knots[-1]).all():
                 break
         return t
 
 
 @dataclass(frozen=True, eq=False)
 class SplinePart:
-    """The part of a spline between the nodes ``first`` and ``last``; a whole closed one is closed."""
+    """The part of a spline between the nodes ``first`` and ``last``; the whole of a closed one is closed."""
 
     spline: NodeSpline
     first: int
@@ -162,16 +164,16 @@ class SplinePart:
         return np.asarray(self.spline.arcs[self.first : self.last + 1] - self._start)
 
     @cached_property
-    def _asked(self) -> list[tuple[FloatArray, FloatArray]]:
-        """The arc lengths asked for last, and their parameters."""
+    def _last_query(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Cache of the last arc lengths and their parameters."""
         return []
 
     def _parameter(self, s: FloatArray) -> FloatArray:
-        # Points, normals and curvatures are asked for one after the other.
-        if self._asked and np.array_equal(self._asked[0][0], s):
-            return self._asked[0][1]
+        # Points, normals and curvatures are evaluated at the same arc lengths in turn.
+        if self._last_query and np.array_equal(self._last_query[0][0], s):
+            return self._last_query[0][1]
         t = self.spline.parameter_of(np.clip(s, 0.0, self.length) + self._start)
-        self._asked[:] = [(np.array(s), t)]
+        self._last_query[:] = [(np.array(s), t)]
         return t
 
     def points(self, s: FloatArray) -> FloatArray:
@@ -187,7 +189,7 @@ class SplinePart:
 
     @cached_property
     def _samples(self) -> tuple[FloatArray, cKDTree]:
-        """Parameters in order and a tree of their places."""
+        """Sample parameters in ascending order, and a search tree of their points."""
         knots = self.spline.knots[self.first : self.last + 1]
         inner = np.arange(SAMPLES) / SAMPLES
         t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * inner).ravel(), knots[-1])
@@ -196,8 +198,8 @@ class SplinePart:
     def closest(self, points: FloatArray) -> FloatArray:
         t = self._closest(points)
         arc = np.asarray(self.spline.arc_of(t) - self._start)
-        # What is there is asked for next.
-        self._asked[:] = [(arc.copy(), t)]
+        # The same arc lengths are evaluated next.
+        self._last_query[:] = [(arc.copy(), t)]
         return arc
 
     def closest_points(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -206,8 +208,8 @@ class SplinePart:
         return place, _across(along)
 
     def _closest(self, points: FloatArray) -> FloatArray:
-        """Parameters (n,) of the closest points: the nearest of some samples, then Newton's method, halving
-        where it would leave its interval."""
+        """Parameters (n,) of the closest points: nearest sample, then Newton's method safeguarded by
+        bisection."""
         samples, tree = self._samples
         near = np.asarray(tree.query(points)[1])
         steps = np.diff(samples)
@@ -216,7 +218,7 @@ class SplinePart:
         else:
             low, high = samples[np.maximum(near - 1, 0)], samples[np.minimum(near + 1, len(samples) - 1)]
         t = samples[near]
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             place, along, bend = self.spline.up_to_second(t)
             away = place - points
             slope = (away * along).sum(axis=1)
@@ -225,14 +227,14 @@ class SplinePart:
             newton = t - slope / np.where(growth > 0.0, growth, np.inf)
             inside = (growth > 0.0) & (newton >= low) & (newton <= high)
             following = np.where(inside, newton, 0.5 * (low + high))
-            done = np.abs(following - t) <= EXACT * self.spline.knots[-1]
+            done = np.abs(following - t) <= ROOT_TOLERANCE * self.spline.knots[-1]
             t = following
             if done.all():
                 break
         return np.mod(t, self.spline.knots[-1]) if self.closed else t
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
-        """The chords between nodes: near enough for a node spacing."""
+        """Chords between nodes, which are accurate enough for a spacing field."""
         return tuple(
             row
             for a, b in zip(
@@ -245,12 +247,12 @@ class SplinePart:
 
 
 def _across(along: FloatArray) -> FloatArray:
-    """Unit normals (n, 2) on the right of ways ``along`` (n, 2)."""
+    """Unit normals (n, 2) on the right of the tangents ``along`` (n, 2)."""
     normal: FloatArray = np.stack([along[:, 1], -along[:, 0]], axis=1)
     return np.asarray(normal / np.hypot(*along.T)[:, None])
 
 
-def _in_a_row(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
+def _solve_tridiagonal(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
     """Solution (n, c) of a tridiagonal system."""
     if len(rhs) == 1:
         return np.asarray(rhs / matrix.diagonal())
@@ -259,11 +261,10 @@ def _in_a_row(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
     return np.asarray(found)
 
 
-def _in_a_ring(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
-    """Solution (n, c) of a system that is tridiagonal but for its first and last unknowns, which are
-    neighbours too: what is without the last one is."""
+def _solve_cyclic(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
+    """Solution (n, c) of a cyclic tridiagonal system, by elimination of the last unknown."""
     row, column, last = matrix[[-1], :-1].toarray(), matrix[:-1, [-1]].toarray(), matrix[-1, -1]
-    both = _in_a_row(matrix[:-1, :-1], np.hstack([rhs[:-1], column]))
+    both = _solve_tridiagonal(matrix[:-1, :-1], np.hstack([rhs[:-1], column]))
     free, by_last = both[:, :-1], both[:, -1:]
     end = (rhs[-1:] - row @ free) / (last - row @ by_last)
     return np.concatenate([free - by_last * end, end])

@@ -18,10 +18,10 @@ from mlsanm_cli.memo import digest
 class Surface:
     """The nodes of one named boundary, in order along its curve.
 
-    ``index`` (b,) into the body's points, ``arc_length`` (b,), ``normal`` (b, 2) of this boundary alone: a
-    corner node belongs to both boundaries that meet there, with each one's own normal. ``weight`` (b,) is the
-    length of surface a node stands for (trapezoid rule). A surface joined of several has these for its
-    ``parts``; conditions are theirs, and at a corner between two its normal is in between.
+    ``index`` (b,) are node numbers, ``arc_length`` (b,) their positions, ``normal`` (b, 2) the normals of
+    this boundary alone: a corner node belongs to both boundaries that meet there, with the normal of each.
+    ``weight`` (b,) is the surface length of a node (trapezoidal rule). A surface joined of several has these
+    as ``parts``, on which boundary conditions act; at a corner between two parts its normal is their mean.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Surface:
 
     @property
     def members(self) -> tuple[tuple[Surface, IntArray], ...]:
-        """The body's own surfaces that it is made of, and the numbers of their nodes among its own."""
+        """The body's own surfaces this one consists of, and the positions of their nodes in ``index``."""
         if not self.parts:
             return ((self, np.arange(len(self.index))),)
         found, first = [], 0
@@ -44,14 +44,14 @@ class Surface:
 
     @cached_property
     def ends(self) -> FloatArray:
-        """Arc lengths (k + 1,) of the ends of the k stretches between neighbouring nodes: those of the nodes,
-        and all around that of the first one again."""
+        """Arc lengths (k + 1,) of the ends of the k intervals between neighbouring nodes, closed curves
+        included."""
         return np.append(self.arc_length, self.curve.length) if self.curve.closed else self.arc_length
 
     @cached_property
     def end_normals(self) -> FloatArray:
-        """Normals (k, 2, 2) at both ends of the k stretches between neighbouring nodes: at a corner between
-        two parts that of the stretch's own."""
+        """Normals (k, 2, 2) at both ends of the k intervals; at a corner between two parts, those of the part
+        the interval belongs to."""
         if self.parts:
             return np.concatenate([part.end_normals for part in self.parts])
         after = np.roll(self.normal, -1, axis=0)
@@ -59,14 +59,14 @@ class Surface:
 
     @cached_property
     def content(self) -> str:
-        """A digest of the nodes; of the curve behind them they need to know no more."""
+        """Digest of the nodes and of all that they need to know of their curve."""
         return digest(
             *(self.name, self.index, self.arc_length, self.normal), self.curve.closed, self.curve.length
         )
 
     @cached_property
     def weight(self) -> FloatArray:
-        """Quadrature weights along the surface."""
+        """Quadrature weights (b,) along the surface (trapezoidal rule)."""
         steps = np.diff(self.ends)
         if self.curve.closed:
             return np.asarray(0.5 * (steps + np.roll(steps, 1)))
@@ -74,7 +74,7 @@ class Surface:
 
 
 def joined_surface(name: str, parts: Sequence[Surface], around: bool) -> Surface:
-    """Surfaces one after the other as one, ``around`` if the last one ends where the first begins."""
+    """Concatenate surfaces; ``around`` if the last one ends where the first begins."""
     if len(parts) == 1:
         return parts[0]
     curve = joined([part.curve for part in parts], around)
@@ -94,6 +94,6 @@ def joined_surface(name: str, parts: Sequence[Surface], around: bool) -> Surface
 
 
 def _between(one: FloatArray, other: FloatArray) -> FloatArray:
-    """The unit vector (1, 2) halfway between two."""
+    """Unit vector (1, 2) halfway between two."""
     mean = one + other
     return np.asarray(mean / np.hypot(*mean.T)[:, None])

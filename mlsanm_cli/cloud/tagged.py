@@ -1,4 +1,4 @@
-"""Boundary loops from nodes with tags: those of one tag stand in order along it, in either direction."""
+"""Boundary loops from tagged nodes; those of one tag are listed in order along it, in either direction."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.startup import cKDTree
 
-LEAP = 4.0
-"""A step so many times longer than those next to it is no step along one boundary."""
-BACK = np.radians(150.0)
-"""A boundary that turns by more than this has gone back."""
-ALIGNED = 0.9
-"""A given normal has at least this component along the outline's own."""
+GAP_RATIO = 4.0
+"""A step this many times longer than adjacent ones is a gap in the boundary."""
+BACKWARD_ANGLE = np.radians(150.0)
+"""A boundary that turns by more than this runs backwards."""
+MIN_COSINE = 0.9
+"""Least cosine between a given normal and the outline's own."""
 SMALL = 1e-9
 
 
 @dataclass(frozen=True)
 class TaggedNodes:
-    """``points`` (n, 2) with ``tags`` (n,), empty inside, and ``places`` (n,) for messages."""
+    """Nodes ``points`` (n, 2) with ``tags`` (n,), "" inside, and file ``places`` (n,) for messages."""
 
     points: FloatArray
     tags: tuple[str, ...]
@@ -34,9 +34,9 @@ class TaggedNodes:
 def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
     """Closed loops through the tagged nodes, the material on the left.
 
-    A node between two tags belongs to both: the one at which the outline turns more. Raises GeometryError,
-    naming the place in the file, for coincident nodes, an open or jumbled boundary, loops side by side and
-    nodes outside.
+    A corner between two tags is the end node at which the outline turns more; it belongs to both. Raises
+    GeometryError, naming the place in the file, for coincident nodes, an open or unordered boundary, loops
+    side by side and nodes outside.
     """
     _refuse_coincident(nodes)
     chains = _chains(nodes)
@@ -53,14 +53,14 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop], normals: FloatArray
     for loop in loops:
         place, given = nodes.points[loop.nodes], normals[loop.nodes]
         before, after = place - np.roll(place, 1, axis=0), np.roll(place, -1, axis=0) - place
-        # At a corner the normal of either side will do, and one between them.
+        # At a corner the normal of either side, or one between them, is accepted.
         sides = [step / np.hypot(*step.T)[:, None] for step in (before, after, before + after)]
         along = np.max([given[:, 0] * t[:, 1] - given[:, 1] * t[:, 0] for t in sides], axis=0)
-        wrong = ~(np.isnan(along) | (along > ALIGNED))
+        wrong = ~(np.isnan(along) | (along > MIN_COSINE))
         if wrong.any():
             worst = int(np.argmax(wrong))
             node = loop.nodes[worst]
-            way = "inward" if along[worst] < 0.0 else "astray"
+            way = "inward" if along[worst] < 0.0 else "sideways"
             raise GeometryError(
                 f"{nodes.places[node]}: the normal at {_at(nodes.points[node])} points {way} "
                 f'({int(wrong.sum())} such normals on the loop of "{nodes.tags[node]}")',
@@ -81,14 +81,13 @@ def _refuse_coincident(nodes: TaggedNodes) -> None:
     if len(pairs):
         one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
         raise GeometryError(
-            f"{nodes.places[other]}: the node {_at(nodes.points[other])} is that of "
-            f"{nodes.places[one]} again",
-            "a corner stands there once, with either tag",
+            f"{nodes.places[other]}: the node {_at(nodes.points[other])} repeats that of {nodes.places[one]}",
+            "list a corner once, with either tag",
         )
 
 
 def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
-    """The nodes of every tag in the file's order."""
+    """The nodes of every tag in file order."""
     tags = np.array(nodes.tags, dtype=object)
     names = [name for name in dict.fromkeys(nodes.tags) if name]
     if not names:
@@ -99,13 +98,13 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
             raise GeometryError(f'{nodes.places[chain[0]]}: "{name}" has one node only', "two nodes or more")
         step = np.hypot(*np.diff(nodes.points[chain], axis=0).T)
         adjacent = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
-        leap = (step > LEAP * adjacent) & (len(step) > 1)
-        back = np.append(False, np.abs(turns(nodes.points[chain]))[1:-1] > BACK)
+        leap = (step > GAP_RATIO * adjacent) & (len(step) > 1)
+        back = np.append(False, np.abs(turns(nodes.points[chain]))[1:-1] > BACKWARD_ANGLE)
         if (leap | back).any():
             place = int(np.argmax(leap | back))
             one, other = (nodes.places[chain[k]] for k in (place, place + 1))
             raise GeometryError(
-                f'the nodes of "{name}" form no curve: it {"leaps" if leap[place] else "turns back"} '
+                f'the nodes of "{name}" do not form a curve: it {"jumps" if leap[place] else "turns back"} '
                 f"from {one} to {other}",
                 "list the nodes of a boundary in order along it, and give separate parts separate tags",
             )
@@ -113,7 +112,7 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
 
 
 def _linked(nodes: TaggedNodes, chains: dict[str, IntArray]) -> list[Loop]:
-    """Chains joined end to end, nearest ends first; the loops run either way round."""
+    """Chains joined end to end, closest ends first; the loops run either way round."""
     points = nodes.points
     ends = [(name, side) for name in chains for side in (0, -1)]
     place = np.array([points[chains[name][side]] for name, side in ends])
@@ -145,7 +144,7 @@ def _linked(nodes: TaggedNodes, chains: dict[str, IntArray]) -> list[Loop]:
 def _refuse_gap(
     nodes: TaggedNodes, chains: dict[str, IntArray], one: tuple[str, int], other: tuple[str, int]
 ) -> None:
-    """Raise GeometryError where the ends of two chains are too far apart to be neighbours."""
+    """Raise GeometryError if the ends of two chains are too far apart to be neighbours."""
     node, facing = (chains[name][side] for name, side in (one, other))
     gap = float(np.hypot(*(nodes.points[node] - nodes.points[facing])))
     steps = [
@@ -154,7 +153,7 @@ def _refuse_gap(
         )
         for name, side in (one, other)
     ]
-    if gap > LEAP * max(steps):
+    if gap > GAP_RATIO * max(steps):
         raise GeometryError(
             f'the boundary is open between "{one[0]}" ({nodes.places[node]}) and "{other[0]}" '
             f"({nodes.places[facing]}), {gap:.4g} apart",
@@ -191,7 +190,7 @@ def _refuse_outside(nodes: TaggedNodes, loops: Sequence[Loop], outer: int) -> No
             first = int(loop.nodes.min())
             tag = nodes.tags[first]
             raise GeometryError(
-                f'the loop of "{tag}" ({nodes.places[first]}) is no hole in the body',
+                f'the loop of "{tag}" ({nodes.places[first]}) is not a hole in the body',
                 "one body per file",
             )
     inner = np.flatnonzero([not tag for tag in nodes.tags])

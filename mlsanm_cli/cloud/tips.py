@@ -1,4 +1,4 @@
-"""Sharp corners of an outline that point into the material, where stresses have no bound."""
+"""Reentrant corners of an outline, at which stresses are singular."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 
-SHARP = 0.3
-"""Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
-REGULAR = 0.97
-"""Displacements r^power with powers above are as good as linear."""
+SMOOTH_TURN = 0.3
+"""Corners that turn inward by less (radians) count as smooth: their displacements are nearly linear."""
+MAX_EXPONENT = 0.97
+"""Singular exponents above this are as good as 1 (linear displacements)."""
 
 
 @dataclass(frozen=True)
 class Tips:
-    """Corners at ``place`` (t, 2) between free faces, the unit vectors ``axis`` (t, 2) midway between the
-    faces into the material, which takes up the angle ``half`` (t,) on either side. The nearest other one is
-    ``apart`` (t,), in edges of the outline at the corner, twice as far if it is seen across the material. Its
-    material has Muskhelishvili's constant ``kappa``, once it is known."""
+    """Reentrant corners at ``place`` (t, 2) between traction-free faces.
+
+    ``axis`` (t, 2) is the unit bisector into the material, which fills the angle ``half`` (t,) on either side
+    of it. ``apart`` (t,) is the distance to the nearest other corner in outline edges, doubled if that one is
+    seen across the material. ``kappa`` is Muskhelishvili's constant of the material, nan until it is known.
+    """
 
     place: FloatArray
     axis: FloatArray
@@ -31,15 +33,16 @@ class Tips:
 
     @cached_property
     def modes(self) -> tuple[tuple[tuple[float, bool], ...], ...]:
-        """Of each corner the powers of the distance that displacements grow with and that are no more than
-        REGULAR, and whether these open it or shear it: sin(2 power half) = -+ power sin(2 half)
-        (Williams 1952, doi:10.1115/1.4010553)."""
+        """Singular exponents of each corner up to MAX_EXPONENT, and whether their modes open (else shear) it.
+
+        Displacements r^p with sin(2 p half) = -+ p sin(2 half) (Williams 1952, doi:10.1115/1.4010553).
+        """
         return tuple(_modes(2.0 * float(half)) for half in self.half)
 
 
 def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatArray) -> Tips | None:
-    """The corners of an outline of ``edges`` (e, 2), numbers of ``points`` (n, 2), the material on the left,
-    whose surfaces have the nodes ``index`` (b,) with outward ``normal`` (b, 2); None where there are none."""
+    """Reentrant corners of an outline of ``edges`` (e, 2) between ``points`` (n, 2), material on the left,
+    with surface nodes ``index`` (b,) and outward ``normal`` (b, 2); None without any."""
     place, axis, half, edge = [], [], [], []
     before = dict(zip(edges[:, 1].tolist(), edges[:, 0].tolist(), strict=True))
     after = dict(zip(edges[:, 0].tolist(), edges[:, 1].tolist(), strict=True))
@@ -50,9 +53,9 @@ def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatA
         ways = points[corner] - points[before[corner]], points[after[corner]] - points[corner]
         one, other = _in_order(normal[index == corner], *ways)
         turn = float(np.arctan2(one[0] * other[1] - one[1] * other[0], one @ other))
-        if turn < -SHARP:
+        if turn < -SMOOTH_TURN:
             place.append(points[corner])
-            # Halfway between the faces: their normals might cancel.
+            # Rotated by half the turn: at a crack the two normals would cancel.
             axis.append(one * np.cos(0.5 * turn) + np.array([-one[1], one[0]]) * np.sin(0.5 * turn))
             half.append(0.5 * (np.pi - turn))
             edge.append(max(float(np.hypot(*way)) for way in ways))
@@ -62,14 +65,14 @@ def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatA
     way = at - at[:, None]
     away = np.hypot(*way.T)
     np.fill_diagonal(away, np.inf)
-    # Across the material fields of both add up; along a face one of them is unknown beyond the other's void.
-    across = (way * into[:, None]).sum(axis=2) > np.cos(np.array(half) - SHARP)[:, None] * away
+    # Across the material both singular fields add; along a face one is undefined beyond the other's void.
+    across = (way * into[:, None]).sum(axis=2) > np.cos(np.array(half) - SMOOTH_TURN)[:, None] * away
     counted = np.where(across & across.T, 2.0 * away, away)
     return Tips(at, into, np.array(half), counted.min(axis=1) / np.array(edge))
 
 
 def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) -> FloatArray:
-    """Two normals (2, 2), that of the face which arrives at a corner first, by the ways of both."""
+    """The two normals (2, 2) ordered as the ``arriving`` and the ``leaving`` face of a corner."""
     right = [np.array([way[1], -way[0]]) / np.hypot(*way) for way in (arriving, leaving)]
     straight = sum(float(a @ b) for a, b in zip(normals, right, strict=True))
     crossed = sum(float(a @ b) for a, b in zip(normals[::-1], right, strict=True))
@@ -77,8 +80,8 @@ def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) ->
 
 
 def _modes(angle: float) -> tuple[tuple[float, bool], ...]:
-    """The powers of a corner with an interior ``angle`` between free faces, and whether they open it."""
-    grid = np.linspace(0.4, REGULAR, 400)
+    """Singular exponents of a corner of interior ``angle`` with free faces, and whether they are opening."""
+    grid = np.linspace(0.4, MAX_EXPONENT, 400)
     found = []
     for opens, sign in ((True, 1.0), (False, -1.0)):
         value = np.sin(grid * angle) + sign * grid * np.sin(angle)

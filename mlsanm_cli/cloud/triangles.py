@@ -1,4 +1,4 @@
-"""Triangles of the nodes that fill a body: for pictures, figures and checks, never for the solution."""
+"""Triangulation of a cloud: for pictures, quality figures and checks, never for shape functions."""
 
 from __future__ import annotations
 
@@ -6,27 +6,29 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
-from mlsanm_cli.cloud.search import listening
+from mlsanm_cli.cloud.search import run_interruptible
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import Delaunay
 
 FLAT = 1e-9
-FEW = 10_000
-"""Points that are done with before anybody would want to stop it."""
+INTERRUPTIBLE_SIZE = 10_000
+"""Below so many points the triangulation is too short to need interrupting."""
 
 
 def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion | None) -> IntArray:
     """Delaunay triangles (t, 3), counter-clockwise, of ``points`` (n, 2) inside loops of ``edges`` (e, 2).
 
-    ``sight`` keeps them from reaching across slits.
+    Triangles across slits are removed by ``sight``.
     """
     placed = points if sight is None else sight.opened
-    found = Delaunay(placed) if len(placed) < FEW else listening(lambda: Delaunay(placed))
+    found = (
+        Delaunay(placed) if len(placed) < INTERRUPTIBLE_SIZE else run_interruptible(lambda: Delaunay(placed))
+    )
     triangles = np.asarray(found.simplices, dtype=np.int64)
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
-    # Only a triangle of three boundary nodes can lie outside, across a hollow or flat along a curve.
+    # Only triangles of three boundary nodes can lie outside, across a hollow or flat along a curve.
     on_boundary = np.zeros(len(points), dtype=bool)
     on_boundary[edges] = True
     outside = np.abs(twice) <= FLAT * ((b - a) ** 2).sum(axis=1)

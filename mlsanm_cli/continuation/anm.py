@@ -1,9 +1,9 @@
 """The asymptotic numerical method: a path followed by power series of high order.
 
-Every step costs one factorised tangent and N + 1 solves for the series, and a few residuals to find out how
-far it is good. What residual is left at its end the next series leads back to zero; a correction of its own
-comes only on request, and at the end of the path. Folds are passed: the parameter is the projection on the
-tangent and the load factor is an unknown like the others.
+Every step costs one factorised tangent, N + 1 solves for the series, and a few residuals to determine its
+range. The next series removes the residual that remains at its end; separate corrections are made only on
+request and at the end of the path. Folds are passed: the parameter is the projection on the tangent, and the
+load factor is one of the unknowns.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError
 from mlsanm_cli.continuation.ranges import RangeOfValidity
 from mlsanm_cli.continuation.series import Branch
 
-# An end of step that cannot be used is tried again at this part of the length, so often at most.
-_RETREAT = 0.7
-_RETREATS = 8
-# Beyond this slope |dx/dlam| a fold is so near that the series loses digits: expand somewhere else.
-_STEEP = 1e7
-# Above this part of the path's direction the load factor is kept by corrections, so that pieces join there.
-_LEVEL = 1e-3
+# A step whose end cannot be used is shortened by this factor, at most so many times.
+_SHORTENING = 0.7
+_MAX_SHORTENINGS = 8
+# Beyond this slope |dx/dlam| a fold is so near that the series loses digits: expand at another point.
+_MAX_SLOPE = 1e7
+# Corrections keep the load factor if it makes up more than this part of the direction, so that pieces join.
+_MIN_LOAD_SHARE = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
-_BEFORE = 0.98
-# Shortest step that the size of the next one is guessed from.
-_SHORT = 1e-6
+_DIRECTION_FROM = 0.98
+# Shortest step from which the length of the next one is guessed.
+_SHORTEST_GUESS = 1e-6
 
 
 class AnmFollower(Follower):
@@ -40,51 +40,51 @@ class AnmFollower(Follower):
     _options: AnmOptions
 
     @cached_property
-    def _gauge(self) -> RangeOfValidity:
+    def _validity(self) -> RangeOfValidity:
         return RangeOfValidity(self._problem, self._metric, self._lam_end, self._options)
 
-    def _walk(self) -> Iterator[Step]:
+    def _follow(self) -> Iterator[Step]:
         try:
-            here = self._station(self._x, self._lam, self._effort)
+            here = self._expansion_point(self._x, self._lam, self._effort)
         except SingularTangentError as error:
             raise Stopped(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
         direction, unit = self._direction()
         while not self._stopped:
-            self._allow()
+            self._check_step_count()
             series = self._series(here, direction, unit)
-            if series.beside:
+            if series.keeps_residual:
                 here, series = self._returned(here, series, direction)
-            cut = self._soon(series)
-            branch = cut or self._gauge.branch(series)
+            cut = self._before_event(series)
+            branch = cut or self._validity.branch(series)
             if not cut:
-                self._judge(here, series, branch)
+                self._check_length(here, series, branch)
                 self._piece = branch
             limit = branch.length if self._barrier is None or cut else self._barrier(branch)
             if cut or limit < branch.length:
                 piece = branch.shortened(limit)
-                yield self._step(piece, self._cut(here, piece), unit)
+                yield self._step(piece, self._end_at_event(here, piece), unit)
                 raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
-            branch, end, ahead, effort = self._arrive(here, branch)
+            branch, end, ahead, effort = self._reach_end(here, branch)
             if ahead is not None:
                 self._piece = branch
             yield self._step(branch, end, unit)
             if ahead is None:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, self._effort = ahead, effort
-            direction, unit = self._onward(branch)
+            direction, unit = self._next_direction(branch)
 
     def _direction(self) -> tuple[tuple[FloatArray, float], float]:
-        """Return the direction in which to leave the start point, and a guess of the step's length."""
+        """Return the direction in which the path leaves the start, and a guess of the step length."""
         direction, unit = None, 1.0
         if self._previous is not None:
-            direction, unit = self._onward(self._previous)
+            direction, unit = self._next_direction(self._previous)
         if direction is None or self._options.direction:
             sign = self._options.direction or np.sign(self._lam_end - self._lam)
             direction = np.zeros(self._problem.size), float(sign)
         return direction, unit
 
-    def _onward(self, branch: Branch) -> tuple[tuple[FloatArray, float], float]:
-        """Return the same for the step that follows a piece of path."""
+    def _next_direction(self, branch: Branch) -> tuple[tuple[FloatArray, float], float]:
+        """Return the direction and the guess for the step that follows a piece of path."""
         direction = branch.x[1], float(branch.lam[1])
         return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
@@ -94,36 +94,36 @@ class AnmFollower(Follower):
         self._effort.solves += self._options.order
         return series
 
-    def _soon(self, series: Series) -> Branch | None:
-        """Return the piece of path up to an event if the power series is good that far, else None."""
+    def _before_event(self, series: Series) -> Branch | None:
+        """Return the piece of path up to an event if the power series is valid that far, else None."""
         if self._barrier is None:
             return None
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
+            piece = Branch(series.x, series.lam, self._validity.first_guess(series))
             crossing = piece.first_crossing(self._lam_end)
             piece = piece if crossing is None else piece.shortened(crossing)
             self._piece = piece
             limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
-            good = limit < piece.length and self._gauge.good(piece, limit)
+            good = limit < piece.length and self._validity.valid(piece, limit)
         return piece.shortened(limit) if good else None
 
     def _returned(
         self, here: ExpansionPoint, series: Series, direction: tuple[FloatArray, float]
     ) -> tuple[ExpansionPoint, Series]:
-        """Return the station on the path itself and its series; those given where there is none."""
+        """Return the expansion point corrected to the path, and its series; the given ones if that fails."""
         if residual_norm(self._problem, here.x, here.lam) <= self._options.goal:
             return here, series
         point = self._corrected(here, (here.x, here.lam), None)
         if point is None:
             return here, series
         try:
-            better = self._station(point.x, point.lam, self._effort)
+            better = self._expansion_point(point.x, point.lam, self._effort)
         except SingularTangentError:
             return here, series
         return better, self._series(better, direction, series.unit)
 
-    def _judge(self, here: ExpansionPoint, series: Series, branch: Branch) -> None:
-        """Stop where the longest good piece of path that begins at ``here`` is none."""
+    def _check_length(self, here: ExpansionPoint, series: Series, branch: Branch) -> None:
+        """Raise Stopped if the valid piece of path from ``here`` is shorter than the shortest step."""
         shortest = self._options.min_length / series.unit
         if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:
             return
@@ -134,15 +134,15 @@ class AnmFollower(Follower):
             StopReason.STEP_TOO_SMALL, f"the series converges over less than the shortest step {place}"
         )
 
-    def _arrive(
+    def _reach_end(
         self, here: ExpansionPoint, branch: Branch
     ) -> tuple[Branch, Correction, ExpansionPoint | None, SolveCounts]:
-        """Settle the end of a step and factorise there; the step is shortened while that fails.
+        """Determine the end of a step and factorise there; the step is shortened while that fails.
 
-        Returns the step's piece of path, its end, the next station (None at the target) and its effort.
+        Returns the piece of path, its end, the next expansion point (None at the target) and its counts.
         """
         length, failure = branch.length, Stopped(StopReason.CORRECTION_FAILED, "")
-        for _ in range(_RETREATS):
+        for _ in range(_MAX_SHORTENINGS):
             piece = branch.shortened(length)
             crossing = piece.first_crossing(self._lam_end)
             if crossing is not None:
@@ -154,19 +154,19 @@ class AnmFollower(Follower):
             else:
                 effort = SolveCounts()
                 try:
-                    ahead = self._station(end.x, end.lam, effort)
-                    if self._metric.norm(ahead.slope, 0.0) < _STEEP:
+                    ahead = self._expansion_point(end.x, end.lam, effort)
+                    if self._metric.norm(ahead.slope, 0.0) < _MAX_SLOPE:
                         return piece, end, ahead, effort
                 except SingularTangentError:
                     pass
                 self._effort.add(effort)
                 failure = Stopped(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
-            length *= _RETREAT
+            length *= _SHORTENING
         raise failure
 
-    def _cut(self, here: ExpansionPoint, piece: Branch) -> Correction:
-        """Return the end, corrected, of a piece that ends at the barrier: what follows has another series,
-        whose length this one's residual would not suit."""
+    def _end_at_event(self, here: ExpansionPoint, piece: Branch) -> Correction:
+        """Return the corrected end of a piece that ends at an event: the next series, of another problem, may
+        be too short to remove its residual."""
         x, lam = piece.evaluate(piece.length)
         end = self._corrected(here, (x, lam), None)
         if end is None:
@@ -174,15 +174,15 @@ class AnmFollower(Follower):
         return end
 
     def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, SolveCounts]:
-        """Correct the end of the last step, which lies exactly at the load factor asked for."""
+        """Correct the end of the last step, which lies exactly at the target load factor."""
         x = piece.evaluate(piece.length)[0]
         end = self._corrected(here, (x, self._lam_end), None)
-        if end is None:  # a fold at the very target: the series' own end keeps the tolerance
+        if end is None:  # a fold at the target: the end of the series keeps the tolerance
             end = Correction(x, self._lam_end, residual_norm(self._problem, x, self._lam_end), 0, 0, 0)
         return piece, end, None, SolveCounts()
 
     def _end(self, here: ExpansionPoint, piece: Branch) -> Correction | None:
-        """Return the end of a step, corrected if its residual has drifted; None when that fails."""
+        """Return the end of a step, corrected if its residual exceeds the drift allowed; None on failure."""
         x, lam = piece.evaluate(piece.length)
         residual = residual_norm(self._problem, x, lam)
         if residual <= self._options.drift * self._options.tolerance:
@@ -195,11 +195,11 @@ class AnmFollower(Follower):
         return correct_end(self._problem, self._metric, here, end, normal, self._options, self._effort)
 
     def _normal(self, piece: Branch) -> tuple[FloatArray, float] | None:
-        """Return the direction a correction of the end must not take: None stands for the load factor's."""
+        """Return the direction to which a correction of the end is orthogonal; None: the load factor's."""
         x, lam = piece.evaluate(piece.length)
-        x_before, lam_before = piece.evaluate(_BEFORE * piece.length)
+        x_before, lam_before = piece.evaluate(_DIRECTION_FROM * piece.length)
         rise = abs(lam - lam_before)
-        if rise > _LEVEL * self._metric.norm(x - x_before, lam - lam_before):
+        if rise > _MIN_LOAD_SHARE * self._metric.norm(x - x_before, lam - lam_before):
             return None
         return piece.x[1], float(piece.lam[1])
 
@@ -208,5 +208,5 @@ class AnmFollower(Follower):
 
 
 def _power_of_two(length: float) -> float:
-    """Return the power of two nearest to ``length``, a moderate one even after a very short last step."""
-    return float(2.0 ** np.round(np.log2(max(length, _SHORT))))
+    """Return the power of two nearest to ``length``, bounded below."""
+    return float(2.0 ** np.round(np.log2(max(length, _SHORTEST_GUESS))))

@@ -1,4 +1,4 @@
-"""Newton corrections: of a start point at fixed load factor, and of the end of a step."""
+"""Newton corrections of a start point at fixed load factor, and of the end of a step."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, station
+from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
 
-# Halvings of a damped update before it counts as failed: 2^-40 of a Newton step is no progress.
-_HALVINGS = 40
-# An update that would leave the admissible region goes this part of the way to its boundary, which is found
-# by so many bisections.
-_SHORT_OF = 0.95
+# An update halved more often has failed: 2^-40 of a Newton step is no progress.
+_MAX_HALVINGS = 40
+# An update that would leave the admissible region covers this part of the way to its boundary, which is
+# found by so many bisections.
+_BOUNDARY_MARGIN = 0.95
 _BISECTIONS = 5
-# A correction with an old tangent continues while each update removes nine tenths of the residual.
+# Chord updates (with an old tangent) continue while each removes nine tenths of the residual.
 _CHORD_RATE = 0.1
 _CHORD_UPDATES = 3
-# Smallest relative fall of the residual's norm that a damped update must bring, per unit of its fraction.
-_DECREASE = 1e-4
-# An end of step that round-off keeps above its goal may use this part of the tolerance; the rest is left
-# to the next series.
-_HEADROOM = 0.3
+# Least relative decrease of the residual's norm by a damped update, per unit of its fraction (Armijo).
+_SUFFICIENT_DECREASE = 1e-4
+# The end of a step that round-off keeps above its goal may have this part of the tolerance as residual; the
+# rest is left to the next series.
+_END_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A corrected point, its largest residual, and what it took."""
+    """A corrected point, its largest residual, and the work it took."""
 
     x: FloatArray
     lam: float
@@ -42,7 +42,7 @@ class Correction:
 
 @dataclasses.dataclass
 class SolveCounts:
-    """Counts of one step or correction as they grow."""
+    """Running counts of one step or correction."""
 
     updates: int = 0
     factorizations: int = 0
@@ -56,7 +56,7 @@ class SolveCounts:
 
 
 def residual_norm(problem: Problem, x: FloatArray, lam: float) -> float:
-    """Return the largest residual at an admissible point; inf where it is not admissible or not finite."""
+    """Return the largest residual at a point; inf if that is not finite or the point not admissible."""
     if not problem.admissible(x, lam):
         return np.inf
     value = float(np.abs(problem.residual(x, lam)).max(initial=0.0))
@@ -65,7 +65,7 @@ def residual_norm(problem: Problem, x: FloatArray, lam: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Unknowns, load factor, and the largest residual there."""
+    """Unknowns, load factor, and the largest residual."""
 
     x: FloatArray
     lam: float
@@ -76,13 +76,13 @@ class Point:
 def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | None = None) -> Correction:
     """Solve R(x, lam) = 0 at fixed ``lam`` by Newton's method from an admissible ``x``, shape (size,).
 
-    Updates are halved until the point stays admissible and the norm of the residual falls. The residual
-    aimed at is ``options.goal``; when round-off forbids that, ``tolerance`` will do.
+    Updates are halved until the point is admissible and the norm of the residual decreases. The target for
+    the residual is ``options.goal``; if round-off prevents that, ``tolerance`` is accepted.
 
     Raises
     ------
     NumericalError
-        When ``x`` is not admissible, the tangent singular, or no convergence reached.
+        When ``x`` is not admissible, the tangent is singular, or the iteration does not converge.
     """
     options, effort = options or PathOptions(), SolveCounts()
     if not np.isfinite(residual_norm(problem, x, lam)):
@@ -107,14 +107,14 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
 
 
 @dataclass(frozen=True, eq=False)
-class Across:
-    """What an update keeps besides the load factor's place: its product with ``normal``, (size,) and one."""
+class NormalPlane:
+    """The plane of updates orthogonal to ``normal`` = ((size,), load factor) in the ``metric``."""
 
     metric: Metric
     normal: tuple[FloatArray, float]
 
-    def along(self, dx: FloatArray, slope: FloatArray) -> float:
-        """Return the multiple of (slope, 1) that puts dx back on the plane."""
+    def load_update(self, dx: FloatArray, slope: FloatArray) -> float:
+        """Return the update of the load factor that with dx + update * slope lies in the plane."""
         return -self.metric.product(dx, 0.0, *self.normal) / self.metric.product(slope, 1.0, *self.normal)
 
 
@@ -123,14 +123,15 @@ def iterate(
     problem: Problem,
     x: FloatArray,
     lam: float,
-    plane: Across | None,
+    plane: NormalPlane | None,
     options: PathOptions,
     effort: SolveCounts,
 ) -> Point:
-    """Return the point that damped Newton updates come to from an admissible (x, lam).
+    """Return the point reached by damped Newton updates from an admissible (x, lam).
 
-    They keep the load factor, or stay on ``plane``, and end at ``options.goal``, after ``max_corrections``,
-    or where no part of an update lowers the norm of the residual. Work is added to ``effort``.
+    The updates keep the load factor, or lie in ``plane``. They end at ``options.goal``, after
+    ``max_corrections``, or when no part of an update lowers the norm of the residual. Counts are added to
+    ``effort``.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def iterate(
             if plane is not None:
                 effort.solves += 1
                 slope = -tangent.solve(problem.load_derivative(point.x, point.lam))
-                along = plane.along(dx, slope)
+                along = plane.load_update(dx, slope)
                 dx = dx + along * slope
         except np.linalg.LinAlgError as error:
             raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}") from error
@@ -174,11 +175,11 @@ def correct_end(
     options: PathOptions,
     effort: SolveCounts,
 ) -> Correction | None:
-    """Bring the end of a step back to the path; None when that fails.
+    """Correct the end of a step to the path; None when that fails.
 
-    The correction is orthogonal to ``normal``, or keeps the load factor when ``normal`` is None. The
-    factorised tangent of the step's start is tried first, a fresh one where it does not converge fast.
-    Work is added to ``effort``.
+    The correction is orthogonal to ``normal``, or keeps the load factor if ``normal`` is None. It uses the
+    factorised tangent of the step's start, and a new one if that converges slowly. Counts are added to
+    ``effort``.
     """
     point = Point(*end, residual_norm(problem, *end))
     updates = effort.updates
@@ -196,7 +197,7 @@ def correct_end(
         try:
             effort.factorizations += 1
             effort.solves += 1
-            fresh = station(problem, point.x, point.lam)
+            fresh = expansion_point(problem, point.x, point.lam)
         except SingularTangentError:
             return None
         better = _updated(problem, metric, fresh, point, normal, effort)
@@ -204,7 +205,7 @@ def correct_end(
             break
         point = better
         effort.updates += 1
-    if point.residual > max(options.goal, _HEADROOM * options.tolerance):
+    if point.residual > max(options.goal, _END_SHARE * options.tolerance):
         return None
     return Correction(point.x, point.lam, point.residual, effort.updates - updates, 0, 0)
 
@@ -217,13 +218,13 @@ def _updated(
     normal: tuple[FloatArray, float] | None,
     effort: SolveCounts,
 ) -> Point:
-    """Return the point after one Newton update with the tangent and slope of the station ``at``."""
+    """Return the point after one Newton update with the tangent and slope at ``at``."""
     effort.solves += 1
     dx = at.tangent.solve(-problem.residual(point.x, point.lam))
     if normal is None:
         x, lam = point.x + dx, point.lam
     else:
-        along = Across(metric, normal).along(dx, at.slope)
+        along = NormalPlane(metric, normal).load_update(dx, at.slope)
         x, lam = point.x + dx + along * at.slope, point.lam + along
     return Point(x, lam, residual_norm(problem, x, lam))
 
@@ -231,8 +232,8 @@ def _updated(
 def admissible_part(
     problem: Problem, point: tuple[FloatArray, float], update: tuple[FloatArray, float]
 ) -> float:
-    """Return 1, or how much of an update of an admissible point stays clear of the region's boundary; 0
-    where next to nothing does."""
+    """Return the part of an update of an admissible point that stays in the admissible region: 1, a margin
+    before its boundary, or 0 if that is next to nothing."""
 
     def inside(part: float) -> bool:
         return problem.admissible(point[0] + part * update[0], point[1] + part * update[1])
@@ -242,24 +243,24 @@ def admissible_part(
     low, high = 0.5, 1.0
     while not inside(low):
         low, high = 0.5 * low, low
-        if low < 0.5**_HALVINGS:
+        if low < 0.5**_MAX_HALVINGS:
             return 0.0
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if inside(middle) else (low, middle)
-    return _SHORT_OF * low
+    return _BOUNDARY_MARGIN * low
 
 
 def _damped(problem: Problem, point: Point, update: tuple[FloatArray, float], size: float) -> Point | None:
-    """Return the point after the first of an update's parts, halved from the admissible one on, that lowers
-    the residual's norm ``size`` enough; None where none does."""
+    """Return the point after an update, halved until it sufficiently lowers the residual's norm ``size``;
+    None on failure."""
     part = admissible_part(problem, (point.x, point.lam), update)
-    while part >= 0.5**_HALVINGS:
+    while part >= 0.5**_MAX_HALVINGS:
         x, lam = point.x + part * update[0], point.lam + part * update[1]
         if problem.admissible(x, lam):
             residual = problem.residual(x, lam)
-            # The Euclidean norm falls along a Newton update, the largest residual need not.
-            if float(np.linalg.norm(residual)) <= (1.0 - _DECREASE * part) * size:
+            # The Euclidean norm decreases along a Newton update, the largest residual need not.
+            if float(np.linalg.norm(residual)) <= (1.0 - _SUFFICIENT_DECREASE * part) * size:
                 return Point(x, lam, float(np.abs(residual).max(initial=0.0)))
         part *= 0.5
     return None

@@ -5,16 +5,15 @@ factor keeps its weight whatever the number of unknowns), the parameter of the p
 
     a = <X - X_0, T> / unit^2,    T tangent to the path at X_0,    |T| = unit,
 
-hence regular at folds. A start point carries a small residual R_0; its series follows R(X(a)) = (1 - a) R_0,
-which leads back to the path over about the length of the step, without a factorisation of its own. Orders
-1 and k >= 2 are
+hence regular at folds. A start point has a small residual R_0; its series follows R(X(a)) = (1 - a) R_0,
+which returns to the path over about the length of the step without another factorisation. Orders 1 and
+k >= 2 are
 
     dR/dx x_1 + dR/dlam lam_1 = -R_0,     <X_1 - T, T> = 0,
     dR/dx x_k + dR/dlam lam_k = rhs_k,    <X_k, T> = 0,
 
-solved with the one factorised dR/dx and the slope v = dx/dlam. ``unit`` is a power of two near the
-expected length of the step, which keeps high orders from overflowing and, being a power of two, leaves
-the digits of the result alone.
+solved with the factorised dR/dx and the slope v = dx/dlam. ``unit`` is near the expected length of the step,
+which keeps high orders from overflowing, and a power of two, which adds no round-off.
 
 Source: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
 53 (1994) 1181-1192.
@@ -59,8 +58,8 @@ class ExpansionPoint:
     slope: FloatArray
 
 
-def station(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
-    """Factorise at a point of the path (one factorisation, one solve).
+def expansion_point(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
+    """Return a point of the path with its tangent and slope (one factorisation, one solve).
 
     Raises
     ------
@@ -77,23 +76,23 @@ def station(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
     return ExpansionPoint(x, lam, tangent, slope)
 
 
-ASTRAY = 0.1
-"""Series lead from a start with a residual back to the path by no more than this part of their unit, or stay
-beside it with that residual: where a motion is hardly resisted, round-off moves it far, or back to where the
-path came from."""
+MAX_RETURN = 0.1
+"""A series returns to the path by at most this part of its unit, and otherwise keeps the residual of its
+start: along a motion with very little stiffness, round-off in the residual would move it far, or back along
+the path."""
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
     """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,); ``unit`` is the length of T.
 
-    A series that is ``beside`` the path keeps the residual of its start.
+    ``keeps_residual``: the series does not return to the path but keeps the residual of its start.
     """
 
     x: FloatArray
     lam: FloatArray
     unit: float
-    beside: bool
+    keeps_residual: bool
 
 
 def expand(
@@ -108,10 +107,10 @@ def expand(
 
     Parameters
     ----------
-    direction : the path goes to the side where the product with this direction is positive
+    direction : orients the tangent, whose product with it is positive
     unit : length of the tangent, a guess of the length of the step
 
-    Coefficients that overflow are returned as they come; the caller's residuals will show it.
+    Coefficients that overflow are returned; the residuals computed by the caller show it.
     """
     x = np.empty((order + 1, start.x.size))
     lam = np.empty(order + 1)
@@ -124,19 +123,19 @@ def expand(
     solve = start.tangent.solve
     x[0], lam[0] = start.x, start.lam
     free = solve(-problem.residual(start.x, start.lam))
-    beside = metric.norm(free, 0.0) > ASTRAY * unit
-    if beside:
+    keeps_residual = metric.norm(free, 0.0) > MAX_RETURN * unit
+    if keeps_residual:
         free[:] = 0.0
     lam[1] = rise - float(normal @ free) / denominator
     x[1] = free + lam[1] * slope
-    # A look at the attribute: isinstance would take as long as some orders.
+    # By the attribute: isinstance of a Protocol takes as long as some orders.
     orders = getattr(start.tangent, "orders", None)
     if orders is not None:
         orders(x, lam, slope, normal, denominator)
-        return Series(x, lam, unit, beside)
+        return Series(x, lam, unit, keeps_residual)
     for k in range(2, order + 1):
         free = solve(problem.series_rhs(x[:k], lam[:k]))
         lam[k] = -float(normal @ free) / denominator
         np.multiply(slope, lam[k], out=x[k])
         x[k] += free
-    return Series(x, lam, unit, beside)
+    return Series(x, lam, unit, keeps_residual)

@@ -1,4 +1,4 @@
-"""A path followed by the method that its options are for."""
+"""Path following by the method that the options select."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ def follow(
 
     Parameters
     ----------
-    x0 : (size,), start point; corrected at fixed ``lam0`` when its residual asks for it (behind a
-        ``previous`` piece: when it exceeds the tolerance)
-    lam_end : the path ends where the load factor first takes this value, going along the path
-    options : choose the method too: power series (also by default), or Newton-Raphson
+    x0 : (size,), start point; corrected at fixed ``lam0`` if its residual requires it (after a ``previous``
+        piece: if it exceeds the tolerance)
+    lam_end : the path ends where the load factor first takes this value
+    options : they also select the method: power series (default) or Newton-Raphson
     previous : the piece of path that led to the start point; the path continues in its direction with its
-        length of step, as if it had not been interrupted
-    barrier : how far along a piece of path the problem is valid; the path ends there with the reason EVENT
-    levels : load factors at which states are wanted. Steps of Newton's method end there; power series hold
-        them anyway
+        step length, as if it had not been interrupted
+    barrier : returns the parameter up to which the problem is valid on a piece of path; the path ends there
+        with the reason EVENT
+    levels : load factors at which states are wanted. Steps of Newton's method end there; power series
+        contain them anyway
     """
     if isinstance(options, NewtonOptions):
         return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels)

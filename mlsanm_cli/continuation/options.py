@@ -1,12 +1,12 @@
-"""Options of the methods that follow a path."""
+"""Options of path following."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-# A correction aims at this part of the tolerance, so that the series that follows has the rest.
-_CORRECTED = 0.01
+# The target of a correction as a part of the tolerance; the rest is left to the series that follows.
+_CORRECTION_TARGET = 0.01
 
 
 @dataclass(frozen=True)
@@ -15,13 +15,12 @@ class PathOptions:
 
     Attributes
     ----------
-    tolerance : largest residual allowed anywhere on the path (Newton's method: in the states it hands out)
-    max_steps : the path stops after so many steps
-    direction : which way to leave the start point: load factor growing (1), falling (-1), or (0) as the piece
-        of path before it continued, without one toward the load factor asked for; the sign of later steps is
-        that of the path itself
-    min_length : a step shorter than this, in scaled units of the path, ends it
-    max_corrections : Newton updates allowed in one correction
+    tolerance : largest residual allowed anywhere on the path (Newton's method: at the ends of steps)
+    max_steps : the path stops after this number of steps
+    direction : direction at the start: load factor increasing (1), decreasing (-1), or (0) the direction of
+        the previous piece of path, else towards the target; later steps follow the path
+    min_length : a step shorter than this, in scaled units of the path, ends the path
+    max_corrections : largest number of Newton updates of one correction
     """
 
     tolerance: float = 1e-8
@@ -42,8 +41,8 @@ class PathOptions:
 
     @property
     def goal(self) -> float:
-        """Residual a correction aims at."""
-        return self.tolerance * _CORRECTED
+        """Target for the residual of a correction."""
+        return self.tolerance * _CORRECTION_TARGET
 
 
 @dataclass(frozen=True)
@@ -52,11 +51,11 @@ class AnmOptions(PathOptions):
 
     Attributes
     ----------
-    order : order N of the series, 2 to 40; 15 to 30 pays
-    pade : turn a series into a Padé approximant where that makes the step longer
-    drift : an end of step is corrected by Newton's method when its residual exceeds this fraction of
-        ``tolerance``; below, the next series leads the residual back to zero, which takes no factorisation.
-        At 1 only the start and the end of the path are corrected
+    order : order N of the series, 2 to 40; 15 to 30 is most efficient
+    pade : use a Padé approximant where that makes the step longer
+    drift : the end of a step is corrected by Newton's method if its residual exceeds this fraction of
+        ``tolerance``; otherwise the next series removes it, which takes no factorisation. At 1 only the
+        start and the end of the path are corrected
     """
 
     order: int = 20
@@ -77,11 +76,11 @@ class NewtonOptions(PathOptions):
 
     Attributes
     ----------
-    control : every step solves at a given load factor ("load"), or on the plane across its first tangent
+    control : every step solves at a given load factor ("load"), or on the plane normal to its first tangent
         ("arc-length"), which passes folds
-    first : first step as a part of the way to the load factor asked for, straight on
-    wanted : steps grow where they take fewer iterations than this, and shrink where they take more
-    growth : most that one step is longer than the one before it
+    first : first step as a part of the straight way to the target load factor
+    wanted : steps grow if they take fewer iterations than this, and shrink if they take more
+    growth : largest ratio of the lengths of consecutive steps
     """
 
     max_corrections: int = 25

@@ -18,13 +18,13 @@ from mlsanm_cli.continuation.problem import FloatArray
 
 # A pole this close to the real axis, relative to its distance from the start, counts as real.
 _NEAR_REAL = 0.05
-# The denominator makes the coefficients of so many last orders small; measured on contact problems, three of
-# them give steps some 25 % longer than the last one alone.
-_ORDERS = 3
-# The orders are compared at this many times the range of the power series, so that the last ones count most.
-_WEIGHT = 2.0
-# Directions of the least-squares problem below this part of the largest one are round-off.
-_CUT = 1e-14
+# The denominator minimises the coefficients of so many last orders; measured on contact problems, three give
+# steps some 25 % longer than the last one alone.
+_LAST_ORDERS = 3
+# The orders are compared at this multiple of the range of the power series, so that the last ones count most.
+_RADIUS_FACTOR = 2.0
+# Singular values below this part of the largest one are round-off.
+_RANK_TOLERANCE = 1e-14
 
 
 def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
@@ -33,34 +33,34 @@ def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
     Parameters
     ----------
     coefficients : (N + 1, n), the vectors X_0..X_N in comparable units (X_0 is not used)
-    radius : range of the power series; the scale on which the orders are compared
+    radius : range of the power series, the scale on which the orders are compared
     """
     order = coefficients.shape[0] - 1
     degree = 2 * order // 3
-    radius = _WEIGHT * radius
+    radius = _RADIUS_FACTOR * radius
     scaled = coefficients[1:] * (radius ** np.arange(1.0, order + 1.0))[:, None]
     if order < 3 or not np.all(np.isfinite(scaled)):
         return None
     upper: FloatArray = np.asarray(np.linalg.qr(scaled.T, mode="r"))
-    # As many of the last orders as it takes to determine the denominator, never fewer than three.
-    rows = min(order - 1, max(_ORDERS, -(-degree // upper.shape[0])))
-    # The vector X_{n-j} stands in column n - j - 1; orders below 1 do not occur: X_0 is no part of D X.
+    # Enough of the last orders to determine the denominator, at least three.
+    rows = min(order - 1, max(_LAST_ORDERS, -(-degree // upper.shape[0])))
+    # The vector X_{n-j} is column n - j - 1; orders below 1 do not occur, as X_0 is not part of D X.
     columns = np.arange(order - rows, order)[:, None] - np.arange(degree + 1)
     blocks = np.where(columns[None] >= 0, upper[:, columns], 0.0).transpose(1, 0, 2)
     system = blocks.reshape(-1, degree + 1)
-    inner = np.linalg.lstsq(system[:, 1:], -system[:, 0], rcond=_CUT)[0]
+    inner = np.linalg.lstsq(system[:, 1:], -system[:, 0], rcond=_RANK_TOLERANCE)[0]
     return np.concatenate([[1.0], inner / radius ** np.arange(1.0, degree + 1.0)])
 
 
 def nearest_pole(coefficients: FloatArray, limit: float) -> float:
     """Return the real part of the first real or nearly real pole in (0, limit], or inf.
 
-    ``coefficients`` are those of the denominator in ascending order, the first one 1.
+    ``coefficients`` are those of the denominator in ascending order, starting with 1.
     """
     scaled = coefficients * limit ** np.arange(float(coefficients.size))
     if not np.all(np.isfinite(scaled)):
         return 0.0
-    # Those of 1/a, as the first coefficient is 1 while the last ones may be as good as none.
+    # The roots in 1/a: the first coefficient is 1, the last ones may vanish up to round-off.
     inverse = np.roots(scaled)
     roots = limit / inverse[inverse != 0.0]
     near = (roots.real > 0.0) & (roots.real <= limit) & (np.abs(roots.imag) <= _NEAR_REAL * np.abs(roots))

@@ -1,4 +1,4 @@
-"""What every method that follows a path hands out: its steps, why it stopped, and where.
+"""The common part of path-following methods: steps, reasons to stop, outcome.
 
 A follower is used once::
 
@@ -18,14 +18,14 @@ from enum import StrEnum
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct, residual_norm
-from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, station
+from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
 
 
 class StopReason(StrEnum):
-    """Why a path ended; the values are what users read."""
+    """Why a path ended; the values are shown to users."""
 
     TARGET_REACHED = "target reached"
     EVENT = "event"
@@ -48,9 +48,9 @@ class Step:
     x, lam : end of the step and start of the next: unknowns, shape (size,), and load factor
     residual : largest residual at the end
     arc_length : length of the step along its first tangent, in the scaled units of the path
-    iterations : Newton updates; of power series those made at the end
+    iterations : Newton updates; for power series those at the end of the step
     factorizations, solves : tangents factorised and systems solved for this step, failed trials included
-    order : order of the power series; 0 where ``branch`` is none and only its ends are on the path
+    order : order of the power series; 0 if ``branch`` is no series and only its ends are on the path
     """
 
     index: int
@@ -67,10 +67,10 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """How a path ended: ``reason``, a sentence about it, the last good point, totals of the whole path.
+    """How a path ended: the reason with a ``message``, the last valid point, totals of the whole path.
 
-    ``piece`` is the last step as long as it would have been without an event: the ``previous`` of a path that
-    continues, which needs no more of it than its ``tangent``.
+    ``piece`` is the last step with the length that it would have had without an event: the ``previous`` of a
+    path that continues, which needs only its ``tangent``.
     """
 
     reason: StopReason
@@ -86,12 +86,12 @@ class Outcome:
 
     @property
     def reached(self) -> bool:
-        """Whether the path came to the load factor asked for."""
+        """Whether the path reached the target load factor."""
         return self.reason is StopReason.TARGET_REACHED
 
 
 class Stopped(Exception):
-    """The path ends here, for a reason."""
+    """Ends a path, with a reason."""
 
     def __init__(self, reason: StopReason, message: str) -> None:
         super().__init__(message)
@@ -127,12 +127,12 @@ class Follower(ABC):
         self._started = self._stopped = False
 
     @abstractmethod
-    def _walk(self) -> Iterator[Step]:
-        """Go from step to step until something raises ``Stopped``."""
+    def _follow(self) -> Iterator[Step]:
+        """Yield steps until something raises ``Stopped``."""
 
     @property
     def outcome(self) -> Outcome:
-        """How the path ended, or, while steps are still to come, where it stands (stopped by the caller)."""
+        """How the path ended or, while it is being followed, its current state (stopped by the caller)."""
         return Outcome(
             reason=self._reason,
             message=self._message,
@@ -147,7 +147,7 @@ class Follower(ABC):
         )
 
     def stop(self) -> None:
-        """End the path after the step handed out last."""
+        """End the path after the last step yielded."""
         self._stopped = True
 
     def steps(self) -> Iterator[Step]:
@@ -156,19 +156,19 @@ class Follower(ABC):
         Raises
         ------
         NumericalError
-            When the start point does not satisfy the equations and cannot be corrected. Every other
-            failure ends the path, with its reason in :attr:`outcome`.
+            When the start point does not satisfy the equations and cannot be corrected. Any other failure
+            ends the path, with its reason in :attr:`outcome`.
         RuntimeError
             When called a second time.
         """
         if self._started:
-            raise RuntimeError("a follower goes along its path once; make a new one")
+            raise RuntimeError("a follower can be used once only; make a new one")
         self._started = True
         self._start()
         try:
             if self._lam == self._lam_end:
-                raise Stopped(StopReason.TARGET_REACHED, "the path starts at the load factor asked for")
-            yield from self._walk()
+                raise Stopped(StopReason.TARGET_REACHED, "the path starts at the target load factor")
+            yield from self._follow()
         except Stopped as stop:
             self._reason, self._message = stop.reason, stop.message
 
@@ -176,20 +176,20 @@ class Follower(ABC):
         if self._previous is not None:
             self._residual = residual_norm(self._problem, self._x, self._lam)
             if self._residual <= self._options.tolerance:
-                return  # the end of a step, which its successor starts from as it is
+                return
         start = correct(self._problem, self._x, self._lam, self._options)
         self._x, self._residual = start.x, start.residual
         self._effort.add(SolveCounts(start.updates, start.factorizations, start.solves))
 
-    def _allow(self) -> None:
-        """Raise ``Stopped`` when there may be no further step."""
+    def _check_step_count(self) -> None:
+        """Raise ``Stopped`` at the largest number of steps."""
         if self._steps == self._options.max_steps:
             raise Stopped(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
 
-    def _station(self, x: FloatArray, lam: float, effort: SolveCounts) -> ExpansionPoint:
+    def _expansion_point(self, x: FloatArray, lam: float, effort: SolveCounts) -> ExpansionPoint:
         effort.factorizations += 1
         effort.solves += 1
-        return station(self._problem, x, lam)
+        return expansion_point(self._problem, x, lam)
 
     def _record(self, branch: Branch, end: Correction, arc_length: float, order: int) -> Step:
         self._steps += 1

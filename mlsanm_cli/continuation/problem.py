@@ -1,7 +1,4 @@
-"""What a continuation method may ask of the equations it follows: R(x, lam) = 0.
-
-This package contains no mechanics.
-"""
+"""The equations R(x, lam) = 0 as continuation methods see them. This package contains no mechanics."""
 
 from __future__ import annotations
 
@@ -16,18 +13,18 @@ FloatArray: TypeAlias = NDArray[np.float64]
 
 
 class SingularTangentError(NumericalError):
-    """The tangent dR/dx cannot be factorised at the point asked for."""
+    """The tangent dR/dx cannot be factorised at the requested point."""
 
 
 class Tangent(Protocol):
     """The factorised derivative dR/dx at one point.
 
-    A tangent may also have a method ``orders(x, lam, slope, normal, size)``, which fills the coefficients
-    ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from 2 on faster than order by order.
+    A tangent may also have a method ``orders(x, lam, slope, normal, size)`` that computes the coefficients
+    ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from 2 on at once, which is faster.
     """
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        """Return w, shape (size,), with dR/dx w = rhs. ``rhs``, shape (size,), must be left as it is."""
+        """Return w, shape (size,), with dR/dx w = rhs; ``rhs``, shape (size,), must not be changed."""
 
 
 class Problem(Protocol):
@@ -54,7 +51,7 @@ class Problem(Protocol):
         Raises
         ------
         SingularTangentError
-            When the factorisation breaks down (``numpy.linalg.LinAlgError`` is understood as well).
+            When the factorisation breaks down (``numpy.linalg.LinAlgError`` is accepted as well).
         """
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
@@ -68,4 +65,4 @@ class Problem(Protocol):
         """
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
-        """Whether (x, lam) lies on the meaningful side of every constraint (gaps > 0, for instance)."""
+        """Whether (x, lam) satisfies every constraint, for instance gaps > 0."""

@@ -1,8 +1,8 @@
-"""How far a piece of path is good: the true residual decides.
+"""The range of validity of a piece of path, determined by the residual itself.
 
 The first guess is the classical range of a power series, a = (eps |X_1| / |X_N|)^(1/(N-1)); it is then
-shortened or stretched until the residual at its end lies just below the tolerance. An evaluation costs next
-to nothing compared with a factorisation.
+shortened or extended until the residual at its end lies just below the tolerance. An evaluation is cheap
+compared with a factorisation.
 
 Source of the first guess: B. Cochelin, A path-following technique via an asymptotic-numerical method,
 Computers & Structures 53 (1994) 1181-1192.
@@ -21,32 +21,33 @@ from mlsanm_cli.continuation.pade import denominator, nearest_pole
 from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
 
-# A length is settled when the residual there lies between these parts of the tolerance (its power of about
-# N + 1 in the length makes the steps some 3 % shorter than the longest ones), or between close bounds.
+# A length is accepted if the residual there lies between the first and the last of these parts of the
+# tolerance (it grows as the power N + 1 of the length, so that steps are some 3 % shorter than the longest
+# possible), or if its bounds differ by less than this ratio.
 _ENOUGH, _AIM, _LIMIT = 0.4, 0.7, 0.9
-_CLOSE = 1.03
-_TRIALS = 30
+_BOUND_RATIO = 1.03
+_MAX_TRIALS = 30
 _SHRINK, _GROW = 0.3, 1.5
-# The first guess is no longer than this many times a straight path's way to lam_end.
+# The first guess is at most this multiple of the way of a straight path to lam_end.
 _STRAIGHT = 4.0
-# Where a range is looked at between its ends.
+# Parts of a range at which the residual is checked, besides its end.
 _INSIDE = (0.25, 0.5, 0.75, 0.9)
-# A power series shorter than its classical range needs fewer looks.
-_CHECKED = (1.0, 0.5)
-# A Padé approximant is worth its poles only if it stretches the step by so much.
-_GAIN, _CLEAR_GAIN = 1.02, 1.15
+# For a power series shorter than its classical range fewer checks suffice.
+_SHORT_RANGE_CHECKS = (1.0, 0.5)
+# A Padé approximant, which has poles, is used only if it extends the step by this factor.
+_MIN_GAIN, _CLEAR_GAIN = 1.02, 1.15
 # First guess of the range of a Padé approximant over that of its power series.
-_STRETCH = 1.4
-# A step keeps this part of the way to the nearest pole.
+_PADE_EXTENSION = 1.4
+# A step covers at most this part of the way to the nearest pole.
 _POLE_MARGIN = 0.9
-# A step ends where the terms of a Padé approximant, of both signs, leave so much round-off (part of the
-# tolerance) in their sum: many poles next to each other, as along a branch cut, have terms of 1e7.
-_NOISE, _QUIETER = 0.02, 0.95
+# A step ends where cancellation between the terms of a Padé approximant leaves this much round-off (part of
+# the tolerance): many adjacent poles, as along a branch cut, have terms of 1e7.
+_MAX_ROUND_OFF, _SHORTENING = 0.02, 0.95
 
 
 @dataclass(frozen=True)
 class RangeOfValidity:
-    """Measures pieces of a path of ``problem`` that is to end at the load factor ``lam_end``."""
+    """Determines ranges of validity on a path of ``problem`` to the load factor ``lam_end``."""
 
     problem: Problem
     metric: Metric
@@ -54,13 +55,13 @@ class RangeOfValidity:
     options: AnmOptions
 
     def error(self, branch: Branch, a: float) -> float:
-        """Return the largest residual at ``a``; inf where it is not admissible or not finite."""
+        """Return the largest residual at ``a``; inf if the point is not admissible or not finite."""
         x, lam = branch.evaluate(a)
         return residual_norm(self.problem, x, lam) if np.isfinite(lam) else np.inf
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def branch(self, series: Series) -> Branch:
-        """Return the longest good piece of path that ``series`` gives; its length is 0 when there is none.
+        """Return the longest valid piece of path of a ``series``; its length is 0 if there is none.
 
         The piece ends at the latest where it first reaches ``lam_end``.
         """
@@ -70,14 +71,14 @@ class RangeOfValidity:
             return rational
         taylor = Branch(series.x, series.lam, 0.0)
         taylor = taylor.shortened(self._range(taylor, guess, np.inf))
-        if rational is not None and rational.length > _GAIN * taylor.length:
+        if rational is not None and rational.length > _MIN_GAIN * taylor.length:
             return rational
         return taylor
 
-    def good(self, branch: Branch, a: float) -> bool:
+    def valid(self, branch: Branch, a: float) -> bool:
         """Whether the residual keeps the tolerance at ``a`` and inside."""
         limit = _LIMIT * self.options.tolerance
-        return all(self.error(branch, part * a) <= limit for part in _CHECKED)
+        return all(self.error(branch, part * a) <= limit for part in _SHORT_RANGE_CHECKS)
 
     def first_guess(self, series: Series) -> float:
         """Return the classical range of a power series."""
@@ -88,21 +89,21 @@ class RangeOfValidity:
             return 0.0
         along = (self.lam_end - series.lam[0]) / series.lam[1] if series.lam[1] != 0.0 else 0.0
         if last > 0.0 and order > 1:
-            # An all but straight path has coefficients that vanish and a range without bound, over which
-            # its crossing of lam_end could not be found to round-off.
+            # The series of an almost straight path has an unbounded range, over which the crossing of lam_end
+            # could not be found to round-off.
             most = max(_STRAIGHT * along, _STRAIGHT * self._shortest(series.x[1], series.lam[1]))
             most = most if along > 0.0 else np.inf
             return float(min((self.options.tolerance * first / last) ** (1.0 / (order - 1)), most))
         return float(along) if along > 0.0 else 1.0
 
     def _rational(self, series: Series, guess: float) -> Branch | None:
-        """Return the longest good Padé approximant, or None when the series gives none."""
+        """Return the longest valid Padé approximant, None if there is none."""
         scaled = np.column_stack([np.sqrt(self.metric.weight) * series.x, series.lam])
         lower = denominator(scaled, guess)
         if lower is None:
             return None
         rational = Branch(series.x, series.lam, 0.0, lower)
-        reach = self._longest(rational, _STRETCH * guess, np.inf)
+        reach = self._longest(rational, _PADE_EXTENSION * guess, np.inf)
         if reach == 0.0:
             return None
         pole = nearest_pole(lower, reach / _POLE_MARGIN)
@@ -110,19 +111,19 @@ class RangeOfValidity:
         return rational.shortened(self._range(rational, min(reach, ceiling), ceiling))
 
     def _quiet(self, branch: Branch, reach: float) -> float:
-        """Return how far ``branch`` can be evaluated without losing digits: inf when that is to ``reach``."""
+        """Return the length up to which ``branch`` evaluates with little round-off; inf: up to ``reach``."""
         a = reach
-        for _ in range(_TRIALS):
-            if branch.round_off(a, self.problem.scale) <= _NOISE * self.options.tolerance:
+        for _ in range(_MAX_TRIALS):
+            if branch.round_off(a, self.problem.scale) <= _MAX_ROUND_OFF * self.options.tolerance:
                 return a if a < reach else np.inf
-            a *= _QUIETER
+            a *= _SHORTENING
         return 0.0
 
     def _range(self, branch: Branch, guess: float, ceiling: float) -> float:
-        """Return the end of a range <= ``ceiling`` that is good inside as well; 0 when there is none."""
+        """Return the end of a range <= ``ceiling`` that is valid inside as well; 0 if there is none."""
         limit = _LIMIT * self.options.tolerance
         length = self._longest(branch, guess, ceiling)
-        for _ in range(_TRIALS):
+        for _ in range(_MAX_TRIALS):
             bad = next((f for f in _INSIDE if self.error(branch, f * length) > limit), None)
             if bad is None or length == 0.0:
                 return length
@@ -134,12 +135,12 @@ class RangeOfValidity:
         return self.options.min_length / self.metric.norm(x, float(lam))
 
     def _longest(self, branch: Branch, guess: float, ceiling: float) -> float:
-        """Return a nearly longest a <= ``ceiling`` whose residual keeps the tolerance, or 0."""
+        """Return about the largest a <= ``ceiling`` whose residual is within the tolerance, or 0."""
         tolerance, side = self.options.tolerance, np.sign(self.lam_end - branch.lam[0])
-        limit = _LIMIT * tolerance  # between the points looked at the residual may be a little larger
+        limit = _LIMIT * tolerance  # between the checked points the residual may be a little larger
         low, high, a = 0.0, np.inf, min(guess, ceiling)
         shortest = self._shortest(branch.x[1], branch.lam[1])
-        for _ in range(_TRIALS):
+        for _ in range(_MAX_TRIALS):
             if a <= shortest:
                 break
             if side * (branch.load_factor(a) - self.lam_end) > 0.0:
@@ -153,19 +154,18 @@ class RangeOfValidity:
                     break
             else:
                 high = a
-            if high <= _CLOSE * low:
+            if high <= _BOUND_RATIO * low:
                 break
             a = min(_next(a, error / tolerance, branch.order, low, high), ceiling)
         return low
 
 
-def _next(a: float, residual_vector: float, order: int, low: float, high: float) -> float:
-    """Return the next length to try after ``a``, whose residual is ``residual_vector`` times the
-    tolerance."""
-    if 0.0 < residual_vector < np.inf:
-        trial = a * float(np.clip((_AIM / residual_vector) ** (1.0 / (order + 1)), _SHRINK, _GROW))
+def _next(a: float, ratio: float, order: int, low: float, high: float) -> float:
+    """Return the next length to try after ``a``, whose residual is ``ratio`` times the tolerance."""
+    if 0.0 < ratio < np.inf:
+        trial = a * float(np.clip((_AIM / ratio) ** (1.0 / (order + 1)), _SHRINK, _GROW))
     else:
-        trial = a * (_GROW if residual_vector == 0.0 else _SHRINK)
+        trial = a * (_GROW if ratio == 0.0 else _SHRINK)
     if low < trial < high:
         return max(trial, float(np.sqrt(low * a)))
     return float(np.sqrt(low * high)) if low > 0.0 else _SHRINK * high

@@ -1,4 +1,4 @@
-"""Roots of functions of one variable between two signs."""
+"""Roots of functions of one variable, bracketed by a change of sign."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from math import copysign
 import numpy as np
 
 PRECISION = 4.0 * float(np.finfo(np.float64).eps)
-MOST = 200
+MAX_ITERATIONS = 200
 
 
 def root(function: Callable[[float], float], low: float, high: float, least: float = 0.0) -> float:
-    """Where a ``function`` that has different signs at ``low`` and ``high`` is zero, to round-off or within
+    """A zero of a ``function`` with different signs at ``low`` and ``high``, to round-off or within
     ``least``.
 
-    Inverse quadratic interpolation where it can be relied on, bisection elsewhere (Chandrupatla 1997,
-    doi:10.1016/S0965-9978(96)00051-8). scipy's comes with all its minimisers, which take 0.03 s to import.
+    Inverse quadratic interpolation where it is reliable, bisection elsewhere (Chandrupatla 1997,
+    doi:10.1016/S0965-9978(96)00051-8). Importing scipy.optimize for it would take 0.03 s.
     Raises ValueError for equal signs.
     """
     a, b, f_a, f_b = low, high, function(low), function(high)
     if f_a * f_b > 0.0:
         raise ValueError("no change of sign")
     c, f_c, share = a, f_a, 0.5
-    for _ in range(MOST):
+    for _ in range(MAX_ITERATIONS):
         best, value = (a, f_a) if abs(f_a) < abs(f_b) else (b, f_b)
         near = (PRECISION * abs(best) + least) / abs(b - a) if b != a else 1.0
         if value == 0.0 or near >= 1.0:

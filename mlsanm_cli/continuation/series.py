@@ -22,13 +22,13 @@ import numpy as np
 from mlsanm_cli.continuation.problem import FloatArray
 from mlsanm_cli.continuation.roots import root
 
-# lam(a) is searched for a level between this many samples: a series of order 30 cannot bend more often.
+# A level of lam(a) is searched between so many samples: a series of order 30 has fewer extrema.
 _SAMPLES = 65
 _EPS = float(np.finfo(np.float64).eps)
 # A level this close to the first or last value of lam, relative to the terms summed, is that value.
 _ROUND_OFF = 32.0 * _EPS
-# Which way lam goes at the end of a piece is seen over this part of the last interval.
-_LAST = 1e-3
+# The sign of the change of lam at the end of a piece is taken over this part of the last interval.
+_END_PART = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Branch:
 
     @property
     def tangent(self) -> Branch:
-        """The straight piece that begins alike and is as long."""
+        """The tangent at the start, as a piece of the same length."""
         return Branch(self.x[:2], self.lam[:2], self.length)
 
     @property
@@ -94,7 +94,7 @@ class Branch:
         return weights @ self._terms[0], weights @ self._terms[1]
 
     def derivative_weights(self, a: FloatArray) -> FloatArray:
-        """Return the factors (k, N + 1) of the terms in the derivative by the parameter at ``a`` (k,)."""
+        """Return the factors (k, N + 1) of the terms in the derivative by the parameter, at ``a`` (k,)."""
         a = np.asarray(a, dtype=np.float64)[:, None]
         order = self._exponents
         power = a**order
@@ -113,7 +113,7 @@ class Branch:
 
     @property
     def terms(self) -> tuple[FloatArray, FloatArray]:
-        """What the factors multiply, (N + 1, size) and (N + 1,): coefficients of series or numerators."""
+        """The coefficients that the factors multiply, (N + 1, size) and (N + 1,): of series or numerators."""
         return self._terms
 
     def load_factor(self, a: float) -> float:
@@ -132,7 +132,7 @@ class Branch:
         Raises
         ------
         ValueError
-            When the piece does not reach that load factor.
+            If the piece does not reach that load factor.
         """
         found = self.first_crossing(lam)
         if found is None:
@@ -146,7 +146,7 @@ class Branch:
         grid = np.linspace(0.0, self.length, _SAMPLES)
         weights = self._weights_many(grid)
         values = weights @ self._terms[1] - lam
-        if not np.all(np.isfinite(values)):  # evaluated across a pole, beyond any range it is good for
+        if not np.all(np.isfinite(values)):  # evaluated across a pole, beyond any range of validity
             return None
         slack = _ROUND_OFF * (abs(lam) + float(np.max(np.abs(weights) @ np.abs(self._terms[1]))))
         if abs(values[0]) <= slack:
@@ -155,7 +155,7 @@ class Branch:
         changes = np.flatnonzero(sign[1:] != sign[0])
         last = int(changes[0]) + 1 if changes.size else _SAMPLES - 1
         for low, high in self._dips(lam, grid[: last + 1], sign[0] * values[: last + 1]):
-            # Only near folds; importing it takes longer than a path without them.
+            # Imported near folds only: that takes longer than following a path without them.
             from scipy.optimize import minimize_scalar
 
             bottom = minimize_scalar(
@@ -168,7 +168,7 @@ class Branch:
         return self._root(lam, float(grid[last - 1]), float(grid[last]))
 
     def _stays_off(self, lam: float) -> bool:
-        """Whether the terms of the power series together cannot bring it to the load factor."""
+        """Whether even the sum of the magnitudes of the terms does not reach the load factor."""
         reach = float(self._weights(self.length) @ np.abs(self.lam))
         first = float(self.lam[0])
         return reach - abs(first) + _ROUND_OFF * (abs(lam) + reach) < abs(lam - first)
@@ -196,16 +196,16 @@ class Branch:
         def distance(a: float) -> float:
             return self.load_factor(a) - lam
 
-        if distance(low) * distance(high) >= 0.0:  # a sample hit the level: its sign is round-off
+        if distance(low) * distance(high) >= 0.0:  # a sample lies on the level: its sign is round-off
             return min(low, high, key=lambda a: abs(distance(a)))
         return root(distance, low, high)
 
     def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
         """Return the intervals in which lam(a) may touch the level between samples on one side of it.
 
-        That happens near a fold that lies just past the level. ``distance`` is positive but for the last.
+        That happens near a fold just beyond the level. ``distance`` is positive except for the last sample.
         """
-        if distance[-1] <= 0.0:  # the crossing behind the last sample but one is found by its change of sign
+        if distance[-1] <= 0.0:  # the crossing before the last sample is found by its change of sign
             grid, distance = grid[:-1], distance[:-1]
         if distance.size < 2:
             return []
@@ -214,7 +214,7 @@ class Branch:
         side = 1.0 if self.lam[0] > lam else -1.0
         if side * self.lam[1] < 0.0 and distance[1] >= distance[0]:
             dips.insert(0, (float(grid[0]), float(grid[1])))
-        before = side * (self.load_factor(float(grid[-1] - _LAST * (grid[-1] - grid[-2]))) - lam)
+        before = side * (self.load_factor(float(grid[-1] - _END_PART * (grid[-1] - grid[-2]))) - lam)
         if before < distance[-1] <= distance[-2]:
             dips.append((float(grid[-2]), float(grid[-1])))
         return dips
@@ -223,13 +223,13 @@ class Branch:
 def locate(branches: Sequence[Branch], lam: float) -> tuple[int, float]:
     """Return (index, a) of the first point of a path, given piece by piece, at the load factor ``lam``.
 
-    A level that falls into the round-off (or, near a fold, the correction) between the end of one piece
-    and the start of the next belongs to that start.
+    A level that lies in the gap between the end of one piece and the start of the next (round-off or, near a
+    fold, a correction) belongs to that start.
 
     Raises
     ------
     ValueError
-        When no piece reaches that load factor.
+        If no piece reaches that load factor.
     """
     for index, branch in enumerate(branches):
         if index:

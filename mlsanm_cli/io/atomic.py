@@ -1,4 +1,4 @@
-"""Files that are either the old one or the whole new one, never half of it."""
+"""Atomic writing of files: readers see the old file or the complete new one."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ TEMPORARY_SUFFIX = ".tmp"
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path next to ``path`` to write to, and rename it to ``path`` when the block ends well.
+    """Yields a temporary path in the same directory (a rename is atomic within one file system), and renames
+    it to ``path`` when the block ends without an error.
 
-    The temporary file lies in the same directory because a rename is atomic only inside one file system.
-
-    Raises WriteError if the file cannot be written; then ``path`` is as it was.
+    Raises WriteError if the file cannot be written; ``path`` is then unchanged.
     """
     temporary = path.with_name(path.name + TEMPORARY_SUFFIX)
     try:
@@ -33,18 +32,18 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` as UTF-8 with Unix line ends, atomically; WriteError if that fails."""
+    """Writes ``text`` as UTF-8 with Unix line ends, atomically. Raises WriteError."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def cannot_write(path: Path, error: Exception) -> WriteError:
-    """The WriteError for a file that cannot be written, with the reason the system gave."""
+    """The WriteError for a file that cannot be written, with the reason given by the system."""
     inner = re.search(r"error message = '([^']*)'", str(error))
     if isinstance(error, OSError) and error.strerror:
         reason = error.strerror
     elif inner:
-        # HDF5 wraps the system's reason in several lines about its own buffers.
+        # HDF5 wraps the reason in several lines about its own buffers.
         reason = inner[1]
     else:
         reason = (str(error).splitlines() or [type(error).__name__])[0]

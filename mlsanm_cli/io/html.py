@@ -1,4 +1,4 @@
-"""HTML pages that stand by themselves: no files next to them, no scripts, readable without styles."""
+"""Self-contained HTML pages: no other files, no scripts, readable without styles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import write_text
 
 GENERATOR = f'<meta name="generator" content="mlsanm {__version__}">'
-_OURS = b'<meta name="generator" content="mlsanm '
+_SIGNATURE = b'<meta name="generator" content="mlsanm '
 BAD, GOOD = "\x01", "\x02"
 _STYLE = """
 :root { color-scheme: light; }
@@ -44,25 +44,25 @@ def page(title: str, body: str) -> str:
 
 
 def write_page(path: Path, text: str) -> None:
-    """Write a page, in place of an earlier one of ours. RunError for foreign files and full disks."""
+    """Writes a page, replacing an earlier one of mlsanm. Raises RunError for other files and full disks."""
     if path.exists() and not is_ours(path):
         raise RunError(f"{path} is not a report of mlsanm", "no file was changed; use another -o, or move it")
     write_text(path, text)
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a file is a page that mlsanm wrote."""
-    return path.is_file() and _OURS in path.read_bytes()[:1000]
+    """Whether a file is a page written by mlsanm."""
+    return path.is_file() and _SIGNATURE in path.read_bytes()[:1000]
 
 
 def heading(level: int, text: str, name: str = "") -> str:
-    """A heading, which links to ``name`` lead to."""
+    """A heading with the anchor ``name``, if given."""
     mark = f' id="{escape(name)}"' if name else ""
     return f"<h{level}{mark}>{escape(text)}</h{level}>"
 
 
 def paragraph(text: str, kind: str = "") -> str:
-    """A paragraph; ``kind`` "bad" or "good" colours what its words say too."""
+    """A paragraph; ``kind`` "bad" or "good" sets its colour."""
     return f"<p{_class(kind)}>{escape(text)}</p>"
 
 
@@ -72,13 +72,13 @@ def listing(texts: Sequence[str]) -> str:
 
 
 def links(title: str, entries: Sequence[tuple[str, str]]) -> str:
-    """A table of contents: names of headings and their texts."""
+    """A table of contents: anchors and texts of headings."""
     items = "".join(f'<li><a href="#{escape(name)}">{escape(text)}</a></li>' for name, text in entries)
     return f'<nav aria-label="{escape(title)}"><ul>{items}</ul></nav>'
 
 
 def table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table whose first column names its rows; cells that begin with BAD or GOOD are coloured so."""
+    """A table whose first column names its rows; cells that begin with BAD or GOOD are coloured."""
     head = "".join(f'<th scope="col">{escape(column)}</th>' for column in columns)
     lines = []
     for first, *rest in rows:
@@ -92,7 +92,7 @@ def table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -
 
 
 def image(png: bytes, description: str, caption: str) -> str:
-    """A picture in the page itself; ``description`` stands for it where it is not seen."""
+    """An embedded picture; ``description`` is its alternative text."""
     data = base64.b64encode(png).decode()
     return (
         f'<figure><img alt="{escape(description)}" src="data:image/png;base64,{data}">'
@@ -101,7 +101,7 @@ def image(png: bytes, description: str, caption: str) -> str:
 
 
 def source(text: str, label: str) -> str:
-    """Text as it is, which can be scrolled with the keyboard."""
+    """Preformatted text, which can be scrolled with the keyboard."""
     return f'<pre tabindex="0" role="region" aria-label="{escape(label)}">{escape(text)}</pre>'
 
 

@@ -1,4 +1,5 @@
-"""One process at a time writes a run directory; the kernel lets go of a dead one's lock by itself."""
+"""A lock on a run directory: one process writes to it at a time. The system releases the lock of a process
+that has ended."""
 
 from __future__ import annotations
 
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
 
 LOCK_FILE = "run.lock"
 UNLINKS_OPEN_FILES = os.name != "nt"
-"""Windows removes no file that is open, and would remove the lock of another process otherwise."""
+"""Windows cannot remove an open file; once it is closed, another process may have locked it."""
 
 
 @dataclass(frozen=True)
 class Holder:
-    """The process that writes a run directory."""
+    """The process that writes to a run directory."""
 
     pid: int
     host: str
@@ -34,14 +35,14 @@ class Holder:
 
 @contextmanager
 def locked(directory: Path) -> Iterator[None]:
-    """Keep other processes from writing in ``directory``, which is made where it is not there.
+    """Keeps other processes from writing to ``directory``, which is created if it does not exist.
 
-    Raises RunError, with the holder named, if another process does, and if the directory cannot be written.
+    Raises RunError, naming the process, if another one writes to it, and if the directory is not writable.
     """
     path = directory / LOCK_FILE
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        fd = _taken(path)
+        fd = _acquire(path)
     except OSError as error:
         raise cannot_write(path, error) from error
     if fd is None:
@@ -54,13 +55,13 @@ def locked(directory: Path) -> Iterator[None]:
             path.unlink(missing_ok=True)
         os.close(fd)
         if not UNLINKS_OPEN_FILES:
-            # Another process may have opened it by now: then it is that one's.
+            # Fails if another process has opened it in the meantime.
             with suppress(OSError):
                 path.unlink(missing_ok=True)
 
 
 def refuse_held(directory: Path) -> None:
-    """RunError if another process writes in ``directory``."""
+    """Raises RunError if another process writes to ``directory``."""
     found = holder(directory)
     if found is not None:
         raise RunError(
@@ -69,26 +70,27 @@ def refuse_held(directory: Path) -> None:
 
 
 def holder(directory: Path) -> Holder | None:
-    """Who writes in ``directory`` now; None where nobody does, whatever a dead process left."""
+    """The process that writes to ``directory``, None if there is none; files left by an ended one do not
+    count."""
     try:
         fd = open_regular(directory / LOCK_FILE, os.O_RDONLY)
     except OSError:
         return None
     try:
-        return None if try_lock(fd, shared=True) else _written(os.read(fd, 4096))
+        return None if try_lock(fd, shared=True) else _parse_holder(os.read(fd, 4096))
     finally:
         os.close(fd)
 
 
-def _taken(path: Path) -> int | None:
-    """The locked file, with this process written in it; None if another process has it. OSError."""
+def _acquire(path: Path) -> int | None:
+    """The locked file, with this process written to it; None if another process holds it. Raises OSError."""
     while True:
         fd = open_regular(path, os.O_RDWR | os.O_CREAT)
         try:
             if not try_lock(fd):
                 os.close(fd)
                 return None
-            # The one who held it may have removed the file in between: a lock on that is worth nothing.
+            # The previous holder may have removed the file in between; a lock on that has no effect.
             if _is_same(fd, path):
                 os.ftruncate(fd, 0)
                 os.write(fd, json.dumps({"pid": os.getpid(), "host": host()}).encode())
@@ -106,10 +108,10 @@ def _is_same(fd: int, path: Path) -> bool:
         return False
 
 
-def _written(content: bytes) -> Holder:
+def _parse_holder(content: bytes) -> Holder:
     try:
         values = json.loads(content)
         return Holder(int(values["pid"]), str(values["host"]))
     except (ValueError, KeyError, TypeError):
-        # Locked a moment ago and not written yet.
+        # Locked, but not written yet.
         return Holder(0, "this host")

@@ -1,7 +1,5 @@
-"""Meshes of other programs, and the only use of meshio.
-
-It is imported when the first file is read, since its import takes as long as that of numpy.
-"""
+"""Meshes of other programs, read by meshio, which is imported here only and on first use: that takes as long
+as importing numpy."""
 
 from __future__ import annotations
 
@@ -26,12 +24,12 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PLANE = 1e-9
-"""Parts of the extent by which z may vary."""
+COPLANARITY_TOLERANCE = 1e-9
+"""Largest variation of z, relative to the extent."""
 PHYSICAL = "gmsh:physical"
 _NOT_NAMES = ("gmsh:geometrical", "gmsh:bounding_entities")
 
-# Nodes around each element, in meshio's (that is VTK's) numbering; nodes inside come after these.
+# Nodes around each element in meshio's (VTK's) numbering; interior nodes follow them.
 _RINGS: Mapping[str, tuple[int, ...]] = {
     "triangle": (0, 1, 2),
     "triangle6": (0, 3, 1, 4, 2, 5),
@@ -47,8 +45,8 @@ _LINES: Mapping[str, tuple[int, ...]] = {"line": (0, 1), "line3": (0, 2, 1)}
 class MeshFile:
     """The elements of one body.
 
-    ``points`` (n, 2) in use; ``rings`` are arrays (e, m) of the nodes around elements; ``lines`` (l, 2) with
-    their group's name in ``names`` (l,), empty for none; ``node_sets`` are the named sets of nodes.
+    ``points`` (n, 2) are the nodes in use, ``rings`` arrays (e, m) of the nodes around elements, ``lines``
+    (l, 2) edges with the names (l,) of their groups ("": none), ``node_sets`` the named sets of nodes.
     """
 
     points: FloatArray
@@ -59,9 +57,9 @@ class MeshFile:
 
 
 def read_mesh(path: Path, group: str | None = None) -> MeshFile:
-    """The triangles and quads of a file, of those only the ones of the ``group`` if one is named.
+    """The triangles and quads of a file, restricted to those of a ``group`` if one is named.
 
-    Raises GeometryError for files that cannot be read, other elements, nodes out of plane, unknown groups.
+    Raises GeometryError for unreadable files, other elements, nodes out of plane and unknown groups.
     """
     mesh = _read(path)
     points = _plane(mesh.points)
@@ -86,7 +84,9 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
     lines, names = _lines(mesh, blocks, number, group)
     sets = {_name(name): number[np.asarray(nodes, dtype=np.int64)] for name, nodes in mesh.point_sets.items()}
     if len(sets) < len(mesh.point_sets):
-        raise GeometryError("two sets of nodes differ only in characters that no boundary's name can have")
+        raise GeometryError(
+            "the names of two node sets differ only in characters not allowed in boundary names"
+        )
     return MeshFile(
         points[used],
         tuple(number[cells[:, _RINGS[kind]]] for kind, cells in faces if len(cells)),
@@ -99,23 +99,23 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
 def _read(path: Path) -> meshio.Mesh:
     import meshio
 
-    said = io.StringIO()
+    output = io.StringIO()
     try:
         check_self_contained(path)
         with contextlib.ExitStack() as stack:
-            # meshio prints its errors and leaves the program.
-            stack.enter_context(contextlib.redirect_stdout(said))
-            stack.enter_context(contextlib.redirect_stderr(said))
+            # meshio prints its errors and calls sys.exit.
+            stack.enter_context(contextlib.redirect_stdout(output))
+            stack.enter_context(contextlib.redirect_stderr(output))
             stack.enter_context(warnings.catch_warnings())
             stack.enter_context(bounded_unpacking())
             warnings.simplefilter("ignore")
-            # What numpy says of numbers that end too early.
+            # numpy only warns about truncated data.
             warnings.filterwarnings("error", message="string or file could not be read")
             return meshio.read(path)
     except GeometryError:
         raise
     except (Exception, SystemExit) as error:
-        reason = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        reason = " ".join(output.getvalue().split()) or str(error) or type(error).__name__
         hint = "Gmsh .msh 2.2 and 4.1, Abaqus .inp and VTU are known to work"
         if PHYSICAL in reason:
             hint = "it has elements without a group: write it with Mesh.SaveAll = 0 or MshFileVersion = 2.2"
@@ -123,10 +123,10 @@ def _read(path: Path) -> meshio.Mesh:
 
 
 def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
-    """Leave out sets that come with Abaqus elements as they are listed, where others name the same ones.
+    """Drops the element sets of ``*ELEMENT, ELSET=`` lines of an Abaqus file for elements that are in other
+    sets too: programs name every list of elements, and explicit sets are more specific.
 
-    Programs name every list of elements; sets of their own line say more. meshio only distinguishes lists
-    where all of them have a name.
+    meshio keeps such lists apart only if all of them have a name.
     """
     if path.suffix.lower() != ".inp":
         return
@@ -134,10 +134,10 @@ def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
     names = [
         match[1] for match in (re.search(r"(?i)\belset\s*=\s*([^,\s]+)", text) for text in lists) if match
     ]
-    split_motions = len(lists) == len(set(names)) == len(mesh.cells)
+    distinct = len(lists) == len(set(names)) == len(mesh.cells)
     strong = [cells for name, cells in mesh.cell_sets.items() if name not in names]
     for name in names:
-        if not split_motions:
+        if not distinct:
             mesh.cell_sets.pop(name, None)
         elif name in mesh.cell_sets:
             mesh.cell_sets[name] = [
@@ -147,15 +147,15 @@ def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
 
 
 def _plane(points: NDArray[Any]) -> FloatArray:
-    """Points (n, 2) of (n, 2) or (n, 3) in a plane of constant z."""
+    """Points (n, 2) from (n, 2) or (n, 3) in a plane of constant z."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or not len(points):
         raise GeometryError("there are no nodes")
     if not np.isfinite(points).all():
         node = int(np.argmin(np.isfinite(points).all(axis=1))) + 1
-        raise GeometryError(f"node {node} has no finite coordinates")
+        raise GeometryError(f"the coordinates of node {node} are not finite")
     extent = np.ptp(points, axis=0)
-    if points.shape[1] == 3 and extent[2] > PLANE * extent.max():
+    if points.shape[1] == 3 and extent[2] > COPLANARITY_TOLERANCE * extent.max():
         raise GeometryError(f"the nodes are not coplanar: z varies by {extent[2]:g}", "z = 0 for all nodes")
     return np.ascontiguousarray(points[:, :2])
 
@@ -193,10 +193,10 @@ def _lines(
         chain = number[cells[:, _LINES[kind]]]
         own = (chain >= 0).all(axis=1)
         if group is None and not own.all():
-            raise GeometryError("a line element has a node that no triangle or quad has")
+            raise GeometryError("a line element has a node that belongs to no triangle or quad")
         for line, found in ((chain[k], groups[k]) for k in np.flatnonzero(own)):
             if len(found) > 1:
-                raise GeometryError(f"a line element is in several groups: {', '.join(found)}", "in one only")
+                raise GeometryError(f"a line element is in several groups: {', '.join(found)}", "use one")
             steps = np.stack([line[:-1], line[1:]], axis=1)
             edges.append(steps)
             names += [found[0] if found else ""] * len(steps)
@@ -204,7 +204,7 @@ def _lines(
 
 
 def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[tuple[str, ...]]:
-    """Names of the groups that each of the ``count`` cells of a block is in."""
+    """Names of the groups of each of the ``count`` cells of a block."""
     found: list[tuple[str, ...]] = [()] * count
     if PHYSICAL in mesh.cell_data or not mesh.cell_sets:
         values = _tags(mesh)
@@ -224,7 +224,7 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[t
 
 
 def _tags(mesh: meshio.Mesh) -> tuple[str, list[NDArray[Any]]] | None:
-    """The integers that distinguish groups: Gmsh's physical groups, else the only such data there are."""
+    """The integers that identify groups: Gmsh's physical groups, else the only integer cell data."""
     if PHYSICAL in mesh.cell_data:
         return PHYSICAL, mesh.cell_data[PHYSICAL]
     whole = {
@@ -244,6 +244,6 @@ def _is_whole(values: NDArray[Any]) -> bool:
 
 
 def _name(name: str) -> str:
-    """A group's name with the characters that names of boundaries may have."""
+    """A group's name, reduced to the characters allowed in boundary names."""
     plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name.strip())
     return f"group{plain}" if plain.isdecimal() else plain

@@ -12,18 +12,18 @@ FloatArray = NDArray[np.float64]
 
 
 def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
-    """Columns (S+1,) of the path in an open run.h5 ``root``; none where it has no path.
+    """Columns (S+1,) of the path in an open run.h5 ``root``; empty if it has no path.
 
-    Position and stage, factors of the loads, displacements of platens and the work of their forces, forces of
-    loads and supports; of every contact the force on the slave, the largest pressure, the length of surface
-    that is closed, and the work of friction.
+    Position and stage, load factors, displacements of platens and the work of their forces, forces of loads
+    and supports; for every contact the force on the slave, the largest pressure, the closed length and the
+    dissipated work.
     """
     if "path" not in root:
         return {}
     position = root["path/position"][...]
     columns: dict[str, NDArray[Any]] = {
         "position": position,
-        # The end of a stage is its own, and the start the first one's.
+        # The end of a stage belongs to it, and the start of the path to the first one.
         "stage": np.maximum(np.ceil(position), 1.0).astype(np.int64),
     }
     columns |= {f"factor.{name}": data[...] for name, data in _items(root, "path/factors")}
@@ -43,7 +43,7 @@ def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
 def _contact(name: str, group: Any, force: FloatArray | None) -> dict[str, NDArray[Any]]:
     weight, normal, pressure = group["weight"][...], group["normal"][...], group["pressure"][...]
     if force is None:
-        # At finite strain, where directions and lengths change, it is stored.
+        # At finite strain the force is stored, as directions and lengths change.
         tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
         force = (pressure * weight) @ normal + (group["traction"][...] * weight) @ tangent
     columns = _vector(f"contact.{name}.force", force)
@@ -54,7 +54,7 @@ def _contact(name: str, group: Any, force: FloatArray | None) -> dict[str, NDArr
 
 
 def _work(force: FloatArray, moved: FloatArray) -> FloatArray:
-    """What a force (S+1, 2) has worked along displacements (S+1, 2), by the trapezoidal rule."""
+    """Work (S+1,) of a force (S+1, 2) along displacements (S+1, 2), by the trapezoidal rule."""
     steps = (0.5 * (force[1:] + force[:-1]) * np.diff(moved, axis=0)).sum(axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 

@@ -1,4 +1,4 @@
-"""Clouds of nodes in files: CSV tables and HDF5 files with the columns x, y, tag, nx, ny."""
+"""Node clouds in CSV and HDF5 files with the columns x, y, tag, nx, ny."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from mlsanm_cli.io.self_contained import check_hdf5
 FloatArray = NDArray[np.float64]
 
 COLUMNS = ("x", "y", "tag", "nx", "ny")
-NEEDED = COLUMNS[:3]
-MOST_NODES = 2_000_000
-"""More than any memory has room for the operators of."""
-UNIT = 1e-3
-"""Normals may differ from unit length by this much; they are scaled."""
+REQUIRED_COLUMNS = COLUMNS[:3]
+MAX_NODES = 2_000_000
+"""The operators of more nodes would not fit in memory."""
+UNIT_LENGTH_TOLERANCE = 1e-3
+"""Largest deviation of normals from unit length; they are normalised."""
 
 
 @dataclass(frozen=True)
 class PointFile:
-    """``points`` (n, 2), ``tags`` (n,) empty inside, ``normals`` (n, 2) nan where none is given, and
-    ``places`` (n,), what to call each in a message."""
+    """``points`` (n, 2), ``tags`` (n,) ("": interior), ``normals`` (n, 2) (nan: not given), and ``places``
+    (n,), the line or row of each for messages."""
 
     points: FloatArray
     tags: tuple[str, ...]
@@ -37,9 +37,9 @@ class PointFile:
 
 
 def read_points(path: Path) -> PointFile:
-    """A cloud from a ``.csv`` file or, for any other ending, an HDF5 file.
+    """A cloud from a ``.csv`` file or, with any other suffix, an HDF5 file.
 
-    Raises GeometryError that names the line or row for everything that is no such cloud.
+    Raises GeometryError, naming the line or row, if the file is invalid.
     """
     table, places = _csv(path) if path.suffix.lower() == ".csv" else _hdf5(path)
     numbers = {name: _numbers(name, table[name], places) for name in table if name != "tag"}
@@ -60,7 +60,7 @@ def read_points(path: Path) -> PointFile:
     if half.any():
         raise GeometryError(f"{places[int(np.argmax(half))]}: a normal needs both nx and ny")
     length = np.hypot(*normals.T)
-    bad = given.all(axis=1) & (np.abs(length - 1.0) > UNIT)
+    bad = given.all(axis=1) & (np.abs(length - 1.0) > UNIT_LENGTH_TOLERANCE)
     if bad.any():
         first = int(np.argmax(bad))
         raise GeometryError(f"{places[first]}: the normal has length {length[first]:.4g}, not 1")
@@ -68,7 +68,7 @@ def read_points(path: Path) -> PointFile:
 
 
 def _too_many(count: int) -> GeometryError:
-    return GeometryError(f"there are {count} nodes", f"{MOST_NODES} at most")
+    return GeometryError(f"there are {count} nodes", f"{MAX_NODES} at most")
 
 
 Table = Mapping[str, Sequence[str]]
@@ -79,7 +79,7 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise GeometryError(f"it is not UTF-8 text (byte {error.start})") from error
-    if text.count("\n") > MOST_NODES:
+    if text.count("\n") > MAX_NODES:
         raise _too_many(text.count("\n"))
     lines = csv.reader(text.splitlines())
     header = [name.strip() for name in next(_rows(lines), [])]
@@ -99,7 +99,7 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
 
 
 def _rows(lines: Any) -> Iterator[list[str]]:
-    """The rows of a table; GeometryError for one that is none."""
+    """The rows of a table. Raises GeometryError for an invalid one."""
     try:
         yield from lines
     except csv.Error as error:
@@ -114,16 +114,16 @@ def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
             check_hdf5(file)
             found = [name for name in COLUMNS if isinstance(file.get(name), h5py.Dataset)]
             _check_columns(found, "the datasets")
-            # None for a dataset without a place for data.
+            # The size of a dataset without storage is None.
             sizes = {name: file[name].size for name in found}
             for name, size in sizes.items():
                 if size is None:
                     raise GeometryError(f"the dataset {name} has no data")
-                if size > MOST_NODES:
+                if size > MAX_NODES:
                     raise _too_many(size)
             table = {name: [_text(value) for value in np.ravel(file[name][()])] for name in found}
     except UnicodeDecodeError as error:
-        raise GeometryError(f"a text in it is not UTF-8 (byte {error.start})") from error
+        raise GeometryError(f"it contains a text that is not UTF-8 (byte {error.start})") from error
     except (OSError, RuntimeError, TypeError, KeyError) as error:
         raise GeometryError(
             f"it is not an HDF5 file ({error})", "a cloud is a .csv or an HDF5 file"
@@ -149,13 +149,11 @@ def _check_columns(names: Sequence[str], where: str) -> None:
             raise GeometryError(f'{where}: unknown column "{name}"', f"columns: {', '.join(COLUMNS)}")
         if names.count(name) > 1:
             raise GeometryError(f'{where}: the column "{name}" appears twice')
-    missing = [name for name in NEEDED if name not in names]
+    missing = [name for name in REQUIRED_COLUMNS if name not in names]
     if missing:
-        raise GeometryError(
-            f"{where}: no column {', '.join(missing)}", "x, y, tag; nx and ny if you have them"
-        )
+        raise GeometryError(f"{where}: no column {', '.join(missing)}", "x, y, tag; optionally nx and ny")
     if ("nx" in names) != ("ny" in names):
-        raise GeometryError(f"{where}: nx and ny go together")
+        raise GeometryError(f"{where}: nx and ny are needed together")
 
 
 def _numbers(name: str, values: Sequence[str], places: Sequence[str]) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What a row of run.h5 holds of contacts and probes, and where it goes."""
+"""The rows of run.h5: records of contacts and probes, and their paths in the file."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactRecord:
-    """State of one contact at a step; every array is (m,) in the order of the slave nodes.
+    """State of a contact at a step; arrays (m,) in the order of the slave nodes.
 
-    ``pressure`` > 0 in compression; ``traction`` acts on the slave and ``slip`` is the slave's relative to
-    the master, both along the tangent; ``status`` is int8: 0 open, 1 stick, 2 slip. ``dissipated_work`` is
-    what friction has dissipated so far.
+    ``pressure`` > 0 in compression; ``traction`` acts on the slave and ``slip`` is that of the slave relative
+    to the master, both along the tangent; ``status`` is int8: 0 open, 1 stick, 2 slip. ``dissipated_work`` is
+    the work dissipated by friction so far.
     """
 
     pressure: FloatArray
@@ -43,10 +43,12 @@ class ProbeRecord:
 
 
 def place(*names: str) -> str:
-    """The path in run.h5 of what has these names; RunError for one that cannot be part of a path."""
+    """The path in run.h5 with these parts. Raises RunError for a name that cannot be part of a path."""
     for name in names:
         if not name or name in {".", ".."} or "/" in name or "\0" in name:
-            raise RunError(f"the name {name!r} cannot be stored", hint='names must not be empty or hold "/"')
+            raise RunError(
+                f"the name {name!r} cannot be stored", hint='names must not be empty or contain "/"'
+            )
     return "/".join(names)
 
 
@@ -61,9 +63,9 @@ def row(
 ) -> dict[str, Any]:
     """One step as a value for every column of run.h5.
 
-    ``path`` has the position, stage index + fraction, and figures of the step; ``factors`` maps each load to
-    its factor, ``resultants`` each load or support to the force (2,) that it exerts on its body,
-    ``displacements`` each load that moves a platen to the platen's displacement (2,).
+    ``path`` has the position (stage index + fraction) and figures of the step; ``factors`` maps each load to
+    its factor, ``resultants`` each load or support to its force (2,) on the body, ``displacements`` each load
+    on a platen to the platen's displacement (2,).
     """
     values: dict[str, Any] = {place("path", name): value for name, value in path.items()}
     groups = {"factors": factors, "resultants": resultants, "displacements": displacements}

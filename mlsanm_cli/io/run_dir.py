@@ -1,4 +1,4 @@
-"""The run directory: names of the files in it, and making room for a new run without harming other files."""
+"""The run directory: names of its files, and its preparation for a new run without loss of other files."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ _FIXED = frozenset(
 _FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
 _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
-# Every picture carries this in its metadata, see the plots module.
-PICTURE_MARK = b"mlsanm"
+# In the metadata of every picture, see figures.py.
+PICTURE_SIGNATURE = b"mlsanm"
 _COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
 
 
@@ -62,7 +62,7 @@ def picture_name(kind: str, suffix: str, subject: str = "") -> str:
 
 
 def file_part(name: str) -> str:
-    """``name`` as part of a file name: letters, digits and ``_-.`` stay, the rest is %-coded; none collide.
+    """``name`` as part of a file name: characters other than letters, digits and ``_-.`` are percent-encoded.
 
     >>> file_part("left/right 1")
     'left%2Fright%201'
@@ -71,19 +71,18 @@ def file_part(name: str) -> str:
 
 
 def check(directory: Path, force: bool) -> None:
-    """Raise RunError if `prepare` would refuse ``directory`` or a run is in progress in it; touches
-    nothing."""
+    """Raises RunError if `prepare` would refuse ``directory`` or a run is in progress in it. Changes no
+    file."""
     refuse_held(directory)
     _plan(directory, force)
 
 
 def prepare(directory: Path, force: bool) -> None:
-    """Make ``directory`` ready for a new run; the caller has locked it.
+    """Prepares ``directory``, which the caller has locked, for a new run.
 
-    It is made with its parents if it is not there. With ``force`` an earlier run in it is removed, that is
-    the files mlsanm wrote and nothing else. Raises RunError if the directory holds a run or other files and
-    ``force`` is not given, if a foreign file in it has a name that the run needs, or if it cannot be
-    written.
+    It is created with its parents if it does not exist. With ``force`` the files of an earlier run are
+    removed, and no others. Raises RunError if the directory holds a run or other files and ``force`` is not
+    given, if another file in it has a name that the run needs, or if it is not writable.
     """
     try:
         for path in _plan(directory, force):
@@ -94,7 +93,8 @@ def prepare(directory: Path, force: bool) -> None:
 
 
 def reopen(directory: Path) -> None:
-    """Make ``directory`` look like a run in progress; the caller has locked it. RunError."""
+    """Removes the files that only a completed run has; the caller has locked ``directory``. Raises
+    RunError."""
     try:
         for name in (SUMMARY_FILE, FAILURE_FILE):
             (directory / name).unlink(missing_ok=True)
@@ -103,9 +103,9 @@ def reopen(directory: Path) -> None:
 
 
 def check_comparison(directory: Path, force: bool) -> None:
-    """Raise RunError if `prepare_comparison` would refuse ``directory``; touches nothing.
+    """Raises RunError if `prepare_comparison` would refuse ``directory``. Changes no file.
 
-    A comparison may lie next to a run, which it leaves alone.
+    A comparison may be in the directory of a run, whose files it does not change.
     """
     _check_place(directory)
     entries = _entries(directory)
@@ -127,7 +127,7 @@ def check_comparison(directory: Path, force: bool) -> None:
 
 
 def prepare_comparison(directory: Path, force: bool) -> None:
-    """Make ``directory`` ready for a comparison; with ``force`` an earlier one in it is removed. RunError."""
+    """Prepares ``directory`` for a comparison; with ``force`` an earlier one is removed. Raises RunError."""
     check_comparison(directory, force)
     try:
         for path in _entries(directory):
@@ -139,7 +139,7 @@ def prepare_comparison(directory: Path, force: bool) -> None:
 
 
 def _entries(directory: Path) -> list[Path]:
-    """What lies in a directory, nothing if it is not there."""
+    """The entries of a directory, empty if it does not exist."""
     if not directory.exists():
         return []
     try:
@@ -149,15 +149,15 @@ def _entries(directory: Path) -> list[Path]:
 
 
 def _is_comparison(path: Path) -> bool:
-    """Whether mlsanm wrote a file with the name of a file of a comparison."""
+    """Whether a file of a comparison was written by mlsanm."""
     if not path.is_file():
         return False
     content = path.read_bytes()
-    return PICTURE_MARK in content if path.suffix == ".png" else b'"mlsanm"' in content
+    return PICTURE_SIGNATURE in content if path.suffix == ".png" else b'"mlsanm"' in content
 
 
 def _plan(directory: Path, force: bool) -> list[Path]:
-    """The files to remove, or a RunError."""
+    """The files to remove. Raises RunError."""
     _check_place(directory)
     entries = [path for path in _entries(directory) if path.name not in {*_COMPARISON, LOCK_FILE}]
     if not entries:
@@ -179,12 +179,12 @@ def _plan(directory: Path, force: bool) -> list[Path]:
             )
         return []
     ours = [path for path in entries if path.is_file() and _is_ours(path)]
-    # run.h5 goes last: if this is cut short, the directory still counts as a run.
+    # run.h5 last: if the removal is interrupted, the directory still counts as a run.
     return sorted(ours, key=lambda path: path.name == RUN_FILE)
 
 
 def _check_place(directory: Path) -> None:
-    """Refuse a path that is a file, lies below a file, or where nothing can be written."""
+    """Raises RunError for a path that is a file, is below a file, or is not writable."""
     place = directory
     while not place.exists() and not place.is_symlink() and place != place.parent:
         place = place.parent
@@ -195,7 +195,7 @@ def _check_place(directory: Path) -> None:
 
 
 def _is_run(file: Path) -> bool:
-    """Whether ``file`` is a run.h5 of mlsanm; one that is damaged, as by a kill, counts as ours."""
+    """Whether ``file`` is a run.h5 of mlsanm; a damaged HDF5 file, as after a kill, counts as one."""
     if not file.is_file():
         return False
     try:
@@ -213,17 +213,17 @@ def _is_reserved(name: str) -> bool:
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether mlsanm wrote ``path``, a file in a directory that holds a run."""
+    """Whether ``path``, a file in a directory that holds a run, was written by mlsanm."""
     name = path.name.removesuffix(TEMPORARY_SUFFIX)
     if name in _FIXED or _FIELDS.fullmatch(name):
         return True
     if _INTERFACE.fullmatch(name):
-        # A user's own table may be called interface_notes.csv: the header decides.
+        # A table of the user may be called interface_notes.csv: the header decides.
         with path.open("rb") as stream:
             return stream.readline().strip() == ",".join(INTERFACE_COLUMNS).encode()
     if name == REPORT_FILE:
-        # Only where there is one: a run that begins has no use for HTML.
+        # Imported only if there is a report.
         from mlsanm_cli.io.html import is_ours
 
         return is_ours(path)
-    return _PICTURE.fullmatch(name) is not None and PICTURE_MARK in path.read_bytes()
+    return _PICTURE.fullmatch(name) is not None and PICTURE_SIGNATURE in path.read_bytes()

@@ -1,4 +1,4 @@
-"""Writer of run.h5: gathered in memory, and every half a minute written whole in place of the last one.
+"""Writer of run.h5: collected in memory, and written as a whole about every half minute.
 
 Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
 
@@ -12,10 +12,10 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /maps/<kind>/<name>     (r, 1 + unknowns)
     /series/<step>/...      whatever reproduces the step
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
-    /checkpoint/...         what the run continues from behind its last row
+    /checkpoint/...         the state from which the run continues after its last row
 
-The file on disk is always a whole one, as of some finished step: HDF5 works in memory only, and its image is
-renamed to the old file's name. A kill loses what came after, some half a minute at most.
+The file on disk is always complete, as of some finished step: HDF5 works in memory only, and its image
+replaces the old file by a rename. A kill loses about half a minute of results at most.
 """
 
 from __future__ import annotations
@@ -41,25 +41,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FORMAT = 1
-EVERY = 30.0
-"""Seconds between two times at which the file is written."""
-SHARE = 20.0
-"""So many times as long as writing the file takes passes before it is written again."""
+SAVE_INTERVAL = 30.0
+"""Seconds between writing the file, at least."""
+MIN_INTERVAL_RATIO = 20.0
+"""Least interval between writing the file, over the time that writing takes."""
 CHUNK_BYTES, CHUNK_ROWS = 8192, 128
-"""Columns are stored by so many bytes and rows at most."""
-AGREES = 1e-8
-"""A resumed run has the same model if its arrays differ by no more than this part of their size."""
-# HDF5 1.8 to 1.10: compact groups, and readable by every program in use (ParaView, MATLAB, old h5py).
+"""Largest chunks of columns."""
+REPRODUCTION_TOLERANCE = 1e-8
+"""Largest relative difference of the arrays of the model when a run is resumed."""
+# HDF5 1.8 to 1.10: compact groups, and readable by the programs in use (ParaView, MATLAB, old h5py).
 _LIBRARY_VERSIONS = ("v108", "v110")
 
 Attribute = str | int | float
 Value = np.ndarray[Any, Any] | str | list[str]
-"""Of a dataset: an array, a text, or texts."""
+"""The value of a dataset: an array, a text, or texts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What `RunFile.add` was given at a time."""
+    """The arguments of a call of `RunFile.add`."""
 
     rows: Sequence[Mapping[str, NDArray[Any]]]
     datasets: Mapping[str, Value]
@@ -70,9 +70,9 @@ class Change:
 class RunFile(Closing):
     """run.h5 open for writing, made with `RunFile.create` or `RunFile.reopen`; a context manager.
 
-    What is added is on disk with the next `save`, all of it or nothing. An exception saves what was added and
-    leaves ``status`` as it was set last. Every method that writes raises WriteError if the file cannot be
-    written (full disk): then the one on disk stays, and nothing is written any more.
+    The next `save` writes everything added, or nothing. At an exception the additions are saved, and
+    ``status`` remains as last set. Every method that writes raises WriteError if that is not possible (full
+    disk): the file on disk then remains, and nothing more is written.
     """
 
     def __init__(self, path: Path, file: Any) -> None:
@@ -85,7 +85,7 @@ class RunFile(Closing):
 
     @classmethod
     def create(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
-        """Create ``path`` with status "running"; RunError if it exists or cannot be made."""
+        """Creates ``path`` with status "running". Raises RunError if it exists or cannot be created."""
         if os.path.lexists(path):
             raise RunError(f"{path} exists already", hint="use --force or another --out")
         run = cls(path, h5py.File(path, "w", libver=_LIBRARY_VERSIONS, driver="core", backing_store=False))
@@ -95,12 +95,12 @@ class RunFile(Closing):
 
     @classmethod
     def reopen(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
-        """Go on with the file of a run that was stopped or killed, with status "running". RunError."""
+        """Opens the file of a stopped or killed run, with status "running". Raises RunError."""
         try:
-            # By its content: a file that stays open cannot be replaced on Windows.
+            # From its content: an open file cannot be replaced on Windows.
             image = h5py.h5f.open_file_image(path.read_bytes(), flags=h5py.h5f.FILE_IMAGE_OPEN_RW)
             file = h5py.File(image)
-            # All that it holds is looked at, as it will be written again.
+            # Everything is read, as it will be written again.
             file.visititems(lambda name, found: None)
         except (OSError, RuntimeError, ValueError, KeyError) as error:
             raise RunError(f"{path} cannot be read: {error}", "run the case again with --force") from error
@@ -115,11 +115,11 @@ class RunFile(Closing):
         attributes: Mapping[str, Mapping[str, Attribute]] | None = None,
         latest: Callable[[], Mapping[str, Value]] | None = None,
     ) -> None:
-        """Add rows, each one value to every column that it names, store datasets in place of those of the
-        same name, and set attributes of groups ("": of the root). Arrays given may change afterwards.
+        """Adds rows (one value for every column they name), datasets (replacing those of the same name) and
+        attributes of groups ("": the root). Arrays are copied.
 
-        ``latest`` gives the datasets of a checkpoint, and is asked only if the file is written before another
-        one is given.
+        ``latest`` returns the datasets of a checkpoint; it is called only if the file is written before the
+        next checkpoint is given.
         """
         kept = [{name: _array(value) for name, value in row.items()} for row in rows]
         arrays = {
@@ -127,11 +127,11 @@ class RunFile(Closing):
             for name, value in (datasets or {}).items()
         }
         self._unsaved = True
-        # One change of one list, so that no signal comes in between.
+        # One change of one list, which no signal can interrupt.
         self._pending.append(Change(kept, arrays, attributes or {}, latest))
 
     def confirm(self, datasets: Mapping[str, Value]) -> None:
-        """Store what is not there yet; RunError where something else is there."""
+        """Stores datasets that do not exist yet. Raises RunError if an existing one differs."""
         new = {name: value for name, value in datasets.items() if name not in self._file}
         for name in datasets.keys() - new.keys():
             if not _agree(self._file[name], datasets[name]):
@@ -142,12 +142,12 @@ class RunFile(Closing):
         self.add(datasets=new)
 
     def save_if_due(self) -> None:
-        """Write the file if that was some time ago."""
-        if time.monotonic() - self._saved >= max(EVERY, SHARE * self._took):
+        """Writes the file if the last time was long enough ago."""
+        if time.monotonic() - self._saved >= max(SAVE_INTERVAL, MIN_INTERVAL_RATIO * self._took):
             self.save()
 
     def save(self) -> None:
-        """Write the file."""
+        """Writes the file."""
         began = time.monotonic()
         try:
             self._take_in()
@@ -168,18 +168,18 @@ class RunFile(Closing):
         return path_table(self._file)
 
     def saved_positions(self) -> list[float]:
-        """Positions of the states saved so far, an earlier process's included."""
+        """Positions of the states saved so far, also by earlier processes."""
         self._take_in()
         found: list[float] = self._file["fields/position"][...].tolist() if "fields" in self._file else []
         return found
 
     def set_status(self, status: str) -> None:
-        """Set the status, running, done, failed or stopped, and write the file."""
+        """Sets the status (running, done, failed or stopped) and writes the file."""
         self.add(attributes={"": {"status": status}})
         self.save()
 
     def close(self) -> None:
-        """Save what was added since, and close; twice is allowed."""
+        """Saves pending additions and closes the file; may be called twice."""
         if not self._file.id.valid:
             return
         try:
@@ -189,7 +189,7 @@ class RunFile(Closing):
             self._file.close()
 
     def _take_in(self) -> None:
-        """Bring all that was added into the file in memory; doing it again after a signal changes nothing."""
+        """Applies all additions to the file in memory; repeating it after a signal changes nothing."""
         taken = list(self._pending)
         columns: dict[str, list[Any]] = {}
         latest = None
@@ -210,7 +210,7 @@ class RunFile(Closing):
         self._rows, self._pending = rows, self._pending[len(taken) :]
 
     def _put_checkpoint(self, datasets: Mapping[str, Value]) -> None:
-        """Store what the path continues from, and nothing of what it continued from before."""
+        """Replaces the checkpoint."""
         if "checkpoint/path" in self._file:
             del self._file["checkpoint/path"]
             self._groups = {"": self._file}
@@ -228,18 +228,18 @@ class RunFile(Closing):
             group.create_dataset(own, data=value)
 
     def _append(self, name: str, values: NDArray[Any]) -> int:
-        """Put values (k, ...) behind the rows of a column that were stored before; how many it has then."""
+        """Appends values (k, ...) to a column; returns its number of rows."""
         tail = values.shape[1:]
         if name not in self._file:
             parent, _, own = name.rpartition("/")
             size = values.dtype.itemsize * int(np.prod(tail, dtype=np.int64))
             chunk = min(max(CHUNK_BYTES // max(size, 1), 1), CHUNK_ROWS)
-            # First, so that doing it again begins with the first row.
+            # Set first, so that a repetition starts with the first row.
             self._rows.setdefault(name, 0)
             self._group(parent).create_dataset(
                 own,
                 data=values,
-                # HDF5 wants chunks of one entry or more, no longer than a bounded axis.
+                # HDF5 requires chunks of at least one entry, no longer than a bounded axis.
                 chunks=(chunk, *(max(one, 1) for one in tail)),
                 maxshape=(None, *(one or None for one in tail)),
             )
@@ -254,8 +254,8 @@ class RunFile(Closing):
         return first + len(values)
 
     def _group(self, name: str) -> Any:
-        """A group, made with those above it where it is not there; members stay in the order of their
-        making, which is that of the case."""
+        """A group, created with its parents if it does not exist; members keep the order of creation, which
+        is that of the case."""
         if name not in self._groups:
             above, _, own = name.rpartition("/")
             group = self._group(above)
@@ -264,12 +264,12 @@ class RunFile(Closing):
 
 
 def _array(value: Any) -> NDArray[Any]:
-    """A copy; integers have 64 bits on all systems."""
+    """A copy as an array; integers have 64 bits on all systems."""
     return np.array(value, dtype=np.int64 if isinstance(value, int) else None)
 
 
 def _agree(stored: Any, value: Any) -> bool:
-    """Whether a dataset holds a text, texts, or an array, nearly."""
+    """Whether a dataset equals a text or texts, or an array to the tolerance."""
     if isinstance(value, str):
         return bool(stored.asstr()[()] == value)
     if isinstance(value, list):
@@ -277,4 +277,4 @@ def _agree(stored: Any, value: Any) -> bool:
     if stored.shape != value.shape:
         return False
     found, largest = stored[...], np.abs(value).max(initial=0.0)
-    return bool((np.abs(found - value) <= AGREES * largest).all())
+    return bool((np.abs(found - value) <= REPRODUCTION_TOLERANCE * largest).all())

@@ -1,7 +1,4 @@
-"""Reader of run.h5: everything that `info` and `plot` show, as frozen values.
-
-Works on a finished run, on one that was killed and on one that is still being written.
-"""
+"""Reader of run.h5 into frozen values; also for runs that were killed or are still being written."""
 
 from __future__ import annotations
 
@@ -23,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-SOME = 5
-"""Names that a hint lists."""
+MAX_LISTED = 5
+"""Largest number of directories listed in a hint."""
 MAPS = ("forces", "slip", "probes", "bonds")
 PATH: tuple[tuple[str, type[np.generic]], ...] = (
     *((name, np.float64) for name in ("position", "step_length", "residual", "seconds")),
@@ -39,8 +36,8 @@ Read = TypeVar("Read")
 
 @dataclass(frozen=True)
 class BodyData:
-    """Reference points (n, 2); of the nb boundary nodes index, outward normal (nb, 2) and boundary name; and
-    the degree of the local polynomials, None if that is not stored."""
+    """Undeformed points (n, 2); indices (nb,), outward normals (nb, 2) and boundary names (nb,) of the
+    boundary nodes; and the degree of the local polynomials, None if it is not stored."""
 
     points: FloatArray
     boundary_index: IntArray
@@ -51,7 +48,7 @@ class BodyData:
 
 @dataclass(frozen=True)
 class PathData:
-    """The load path, one row per finished step and row 0 for the start: all (S+1,), resultants and
+    """The load path, one row per finished step and row 0 for the start: arrays (S+1,), resultants and
     displacements (S+1, 2)."""
 
     position: FloatArray
@@ -67,7 +64,7 @@ class PathData:
 
     @property
     def rows(self) -> int:
-        """Number of rows, S+1; 0 if the run ended before it had a first state."""
+        """Number of rows, S+1; 0 if the run ended before its first state."""
         return len(self.position)
 
 
@@ -106,10 +103,10 @@ class SavedState:
 
 @dataclass(frozen=True)
 class RunData:
-    """One run as read from its directory; mappings keep the order of the case.
+    """A run as read from its directory; mappings keep the order of the case.
 
-    ``maps[kind][name]`` (r, 1 + u) take 1 and the unknowns of the path, load factors, motions, pressures and
-    tractions, to forces, slips or what a probe observes; there are none where no series are.
+    ``maps[kind][name]`` (r, 1 + u) map 1 and the unknowns of the path (load factors, motions, pressures and
+    tractions) to forces, slips or the values of a probe; only runs with power series have them.
     """
 
     directory: Path
@@ -130,7 +127,7 @@ class RunData:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the run is one at finite strain, whose states between two rows follow no rule."""
+        """Whether the run is at finite strain, where states between two rows cannot be evaluated."""
         return self.attributes.get("strain") == "finite"
 
     @property
@@ -141,8 +138,8 @@ class RunData:
 
 @dataclass(frozen=True)
 class RunOrigin:
-    """What a run was made from: attributes, the case as given and resolved; the seconds it took and the rows
-    it has so far, and what it continues from: texts, arrays, and mappings of them by name."""
+    """The origin of a run: attributes, the case as given and resolved; its seconds and rows so far, and the
+    checkpoint from which it continues: texts, arrays, and mappings of them by name."""
 
     attributes: Mapping[str, str | int | float]
     case_raw: str
@@ -158,27 +155,26 @@ class RunOrigin:
 
 
 def read_run(rundir: Path) -> RunData:
-    """Read the run in directory ``rundir`` (or from the run.h5 named directly).
+    """Reads the run in directory ``rundir`` (or from the run.h5 itself), also one in progress.
 
-    A run that is being written gives its finished steps. Raises RunError if there is no run, if run.h5 is
-    damaged or is no file of mlsanm, or if a newer version wrote it.
+    Raises RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has another format.
     """
     return _reading(rundir, _run)
 
 
 def read_origin(rundir: Path) -> RunOrigin:
-    """Read where the run in ``rundir`` comes from. Raises RunError as `read_run` does."""
+    """Reads the origin of the run in ``rundir``. Raises RunError as `read_run` does."""
     return _reading(rundir, _origin)
 
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
-    """The columns of path.csv, also of a run in progress. Raises RunError as `read_run` does."""
+    """Reads the columns of path.csv, also of a run in progress. Raises RunError as `read_run` does."""
     return _reading(rundir, lambda root, file: path_table(root))
 
 
 def read_series(rundir: Path, step: int) -> tuple[Mapping[str, FloatArray], Mapping[str, Any]]:
-    """Arrays and attributes stored for ``step``; both empty for a step without a series. Raises RunError as
-    `read_run` does."""
+    """Reads the arrays and attributes of the series of ``step``, both empty if it has none. Raises RunError
+    as `read_run` does."""
 
     def read(root: Any, file: Path) -> tuple[Mapping[str, FloatArray], Mapping[str, Any]]:
         found = dict(_items(root, f"series/{step}"))
@@ -188,24 +184,24 @@ def read_series(rundir: Path, step: int) -> tuple[Mapping[str, FloatArray], Mapp
 
 
 def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
-    """What ``read`` finds in run.h5."""
+    """The result of ``read`` on the open run.h5."""
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
         inside = sorted(path.parent for path in rundir.glob(f"*/{RUN_FILE}"))
-        hint = "give the directory that `mlsanm run` wrote"
+        hint = "give the directory written by `mlsanm run`"
         if inside:
-            more = ", ..." if len(inside) > SOME else ""
-            hint = f"there are runs in it: {', '.join(map(str, inside[:SOME]))}{more}"
+            more = ", ..." if len(inside) > MAX_LISTED else ""
+            hint = f"there are runs in it: {', '.join(map(str, inside[:MAX_LISTED]))}{more}"
         raise RunError(f"{rundir} is not a run: {what}", hint)
     try:
-        # Its writer puts whole files in its place, and needs no lock.
+        # Needs no lock, as the writer replaces the file as a whole.
         with h5py.File(file, "r", locking=False) as root:
             return read(root, file)
     except PermissionError as error:
         raise RunError(f"{file} cannot be read: {error.strerror}") from error
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
-        # TypeError: h5py takes a damaged dataset for one without a shape.
+        # TypeError: a damaged dataset may appear to have no shape.
         raise RunError(
             f"{file} cannot be read: it is damaged ({error})", hint="run the case again with --force"
         ) from error
@@ -253,7 +249,7 @@ def _run(root: Any, file: Path) -> RunData:
 
 
 def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData], Mapping[str, ProbeData]]:
-    """The path, the contacts and the probes; a run without a first state has no rows of them."""
+    """The path, the contacts and the probes, without rows for a run without a first state."""
     path: dict[str, Any] = {
         key: root[f"path/{key}"][...] if "path" in root else np.empty(0, kind) for key, kind in PATH
     }
@@ -311,7 +307,7 @@ def _body(group: Any) -> BodyData:
 
 
 def _tree(group: Any) -> dict[str, Any]:
-    """All that a group holds: groups as mappings, texts, arrays."""
+    """The content of a group: groups as mappings, texts, arrays."""
     return {name: _tree(item) if hasattr(item, "items") else _value(item) for name, item in group.items()}
 
 

@@ -1,7 +1,7 @@
-"""Files of bodies stand by themselves: nothing in them leads to another file or to more data than a limit.
+"""Checks that the file of a body is self-contained: no references to other files, and bounded size.
 
-A case stores the digest of a body's file. What the file includes would not be part of it, could be any file
-of the user, and one that never ends; and a small compressed file can hold more than memory has room for.
+A case stores the digest of the file. Included files would not be part of it, could be any file of the user,
+and might never end; and a small compressed file may exceed the memory when unpacked.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from typing import Any
 
 from mlsanm_cli.errors import GeometryError
 
-LARGEST = 2**28
-"""Bytes that a file may hold when unpacked; the limit on the file itself is the same."""
-HDF5 = b"\x89HDF\r\n\x1a\n"
-SCATTERED = (".xdmf", ".xmf", ".xml", ".ele", ".node")
-"""Formats whose readers open other files next to the one named."""
-OBJECTS = 10_000
-"""Groups and datasets of an HDF5 file: no program writes more for one mesh."""
+MAX_BYTES = 2**28
+"""Largest size of an unpacked file; that of the file itself is the same."""
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+MULTI_FILE_SUFFIXES = (".xdmf", ".xmf", ".xml", ".ele", ".node")
+"""Formats whose readers open further files."""
+MAX_OBJECTS = 10_000
+"""Largest number of groups and datasets of an HDF5 file; programs write far fewer for a mesh."""
 
 
 def check_self_contained(path: Path) -> None:
-    """Raise GeometryError for a mesh that leads to other files, or holds more than the limit."""
+    """Raises GeometryError for a mesh that refers to other files or contains more than the limit."""
     name = path.name.lower()
-    if name.endswith(SCATTERED):
+    if name.endswith(MULTI_FILE_SUFFIXES):
         raise GeometryError(
             "files of this format refer to other files", "write the mesh to a single one, .msh, .inp or .vtu"
         )
@@ -36,7 +36,7 @@ def check_self_contained(path: Path) -> None:
     if name.endswith(".inp"):
         _refuse_includes(path)
     with path.open("rb") as file:
-        is_hdf5 = file.read(len(HDF5)) == HDF5
+        is_hdf5 = file.read(len(HDF5_SIGNATURE)) == HDF5_SIGNATURE
     if is_hdf5:
         import h5py
 
@@ -45,20 +45,20 @@ def check_self_contained(path: Path) -> None:
 
 
 def _refuse_includes(path: Path) -> None:
-    """GeometryError for an Abaqus file with a line that includes another one, however it is written."""
+    """Raises GeometryError for an Abaqus file with an INCLUDE line, in any spelling."""
     with path.open(encoding="utf-8", errors="replace") as file:
         for number, line in enumerate(file, start=1):
-            # As meshio reads keywords: stars anywhere in them count for nothing.
+            # As meshio reads keywords: asterisks anywhere in them are ignored.
             keyword = line.partition(",")[0].replace("*", "").strip().upper()
             if keyword.startswith("INCLUDE") and "*" in line:
                 raise GeometryError(
-                    f"line {number} includes another file", "put its lines in the place of *INCLUDE"
+                    f"line {number} includes another file", "replace *INCLUDE by the lines of that file"
                 )
 
 
 def check_hdf5(root: Any) -> None:
-    """Raise GeometryError for soft, external and circular links, for data in other files, and for more data
-    than the limit in an open HDF5 file ``root``."""
+    """Raises GeometryError if an open HDF5 file ``root`` has soft, external or circular links, data in other
+    files, or more data than the limit."""
     import h5py
 
     total, seen, waiting = 0, {h5py.h5o.get_info(root.id).addr}, [root]
@@ -70,8 +70,8 @@ def check_hdf5(root: Any) -> None:
                 raise GeometryError(f"{place} is a link", "data must be in the file itself, without links")
             found = group[name]
             address = h5py.h5o.get_info(found.id).addr
-            if len(seen) > OBJECTS:
-                raise GeometryError(f"it has more than {OBJECTS} groups and datasets")
+            if len(seen) > MAX_OBJECTS:
+                raise GeometryError(f"it has more than {MAX_OBJECTS} groups and datasets")
             if address in seen:
                 raise GeometryError(f"{place} appears twice", "data must be in the file once")
             seen.add(address)
@@ -81,15 +81,15 @@ def check_hdf5(root: Any) -> None:
                 if found.is_virtual or found.external:
                     raise GeometryError(f"the data of {place} are in another file")
                 total += (found.size or 0) * found.dtype.itemsize
-    if total > LARGEST:
-        raise GeometryError(f"it holds {total / 2**20:.4g} MB of data", f"{LARGEST / 2**20:.4g} MB at most")
+    if total > MAX_BYTES:
+        raise GeometryError(f"it holds {total / 2**20:.4g} MB of data", f"at most {MAX_BYTES / 2**20:.4g} MB")
 
 
 @contextmanager
 def bounded_unpacking() -> Iterator[None]:
-    """Have meshio unpack no more of a VTU file than the limit; GeometryError where there is more.
+    """A block in which meshio unpacks at most the limit of a VTU file. Raises GeometryError beyond it.
 
-    meshio asks the modules zlib and lzma by name, and has no limit of its own.
+    meshio, which has no limit of its own, accesses zlib and lzma by name.
     """
     from meshio.vtu import _vtu
 
@@ -105,16 +105,16 @@ def bounded_unpacking() -> Iterator[None]:
 
 
 class _Unpacker:
-    """What meshio uses of zlib and lzma, for ``LARGEST`` bytes altogether."""
+    """The part of zlib and lzma that meshio uses, for at most ``MAX_BYTES`` in total."""
 
     def __init__(self, make: Any) -> None:
         self._make = make
-        self._left = LARGEST
+        self._left = MAX_BYTES
 
     def decompress(self, content: bytes) -> bytes:
         """The content unpacked."""
         unpacked: bytes = self._make().decompress(content, self._left + 1)
         self._left -= len(unpacked)
         if self._left < 0:
-            raise GeometryError("it is too large when unpacked", f"{LARGEST / 2**20:.4g} MB at most")
+            raise GeometryError("it is too large when unpacked", f"at most {MAX_BYTES / 2**20:.4g} MB")
         return unpacked

@@ -1,4 +1,4 @@
-"""Small text files of a run: summary.json, events.jsonl, the CSV per contact, resolved.toml."""
+"""Text files of a run: summary.json, events.jsonl, CSV tables, resolved.toml."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "sli
 
 
 def to_plain(value: Any) -> Any:
-    """``value`` as JSON can hold it: numpy scalars and arrays converted, nan and inf as None, paths as text.
+    """``value`` in JSON's types: numpy scalars and arrays converted, nan and inf as None, paths as text.
 
-    Raises TypeError for what has no plain form, so that nothing odd is written silently.
+    Raises TypeError for other types.
     """
     if value is None or isinstance(value, str | bool):
         return value
@@ -47,13 +47,13 @@ def to_plain(value: Any) -> Any:
 
 
 def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
-    """Write ``mapping`` as indented JSON; nan and inf become null. RunError if the file cannot be written."""
+    """Writes ``mapping`` as indented JSON, nan and inf as null. Raises RunError if that fails."""
     text = json.dumps(to_plain(mapping), indent=2, ensure_ascii=False, allow_nan=False)
     write_text(path, text + "\n")
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The mapping that `write_json_atomic` wrote to ``path``. RunError if it cannot be read."""
+    """Reads a mapping written by `write_json_atomic`. Raises RunError if that fails."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -64,33 +64,30 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def toml_text(mapping: Mapping[str, Any]) -> str:
-    """``mapping`` as TOML text; reading it back gives equal values, bit for bit."""
+    """``mapping`` as TOML text, which reads back as equal values to the last bit."""
     return tomli_w.dumps(mapping)
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns (n,) by name; floats read back equal. RunError if the file cannot be written."""
+    """Writes columns (n,) by name; floats read back equal. Raises RunError if that fails."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     write_text(path, "\n".join(lines) + "\n")
 
 
 class EventLog(Closing):
-    """events.jsonl: one JSON object per line, each on disk as soon as it is written.
-
-    Opened for appending, so that a run that is resumed later keeps its history.
-    """
+    """events.jsonl: one JSON object per line, written immediately; a resumed run appends to it."""
 
     def __init__(self, path: Path, rows: int | None = None) -> None:
-        """Open ``path``, less a last line that was cut short, and less the steps behind so many ``rows`` of
-        run.h5, which come again; RunError if that is not possible."""
+        """Opens ``path``, and removes an incomplete last line and the steps from number ``rows`` on, which a
+        resumed run repeats. Raises RunError."""
         self._path = path
         try:
             flags = os.O_RDWR | os.O_APPEND | os.O_CREAT
             self._stream = os.fdopen(open_regular(path, flags), "a+b", buffering=0)
             self._stream.seek(0)
             lines = self._stream.read().split(b"\n")[:-1]
-            kept = [line for line in lines if rows is None or not _is_step_behind(line, rows)]
+            kept = [line for line in lines if rows is None or not _is_repeated_step(line, rows)]
             self._stream.truncate(0)
             self._stream.write(b"".join(line + b"\n" for line in kept))
         except OSError as error:
@@ -98,18 +95,18 @@ class EventLog(Closing):
         self._earlier = set(kept)
 
     def write(self, event: str, **values: Any) -> None:
-        """Append ``{"event": event, ...values}``; RunError if the disk refuses it."""
+        """Appends ``{"event": event, ...values}``. Raises RunError if that fails."""
         self._append(_line(event, values))
 
     def write_once(self, event: str, **values: Any) -> None:
-        """The same, unless the line was there when the log was opened."""
+        """The same, unless the line existed when the log was opened."""
         line = _line(event, values)
         if line not in self._earlier:
             self._append(line)
 
     def _append(self, line: bytes) -> None:
         try:
-            # One write call per line: a run killed here leaves whole lines only.
+            # One write call per line: a kill leaves complete lines only.
             done = self._stream.write(line + b"\n")
         except OSError as error:
             raise cannot_write(self._path, error) from error
@@ -117,16 +114,16 @@ class EventLog(Closing):
             raise cannot_write(self._path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
 
     def close(self) -> None:
-        """Close the file; closing twice is allowed."""
+        """Closes the file; may be called twice."""
         self._stream.close()
 
 
-def _is_step_behind(line: bytes, rows: int) -> bool:
+def _is_repeated_step(line: bytes, rows: int) -> bool:
     try:
         event = json.loads(line)
         return bool(event["event"] == "step" and event["index"] >= rows)
     except (ValueError, KeyError, TypeError):
-        # Somebody else's line stays.
+        # Lines of other programs are kept.
         return False
 
 

@@ -1,7 +1,7 @@
 """VTK's XML format for unstructured grids: points with data, and cells of vertices, lines or triangles.
 
-Arrays are stored inline, in base64, each behind its length in bytes. They are not compressed: that makes
-files a third smaller, and takes ten times as long.
+Arrays are inline in base64, each preceded by its length in bytes. They are not compressed: that would make
+files a third smaller and take ten times as long.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 VERTEX, LINE, TRIANGLE = 1, 3, 5
-"""VTK's numbers of the kinds of cells."""
+"""VTK's cell types."""
 _TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 _ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
 
@@ -32,10 +32,10 @@ def write_grid(
     cells: Sequence[tuple[int, NDArray[np.integer[Any]]]],
     data: Mapping[str, NDArray[Any]],
 ) -> None:
-    """Write ``points`` (n, 3) as a VTU file with ``data`` (n,) or (n, c) and blocks of ``cells``.
+    """Writes ``points`` (n, 3) as a VTU file with ``data`` (n,) or (n, c) and blocks of ``cells``.
 
-    A block is the kind of its cells and the numbers (c, k) of their points. Raises RunError if the file
-    cannot be written.
+    A block is a cell type and the point numbers (c, k) of its cells. Raises RunError if the file cannot be
+    written.
     """
     count = len(points)
     widths = np.concatenate([np.full(len(block), block.shape[1]) for _, block in cells])
@@ -71,7 +71,7 @@ def _array(stream: BinaryIO, name: str, array: NDArray[Any]) -> None:
     width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
     kind = _TYPES[array.dtype.str[1:]]
     _put(stream, f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="binary">')
-    # Length and array are one text: VTK codes them apart in compressed files only.
+    # Length and array are encoded together: separately only in compressed files.
     stream.write(b2a_base64(struct.pack("=Q", array.nbytes) + array.tobytes()))
     _put(stream, "</DataArray>")
 
@@ -82,7 +82,7 @@ def _put(stream: BinaryIO, *lines: str) -> None:
 
 def escape(text: str) -> str:
     """``text`` as the value of an XML attribute."""
-    # Importing the standard library's takes longer than writing a file.
+    # Importing xml.sax takes longer than writing a file.
     for char, code in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&#x27;")):
         text = text.replace(char, code)
     return text

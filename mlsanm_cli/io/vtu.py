@@ -1,4 +1,4 @@
-"""VTU and PVD files for ParaView: bodies as triangles, surfaces in contact and obstacles as lines."""
+"""VTU and PVD files for ParaView: bodies as triangles, contact surfaces and obstacles as lines."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ FloatArray = NDArray[np.float64]
 class VtuPart:
     """A body, a surface or an obstacle at one load level.
 
-    ``points`` (n, 2) in the reference configuration; ``cells`` are pairs (c, 2) or triangles (c, 3) of them,
-    points in none are vertices. ``data`` by name are scalars (n,), vectors (n, 2), and tensors xx, yy, xy
-    (n, 3), with zz (n, 4).
+    ``points`` (n, 2) are undeformed; ``cells`` are lines (c, 2) or triangles (c, 3); points without a cell
+    become vertices. ``data`` by name are scalars (n,), vectors (n, 2), and tensors xx, yy, xy (n, 3) or
+    xx, yy, xy, zz (n, 4).
     """
 
     points: FloatArray
@@ -35,14 +35,14 @@ class VtuPart:
 
 
 class _Collection:
-    """VTU files of saved states in a directory, which must exist, and the PVD file that lists them."""
+    """VTU files of saved states in an existing directory, and the PVD file that lists them."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._entries: list[str] = []
 
     def _list(self, file: str, position: float, parts: Mapping[str, str]) -> None:
-        """List the files of a state's parts by their names. RunError if that cannot be written."""
+        """Adds the files of a state's parts by name. Raises RunError if the list cannot be written."""
         self._entries += [
             f'    <DataSet timestep="{float(position)!r}" group="" part="{number}" '
             f'name="{escape(name)}" file="{part}"/>'
@@ -60,24 +60,24 @@ class _Collection:
 
 
 class StateWriter(_Collection):
-    """Writes one VTU per saved state and body, fields_0000.vtu onwards, and fields.pvd that lists them."""
+    """Writes one VTU per saved state and body, from fields_0000.vtu on, and fields.pvd, which lists them."""
 
     def write(self, position: float, bodies: Mapping[str, VtuPart]) -> None:
-        """Write one state; fields.pvd then lists it too. RunError if a file cannot be written."""
+        """Writes a state and adds it to fields.pvd. Raises RunError if a file cannot be written."""
         files = self._files(list(bodies))
         for name, body in bodies.items():
             write_parts(self._directory / files[name], "", [body])
         self._list(COLLECTION_FILE, position, files)
 
     def keep(self, position: float, names: Sequence[str]) -> None:
-        """Take the files of one state as an earlier process wrote them; RunError if one is missing."""
+        """Adds the files of a state written by an earlier process. Raises RunError if one is missing."""
         files = self._files(names)
         for file in files.values():
             path = self._directory / file
             if not path.is_file():
                 raise RunError(
-                    f"{path} is missing, which the run had written before it stopped",
-                    hint="put it back, or run the case again with --force",
+                    f"{path} is missing (written before the run stopped)",
+                    hint="restore it, or run the case again with --force",
                 )
         self._list(COLLECTION_FILE, position, files)
 
@@ -86,15 +86,15 @@ class StateWriter(_Collection):
 
 
 class LinesWriter(_Collection):
-    """Writes per saved state contacts_0000.vtu and, where there are any, obstacles_0000.vtu, onwards, and
-    contacts.pvd that lists them."""
+    """Writes contacts_0000.vtu and, if there are any, obstacles_0000.vtu and so on for every saved state, and
+    contacts.pvd, which lists them."""
 
     _states = 0
 
     def write(
         self, position: float, contacts: Mapping[str, VtuPart], obstacles: Mapping[str, VtuPart]
     ) -> None:
-        """Write one state; contacts.pvd then lists it too. Nothing is written of no contacts.
+        """Writes a state and adds it to contacts.pvd; nothing if there are no contacts.
 
         Raises RunError if a file cannot be written.
         """
@@ -107,7 +107,7 @@ class LinesWriter(_Collection):
         self.keep(position)
 
     def keep(self, position: float) -> None:
-        """List the files of one state, as they are there."""
+        """Adds the existing files of a state."""
         files = {kind: lines_name(kind, self._states) for kind in ("contacts", "obstacles")}
         there = {kind: file for kind, file in files.items() if (self._directory / file).is_file()}
         if there:
@@ -116,8 +116,8 @@ class LinesWriter(_Collection):
 
 
 def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
-    """Write parts as one grid, with the data that all of them have, and integers that count them from 0 under
-    the name ``number``, if it is one. RunError if the file cannot be written."""
+    """Writes parts as one grid with their common data and, if ``number`` is a name, their numbers from 0
+    under it. Raises RunError if the file cannot be written."""
     counts = [len(part.points) for part in parts]
     total, first = sum(counts), np.cumsum([0, *counts[:-1]])
     shared = [name for name in parts[0].data if all(name in part.data for part in parts)]
@@ -133,7 +133,7 @@ def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
 
 
 def _components(values: NDArray[Any]) -> NDArray[Any]:
-    """Vectors (n, 2) with z = 0 (n, 3), and tensors (n, 3) or (n, 4) row by row (n, 9)."""
+    """Vectors (n, 2) as (n, 3) with z = 0, and tensors (n, 3) or (n, 4) row by row (n, 9)."""
     if values.ndim == 1:
         return values
     if values.shape[1] == 2:

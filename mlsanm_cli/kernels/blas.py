@@ -1,7 +1,7 @@
-"""BLAS and LAPACK for kernels: scipy's own, called by address.
+"""BLAS and LAPACK for kernels: scipy's own functions, called by address.
 
-The names are symbols that machine code is linked with when it is loaded. Matrices are column-major in flat
-arrays; slices of these tell where they begin. Scalars are arrays too.
+Machine code is linked to the symbols when it is loaded. Matrices are column-major parts of flat arrays,
+passed as slices that begin at their first entry. Scalars are passed as arrays.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from mlsanm_cli.errors import RunError
 
 @dataclass(frozen=True)
 class External:
-    """A function of one of scipy's modules that only kernels can call.
+    """A function of a scipy module that only kernels can call.
 
-    Of its ``arguments``, all of them pointers, "c" are letters, "i" integers of 32 bits, "d" floating-point
-    numbers.
+    ``arguments`` has one letter per pointer: "c" characters, "i" 32-bit integers, "d" doubles.
     """
 
     module: str
@@ -29,14 +28,14 @@ class External:
 
     @property
     def symbol(self) -> str:
-        """What machine code calls it."""
+        """Symbol name in machine code."""
         return f"mlsanm_{self.name}"
 
     def address(self) -> int:
-        """Where it is in this process.
+        """Address in this process.
 
-        Raises RunError where it takes other arguments, such as integers of 64 bits: kernels hand over
-        pointers, and nothing else would notice.
+        Raises RunError if the argument types differ, for instance with 64-bit integers: calls through
+        pointers would not detect that.
         """
         capsule = importlib.import_module(f"scipy.linalg.{self.module}").__pyx_capi__[self.name]
         python = ctypes.pythonapi
@@ -53,7 +52,7 @@ class External:
 
 
 def _kinds(declared: str) -> str:
-    """Arguments of a function as Cython declares it; "?" for all but pointers to the three known types."""
+    """Argument letters of a Cython declaration; "?" for anything but pointers to the three known types."""
     result, _, arguments = declared.removesuffix(")").partition(" (")
     kinds = {"char *": "c", "int *": "i", "double *": "d"}
     found = (kinds.get(re.sub(r"__pyx_t_\w+_d\b", "double", one), "?") for one in arguments.split(", "))

@@ -1,5 +1,5 @@
-"""Copies by loops: an array assigned to a slice has numba compile the message of a shape that does not fit,
-which takes some seconds for every dimension. Loops from zero over slices become copies of whole vectors."""
+"""Array copies by loops: for slice assignment numba compiles the message of a shape mismatch, some seconds
+per number of dimensions. Loops from zero over slices are vectorised."""
 
 from __future__ import annotations
 

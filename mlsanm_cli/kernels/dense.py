@@ -1,4 +1,4 @@
-"""BLAS on parts of flat arrays, for kernels: matrices by columns, their leading dimensions last."""
+"""BLAS on parts of flat arrays, for kernels: column-major matrices with their leading dimensions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mlsanm_cli.kernels.aot.jit import inner
 from mlsanm_cli.kernels.blas import dgemm, dgemv, dtrsm, dtrsv
 
 LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
-"""Places of BLAS' letters among those of :func:`letters`."""
+"""Positions of the BLAS option letters in :func:`letters`."""
 
 
 @inner
@@ -24,7 +24,7 @@ def letters() -> Any:
 def solve_right(
     trans: int, rows: int, columns: int, triangle: FloatArray, height: int, x: FloatArray, width: int
 ) -> None:
-    """Solve x L = b or x L^T = b in place, x (rows, columns), L lower; leading dimensions last."""
+    """Solve x L = b or x L^T = b in place for x (rows, columns), L lower triangular."""
     c: Any = letters()
     i: Any = np.array([rows, columns, height, width], dtype=np.int32)
     one: Any = np.ones(1)
@@ -47,7 +47,8 @@ def multiply(
     product: FloatArray,
     ldc: int,
 ) -> None:
-    """product = alpha a b + beta product, a (m, k), b (k, n) or its transpose; ``sizes`` m, n, k."""
+    """product = alpha a b + beta product with a (m, k) and b (k, n) or its transpose; ``sizes`` is m, n,
+    k."""
     c: Any = letters()
     i: Any = np.array([sizes[0], sizes[1], sizes[2], lda, ldb, ldc], dtype=np.int32)
     factor: Any = np.array([alpha, beta])
@@ -59,7 +60,7 @@ def multiply(
 
 @inner
 def solve_vector(trans: int, rows: int, triangle: FloatArray, height: int, x: FloatArray) -> None:
-    """Solve L x = b or L^T x = b in place, L lower of ``rows`` rows."""
+    """Solve L x = b or L^T x = b in place, L lower triangular (rows, rows)."""
     c: Any = letters()
     i: Any = np.array([rows, height, 1], dtype=np.int32)
     dtrsv(
@@ -70,7 +71,7 @@ def solve_vector(trans: int, rows: int, triangle: FloatArray, height: int, x: Fl
 
 @inner
 def apply(trans: int, sizes: tuple[int, int], a: FloatArray, lda: int, x: FloatArray, y: FloatArray) -> None:
-    """Take a x or a^T x from y, a of ``sizes`` rows and columns."""
+    """Compute y -= a x or y -= a^T x with ``sizes`` the rows and columns of a."""
     c: Any = letters()
     i: Any = np.array([sizes[0], sizes[1], lda, 1], dtype=np.int32)
     factor: Any = np.array([-1.0, 1.0])

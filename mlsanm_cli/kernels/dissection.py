@@ -1,4 +1,4 @@
-"""Nested dissection of a graph whose vertices are ranked along several directions."""
+"""Nested dissection of a graph whose vertices are sorted along several directions."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Index1, IndexOut2, Int1, IntOut1
 from mlsanm_cli.kernels.copies import copy_to
 
-DEPTH = 256
-"""Parts that can wait; every cut halves a part."""
+STACK_SIZE = 256
+"""Stack size: pending parts, halved by every cut."""
 
 
 @inner
 def _extents(
     indptr: IndexArray, indices: IndexArray, rank: IndexArray, lowest: IndexArray, highest: IndexArray
 ) -> None:
-    """Smallest and largest ``rank`` (d, n) of every vertex and its neighbours, along every direction."""
+    """Smallest and largest ``rank`` (d, n) of every vertex and its neighbours in each direction."""
     for direction in range(len(rank)):
         for vertex in range(rank.shape[1]):
             low = high = rank[direction, vertex]
@@ -29,7 +29,7 @@ def _extents(
 
 @inner
 def _touches(vertex: int, indptr: IndexArray, indices: IndexArray, side: IntArray, other: int) -> bool:
-    """Whether a neighbour is on the ``other`` side."""
+    """Whether a neighbour of ``vertex`` is on the ``other`` side."""
     found = False
     for entry in range(indptr[vertex], indptr[vertex + 1]):
         if side[indices[entry]] == other:
@@ -50,12 +50,12 @@ def _separator(
     names: tuple[int, int],
     limit: int,
 ) -> int:
-    """How many vertices of the upper or lower half of a ``part``, in order of rank and cut before ``cut``,
-    touch the other half; ``limit`` if at least as many.
+    """Size of the separator of a ``part`` (in rank order) cut before ``cut``: vertices of its upper or lower
+    half that touch the other half; at most ``limit``.
 
-    ``extents`` (n,) are the ranks and those of :func:`_extents`, ``side`` (n,) tells by ``names`` who is in
-    the lower and in the upper half. Vertices are looked at from the cut on; those whose neighbours all rank
-    on their own side are passed over.
+    ``extents`` (n,) are the ranks and the result of :func:`_extents`; ``side`` (n,) labels the lower and
+    upper half with ``names``. The loop starts at the cut and skips vertices whose neighbours all rank on
+    their own side.
     """
     rank, lowest, highest = extents
     count = 0
@@ -71,7 +71,7 @@ def _separator(
 
 @inner
 def _rearrange(nodes: IndexArray, low: int, high: int, group: IndexArray, sizes: tuple[int, int]) -> None:
-    """Sort ``nodes[low:high]`` by their ``group`` (n,) 0 to 2, of the ``sizes`` given, otherwise in order."""
+    """Stable sort of ``nodes[low:high]`` by ``group`` (n,), 0 to 2, the first two of the given ``sizes``."""
     part = nodes[low:high].copy()
     at = np.array([low, low + sizes[0], low + sizes[0] + sizes[1]])
     for vertex in part:
@@ -80,7 +80,7 @@ def _rearrange(nodes: IndexArray, low: int, high: int, group: IndexArray, sizes:
 
 
 @inner
-def _wait(place: IntArray, low: int, high: int, end: int, parent: int) -> None:
+def _push(place: IntArray, low: int, high: int, end: int, parent: int) -> None:
     place[0], place[1], place[2], place[3] = low, high, end, parent
 
 
@@ -94,12 +94,13 @@ def dissect(
     begins: IntOut1,
     parents: IntOut1,
 ) -> int:
-    """Cut parts of more than ``leaf`` vertices in halves and a separator; how many fronts there are.
+    """Split parts of more than ``leaf`` vertices into two halves and a separator; returns the number of
+    fronts.
 
-    ``ranked`` (d, n) are the vertices in order along d directions, and are rearranged; ``order`` (n,),
-    ``begins`` and ``parents`` (2n + 1,) receive the fronts from the last to the first: where each begins in
-    the order, and which is its parent, -1 for the first. A part is cut in the middle along the direction, and
-    on the side of the cut, that make the smallest separator.
+    ``ranked`` (d, n) are the vertices sorted along d directions; it is overwritten. Output, fronts from last
+    to first: ``order`` (n,), ``begins`` (2n + 1,) the start of each front in it, ``parents`` (2n + 1,), -1
+    for the root. A part is bisected along the direction, and on the side of the cut, with the smallest
+    separator.
     """
     directions, count = ranked.shape
     rank = np.empty((directions, count), dtype=np.int32)
@@ -109,9 +110,9 @@ def dissect(
         for place in range(count):
             rank[direction, ranked[direction, place]] = place
     _extents(indptr, indices, rank, lowest, highest)
-    # In which half of which cut every vertex was last; then its group.
+    # Label of the last half every vertex was in; its group: kept half, other half, separator.
     side, group = np.full(count, -1, dtype=np.int64), np.zeros(count, dtype=np.int32)
-    waiting = np.zeros((DEPTH, 4), dtype=np.int64)
+    waiting = np.zeros((STACK_SIZE, 4), dtype=np.int64)
     waiting[0, 1], waiting[0, 2], waiting[0, 3] = count, count, -1
     depth, fronts, cuts = 1, 0, 0
     while depth > 0:
@@ -152,8 +153,8 @@ def dissect(
             _rearrange(ranked[direction], low, high, group, (kept, rest))
         copy_to(order[end - smallest :], ranked[0, high - smallest : high])
         begins[fronts - 1] = end - smallest
-        _wait(waiting[depth], low, low + kept, end - smallest - rest, fronts - 1)
-        _wait(waiting[depth + 1], low + kept, low + kept + rest, end - smallest, fronts - 1)
+        _push(waiting[depth], low, low + kept, end - smallest - rest, fronts - 1)
+        _push(waiting[depth + 1], low + kept, low + kept + rest, end - smallest, fronts - 1)
         depth += 2
     return fronts
 
@@ -162,11 +163,11 @@ def dissect(
 def places_between(
     indptr: Index1, indices: Index1, first: int, front: Int1, parent: Int1, found: IntOut1
 ) -> None:
-    """Set ``found`` (m,) to the fronts that the vertices from the ``first`` on can be eliminated in: the
-    lowest from which each neighbour's front is up or down the tree.
+    """Front in which each vertex from ``first`` on can be eliminated: the lowest one of which every
+    neighbour's front is an ancestor or descendant.
 
-    The vertices before the first have the fronts ``front`` (n,), in a tree with the parents ``parent`` (f,),
-    where descendants come right before their ancestor. Later vertices are no neighbours of each other.
+    Earlier vertices have the fronts ``front`` (n,) in a tree with parents ``parent`` (f,), where descendants
+    come right before their ancestor. Later vertices are not adjacent to each other. Output: ``found`` (m,).
     """
     fronts = len(parent)
     lowest = np.arange(fronts)

@@ -1,9 +1,9 @@
-"""Domains of a tree of fronts: whole subtrees of few nodes, whose panels keep no rows for the border around.
+"""Domains of the elimination tree: small subtrees whose panels do not store rows of their border.
 
-These rows would be many times as much as what the matrix itself has between a domain and its border, the
-links. What the domain hands on is found from those and one more substitution within it (George and Liu 1981,
-Computer Solution of Large Sparse Positive Definite Systems, chapter 6). The fronts of a domain, and every
-front above the domains, are a unit: solutions go from unit to unit.
+These rows would need many times the memory of the matrix entries between a domain and its border, the links.
+The contribution to the border is computed from the links and one more substitution within the domain (George
+and Liu 1981, Computer Solution of Large Sparse Positive Definite Systems, chapter 6). A domain is one unit,
+and so is every front above the domains; substitution proceeds from unit to unit.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from mlsanm_cli.kernels.aot.signature import Float3, FloatOut3, Index1, Int1, In
 
 @kernel
 def domains(start: Int1, parent: Int1, begin: Int1, border: Int1, most: int) -> tuple[Int1, Int1]:
-    """How many nodes of its border, the first ones, every front keeps rows for, (f,), and where units begin
-    among the fronts, (u + 1,).
+    """Number of leading border nodes for which each front stores rows (f,), and unit offsets (u + 1,) into
+    the fronts.
 
-    Subtrees of up to ``most`` nodes are domains, unless a larger one has them.
+    Maximal subtrees of up to ``most`` nodes become domains.
     """
     fronts = len(parent)
     first, root = np.arange(fronts), np.full(fronts, -1, dtype=np.int64)
@@ -47,8 +47,8 @@ def domains(start: Int1, parent: Int1, begin: Int1, border: Int1, most: int) -> 
 
 @kernel
 def count_links(indptr: Index1, indices: Index1, order: Int1, place: Int1, end: Int1, first: IntOut1) -> None:
-    """``first`` (n + 1,): where the links of every node, in order of elimination, begin when all are counted
-    through. Those of node i are the nodes from ``end[i]`` (n,) on that the matrix joins it with."""
+    """Offsets ``first`` (n + 1,) of the links of every node, in order of elimination. The links of node i are
+    its neighbours from ``end[i]`` (n,) on."""
     count = 0
     for position in range(len(order)):
         first[position] = count
@@ -69,7 +69,7 @@ def fill_links(
     other: IntOut1,
     between: FloatOut3,
 ) -> None:
-    """Which nodes the links go to, ``other`` (m,), and their blocks ``between`` (m, 2, 2)."""
+    """Target nodes ``other`` (m,) of the links and their matrix blocks ``between`` (m, 2, 2)."""
     count = 0
     for position in range(len(order)):
         for entry in range(indptr[order[position]], indptr[order[position] + 1]):

@@ -1,8 +1,8 @@
-"""Filling a region with nodes by an advancing front, the spacing varying from place to place.
+"""Advancing-front node placement with variable spacing.
 
-Candidates lie on a circle of radius h(parent) and are refused within min(h(parent), h(candidate)) of an
-accepted node (Slak and Kosec 2019, doi:10.1137/18M1231456, with the smaller of both spacings, which leaves
-no holes where the spacing grows).
+Candidates lie on a circle of radius h(parent) and are rejected within min(h(parent), h(candidate)) of an
+accepted node (Slak and Kosec 2019, doi:10.1137/18M1231456, but with the smaller of both spacings, which
+leaves no holes where the spacing grows).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _distance(zone: FloatArray, x: float, y: float) -> float:
 
 @inner
 def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
-    """Smallest of the far spacing and, per zone row (..., spacing, radius, growth), its spacing there."""
+    """Minimum of the far spacing and the spacings of all zones, rows (..., spacing, radius, growth)."""
     h = far
     for z in range(zones.shape[0]):
         zone = zones[z]
@@ -57,7 +57,8 @@ def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
 
 @kernel
 def spacing_at(far: float, zones: Float2, points: Float2) -> Float1:
-    """Spacing (n,) at ``points`` (n, 2); ``zones`` (z, 9) as :func:`_distance` and :func:`_spacing` read."""
+    """Spacing (n,) at ``points`` (n, 2); rows of ``zones`` (z, 9) as in :func:`_distance`,
+    :func:`_spacing`."""
     h = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         h[i] = _spacing(far, zones, points[i, 0], points[i, 1])
@@ -71,7 +72,7 @@ def _key(level: int, i: int, j: int) -> int:
 
 @inner
 def _level(h: float, finest: float) -> int:
-    """Cells of level l hold nodes of spacings from finest 2^l on, and are as wide as twice that."""
+    """Grid level of a node: level l has spacings from finest 2^l on and cells of twice that width."""
     _, exponent = math.frexp(h / finest)
     level: int = max(0, exponent - 1)
     return level
@@ -85,7 +86,7 @@ def _cell(level: int, finest: float) -> float:
 
 @inner
 def _slot(keys: IntArray, key: int) -> int:
-    """Place of ``key`` in an open-addressing table, or of the free entry where it would go."""
+    """Position of ``key`` in an open-addressing hash table, or of the free entry for it."""
     mixed = key * 0x9E3779B97F4A7C1
     slot: int = (mixed ^ (mixed >> 29)) % keys.shape[0]
     while keys[slot] != EMPTY and keys[slot] != key:
@@ -103,7 +104,7 @@ def _enter(
     finest: float,
     node: int,
 ) -> int:
-    """Put ``node`` at the head of its cell's list; returns 1 when the cell is new."""
+    """Insert ``node`` at the head of its cell's list; returns 1 for a new cell."""
     level = _level(h[node], finest)
     cell = _cell(level, finest)
     key = _key(level, math.floor(points[node, 0] / cell), math.floor(points[node, 1] / cell))
@@ -127,7 +128,7 @@ def _inside(
     x: float,
     y: float,
 ) -> bool:
-    """Even-odd rule over the boundary edges (e, 4) that share the horizontal strip of (x, y)."""
+    """Even-odd rule over the boundary edges (e, 4) that meet the horizontal strip of (x, y)."""
     strip = int((y - low) / step)
     if strip < 0 or strip >= strip_start.shape[0] - 1:
         return False
@@ -150,7 +151,7 @@ def _doubled(array: FloatArray) -> FloatArray:
 
 
 @inner
-def _around(
+def _nodes_within(
     points: FloatArray,
     keys: IntArray,
     heads: IntArray,
@@ -163,8 +164,8 @@ def _around(
     reach: float,
     near: FloatArray,
 ) -> tuple[FloatArray, int]:
-    """Accepted nodes of cell levels ``lowest`` to ``highest`` within ``reach`` of (x, y): ``near`` (c, 2), or
-    a longer array if they are more, and their number."""
+    """Accepted nodes of grid levels ``lowest`` to ``highest`` within ``reach`` of (x, y): ``near`` (c, 2),
+    enlarged if necessary, and their number."""
     found = 0
     for level in range(lowest, highest + 1):
         cell = _cell(level, finest)
@@ -192,7 +193,8 @@ def _around(
 
 @inner
 def _nearest(near: FloatArray, count: int, x: float, y: float, enough: float) -> float:
-    """Squared distance from (x, y) to the nearest of ``count`` points, or to the first below ``enough``."""
+    """Squared distance from (x, y) to the nearest of ``count`` points, or to the first one below
+    ``enough``."""
     smallest = math.inf
     for k in range(count):
         dx = near[k, 0] - x
@@ -222,15 +224,15 @@ def advance_front(
     limit: int,
     parents: int,
 ) -> int:
-    """Let at most ``parents`` more nodes have neighbours placed around them, and tell what stopped it.
+    """Place neighbours around up to ``parents`` more nodes; returns the reason for stopping.
 
     ``points`` (n, 2), spacings ``h`` (n,) and ``following`` (n,), the next node in the same cell, have room
-    for nodes to come; ``keys`` and ``heads`` (k,) are the table of cells, EMPTY at first. ``progress`` is the
-    number of nodes, the next parent, the nodes in the table, the cells in it, and the random state.
-    ``edges`` (e, 4) are the boundary's chords, sorted into horizontal strips for the inside test.
+    for new nodes; ``keys`` and ``heads`` (k,) are the hash table of cells, EMPTY at first. ``progress`` holds
+    the number of nodes, the next parent, the numbers of nodes and of cells in the table, and the random
+    state. ``edges`` (e, 4) are the boundary's chords, sorted into horizontal strips for the inside test.
 
-    Returns DONE, at the end or from ``limit`` nodes on; PAUSED after all ``parents``; FULL_POINTS and
-    FULL_TABLE where there may be too little room for one parent more: the caller makes some.
+    Returns DONE at the end or from ``limit`` nodes on, PAUSED after ``parents`` nodes, FULL_POINTS or
+    FULL_TABLE if there may be no room for another parent; the caller then enlarges the arrays.
     """
     finest = far
     steepest = 0.0
@@ -260,18 +262,18 @@ def advance_front(
         while entered < count:
             used += _enter(keys, heads, following, points, h, finest, entered)
             entered += 1
-        # Candidates are one spacing away, and the nodes that refuse them no farther from them than that.
+        # Candidates are one spacing away; nodes that reject them are within another spacing.
         size = h[parent]
         reach = 2.0 * size
         lowest = _level(max(finest, size - steepest * reach), finest)
         highest = _level(size + steepest * reach, finest)
-        near, around = _around(
+        near, around = _nodes_within(
             points, keys, heads, following, finest, lowest, highest, points[parent, 0], points[parent, 1],
             reach, near,
         )  # fmt: skip
         while near.shape[0] < around + candidates:
             near = _doubled(near)
-        # The spacing at a candidate is not below this, a little less for round-off; most end here.
+        # Lower bound of the spacing at all candidates, with a margin for round-off; rejects most of them.
         least = size * max(0.0, 1.0 - steepest) * (1.0 - 1e-6)
         for c in range(candidates):
             angle = 2.0 * math.pi * (c + turn) / candidates

@@ -1,4 +1,4 @@
-"""Derivatives of nodal fields by local least-squares fits, where their weights are not wanted."""
+"""Derivatives of nodal fields by local least-squares fits, without forming weights."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _monomials(degree: int, x: float, y: float, row: FloatArray) -> None:
 
 @inner
 def _gram(degree: int, moments: FloatArray, gram: FloatArray) -> None:
-    """Lower half of the products of all monomials with each other, from ``moments`` of the double degree."""
+    """Lower triangle of the Gram matrix of all monomials, from ``moments`` of twice the degree."""
     row = 0
     for total in range(degree + 1):
         for power in range(total + 1):
@@ -42,8 +42,8 @@ def _gram(degree: int, moments: FloatArray, gram: FloatArray) -> None:
 
 @inner
 def _cholesky(matrix: FloatArray, columns: int) -> float:
-    """Lower factor in place, with the diagonal inverted; the smallest over the largest entry of the diagonal,
-    0 where the matrix is not positive definite."""
+    """Lower Cholesky factor in place, with inverted diagonal; returns the ratio of its smallest to its
+    largest diagonal entry, 0 if the matrix is not positive definite."""
     smallest = math.inf
     largest = 0.0
     for c in range(columns):
@@ -66,7 +66,7 @@ def _cholesky(matrix: FloatArray, columns: int) -> float:
 
 @inner
 def _solve(factor: FloatArray, columns: int, vector: FloatArray) -> None:
-    """Both triangular solutions in place."""
+    """Forward and backward substitution in place."""
     for c in range(columns):
         value = vector[c]
         for k in range(c):
@@ -93,11 +93,11 @@ def fit_derivatives(
 ) -> None:
     """Value and derivatives at ``centers`` (e, 2) of fits to a nodal ``field`` (n, c): ``result`` (e, 6, c).
 
-    Fit i is a polynomial of ``degree``, at least 2, in (x - centre)/radius through the nodes
-    ``points[numbers[i]]``, ``numbers`` (e, k), with the weights and the ``ratio`` (e,) of
-    :func:`mlsanm_cli.kernels.stencils.mls_weights`, by the normal equations, whose entries are moments of the
-    nodes, and one step on the fit's own residual, which gives the lost digits back (Bjorck 1987,
-    doi:10.1016/0024-3795(87)90101-7). Where the ratio is 0 the result means nothing.
+    Fit i is a polynomial of ``degree`` >= 2 in (x - centre)/radius through the nodes ``points[numbers[i]]``,
+    ``numbers`` (e, k), with the weight function and ``ratio`` (e,) of
+    :func:`mlsanm_cli.kernels.stencils.mls_weights`. Solved by the normal equations and one step of iterative
+    refinement, which restores the lost digits (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7). The result is
+    undefined where the ratio is 0.
     """
     count = numbers.shape[1]
     fields = field.shape[1]

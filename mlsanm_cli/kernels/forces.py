@@ -1,4 +1,4 @@
-"""Forces through faces, by weights of the displacements' derivatives at Gauss's points."""
+"""Forces through faces from derivative weights at quadrature points."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from mlsanm_cli.kernels.aot.signature import Float2, Float3, FloatOut3, Int1
 def add_forces(
     indptr: Int1, weights: Float2, stiffness: Float2, arm: Float3, normal: Float3, values: FloatOut3
 ) -> None:
-    """Add what sigma n at t points of each of e stencils makes of its entries to ``values`` (3, nnz, 2):
-    force x, force y and moment with ``arm`` (e, t, 2) per displacement u_x and u_y.
+    """Add the coefficients of force x, force y and moment of sigma n to ``values`` (3, nnz, 2), per u_x and
+    u_y.
 
-    ``weights`` (nnz, 2t) are those of d/dx and d/dy at the points, ``normal`` (e, t, 2) as long as what the
-    points stand for, ``stiffness`` (3, 3) in the order xx, yy, xy.
+    e stencils have t quadrature points each. ``weights`` (nnz, 2t) are those of d/dx and d/dy, ``normal``
+    (e, t, 2) includes the quadrature weight, ``arm`` (e, t, 2) is the lever arm, ``stiffness`` (3, 3) the
+    matrix for xx, yy, xy.
     """
     for e in range(len(indptr) - 1):
         for t in range(normal.shape[1]):
             n_x, n_y = normal[e, t, 0], normal[e, t, 1]
             for row in range(3):
-                # What multiplies the stresses xx, yy and xy.
+                # Virtual strain components that multiply the stresses xx, yy and xy.
                 xx, yy, xy = n_x, 0.0, n_y
                 if row == 1:
                     xx, yy, xy = 0.0, n_y, n_x

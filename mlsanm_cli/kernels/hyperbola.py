@@ -1,4 +1,4 @@
-"""High orders of a power series whose only nonlinear equations are hyperbolas."""
+"""Higher orders of a power series (asymptotic numerical method) with hyperbolas as the only nonlinearity."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlsanm_cli.kernels.copies import copy_to
 
 @inner
 def subtract(target: FloatArray, factor: float, values: FloatArray) -> None:
-    """Take ``factor`` times ``values`` (n,) from ``target`` (n,)."""
+    """In place: target -= factor * values, both (n,)."""
     for i in range(values.size):
         target[i] -= factor * values[i]
 
@@ -34,15 +34,15 @@ def hyperbola_orders(
     friction_slope: Float1,
     friction_nodes: Int1,
 ) -> None:
-    """Fill orders 2 and on of the series ``x`` (N + 1, 2m + k + n), ``lam`` (N + 1,).
+    """Compute orders 2 to N of the series ``x`` (N + 1, 2m + k + n) and ``lam`` (N + 1,).
 
-    The unknowns are pressures p (m,), gaps h (m,), motions q (k,) and tractions t (n,), of which those of the
-    nodes ``stuck`` (s,) are free and the others ``friction_slope`` (n,) times the pressures of the nodes
-    ``friction_nodes`` (n,). ``factor`` (r, r), transposed, and ``pivots`` (r,) are LAPACK's LU factor, r = m
-    + s + k, of the equations for (p, t of stuck nodes, q); the first m columns of ``equations`` (r, r or
-    more) give of their solution the gaps, as parts of ``gap``. The hyperbolas are (p h), as parts of
-    ``product``. Each order is the solution to the products of the lower ones plus lam_k times ``slope``,
-    lam_k such that the product with ``normal`` vanishes; ``denominator`` is that of ``slope``.
+    Unknowns are pressures p (m,), gaps h (m,), rigid motions q (k,) and tractions t (n,). Tractions of the
+    nodes ``stuck`` (s,) are free, the others are ``friction_slope`` (n,) times the pressures of
+    ``friction_nodes`` (n,). ``factor`` (r, r), transposed, and ``pivots`` (r,) are LAPACK's LU factorisation,
+    r = m + s + k, of the equations for (p, t of stuck nodes, q); the first m columns of ``equations`` (r, >=
+    r) map this solution to gaps, scaled by ``gap``. The hyperbolas are p h, scaled by ``product``. Each order
+    solves for the products of lower orders plus lam_k ``slope``, with lam_k such that its scalar product with
+    ``normal`` vanishes; ``denominator`` is normal . slope.
     """
     r = len(factor)
     s, n = stuck.size, friction_slope.size
@@ -60,7 +60,7 @@ def hyperbola_orders(
             other = pivots[i]
             if other != i:
                 y[i], y[other] = y[other], y[i]
-        # Column by column, with no sums across them; counted from zero, so that loops become vectors.
+        # Column by column without reductions; indices from zero, so that the loops vectorise.
         for j in range(r):
             subtract(y[j + 1 :], y[j], factor[j, j + 1 :])
         for back in range(1, r + 1):

@@ -1,15 +1,15 @@
 """Multifrontal factorisation over a given tree of fronts (Duff and Reid, doi:10.1145/356044.356047).
 
-The matrix is symmetric and quasi-definite: positive definite in most unknowns, negative definite in the
-others. It then is L D L^T with D the signs of the unknowns, in any order and without pivoting (Vanderbei
-1995, doi:10.1137/0805005). A front's negative unknowns come last among those it eliminates.
+The matrix is symmetric quasi-definite: positive definite in most unknowns, negative definite in the others.
+It then is L D L^T with D the signs of the unknowns, in any order and without pivoting (Vanderbei 1995,
+doi:10.1137/0805005). A front's negative unknowns come last among its pivots.
 
-Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, counted in order of elimination, each with two
-unknowns, and changes its border: later nodes, which its ancestors eliminate. A front's descendants come right
-before it. Its panel of the factor, (height, pivots), height that of pivots and of what is kept of the border,
-all or as :mod:`mlsanm_cli.kernels.domains` has it, is stored in blocks of BLOCK columns one after the other,
-each column-major and from its diagonal down; the update of the border that it hands to its parent
-``parent[f]`` as columns from the diagonal down.
+Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, in order of elimination, each with two
+unknowns, and updates its border: later nodes, eliminated by its ancestors. A front's descendants come right
+before it. Its panel of the factor, (height, pivots) with height the pivots and the stored part of the border
+(all, or as :mod:`mlsanm_cli.kernels.domains` decides), consists of blocks of BLOCK_COLUMNS columns, each
+column-major from its diagonal down. The update passed to the parent ``parent[f]`` is stored by columns from
+the diagonal down.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
 
-BLOCK = 64
-"""Columns of the factor that are kept together."""
-STRIP = 64
-"""Columns that are eliminated together."""
+BLOCK_COLUMNS = 64
+"""Columns per stored block of the factor."""
+STRIP_COLUMNS = 64
+"""Columns eliminated at once."""
 
 
 @inner
 def _triangle(rows: int) -> int:
-    """Numbers on and below the diagonal."""
+    """Number of entries on and below the diagonal."""
     return rows * (rows + 1) // 2
 
 
@@ -46,11 +46,11 @@ def borders(
     order: Int1,
     place: Int1,
 ) -> tuple[Int1, Int1, int]:
-    """Border nodes of every front, in order of elimination: where they begin (f + 1,) and which they are; and
-    the most numbers that updates waiting for their fronts take.
+    """Symbolic factorisation: border nodes of every front in order of elimination, as offsets (f + 1,) and
+    nodes, and the peak size of pending updates.
 
-    ``indptr`` and ``indices`` are the graph of the nodes, ``order`` (n,) tells which is eliminated when and
-    ``place`` (n,) when each one is.
+    ``indptr`` and ``indices`` are the node graph, ``order`` (n,) the elimination order, ``place`` (n,) its
+    inverse.
     """
     fronts = len(parent)
     begin = np.zeros(fronts + 1, dtype=np.int64)
@@ -71,7 +71,7 @@ def borders(
                 mark[nodes[entry]] = f
             handed += _triangle(2 * (begin[below + 1] - begin[below]))
             below = sibling[below]
-        # The ancestors eliminate all that a front touches, so that their nodes need no sorting.
+        # All nodes a front touches belong to its ancestors, taken in order: no sorting is needed.
         above = parent[f]
         while above >= 0:
             room = count + start[above + 1] - start[above]
@@ -95,7 +95,7 @@ def borders(
 
 @inner
 def locate(own: tuple[int, int], border: IntArray, local: IntArray) -> None:
-    """Set ``local`` (n,) to the row of every one of a front's ``own`` nodes and of its ``border``."""
+    """Set ``local`` (n,) to the front-local rows of its ``own`` nodes and its ``border``."""
     for position in range(own[0], own[1]):
         local[position] = 2 * (position - own[0])
     for j in range(len(border)):
@@ -112,9 +112,9 @@ def _extend_add(
     update: FloatArray,
     edge: int,
 ) -> None:
-    """Add what a child with border ``nodes`` (b,) has ``handed`` up to its parent's panel and update."""
+    """Extend-add: add the update ``handed`` by a child with border ``nodes`` (b,) to its parent's front."""
     rows, runs = 2 * len(nodes), 0
-    # Neighbours in the child's border mostly are neighbours in the parent too.
+    # Runs of consecutive nodes in both borders are added together.
     ends, shifts = np.empty(len(nodes), dtype=np.int64), np.empty(len(nodes), dtype=np.int64)
     for j in range(len(nodes)):
         if j == 0 or local[nodes[j]] != local[nodes[j - 1]] + 2:
@@ -141,8 +141,8 @@ def _extend_add(
 
 
 @inner
-def _negate(front: FloatArray, first: int, columns: int, height: int) -> None:
-    """Change the sign of some columns of a panel from the ``first`` one's diagonal down."""
+def _flip_signs(front: FloatArray, first: int, columns: int, height: int) -> None:
+    """Flip the signs of some columns of a panel from the diagonal of column ``first`` down."""
     for column in range(first, first + columns):
         part = front[column * height + first : (column + 1) * height]
         for i in range(len(part)):
@@ -151,21 +151,21 @@ def _negate(front: FloatArray, first: int, columns: int, height: int) -> None:
 
 @inner
 def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int, edge: int) -> bool:
-    """Factorise a panel in place and take its product from ``update``; whether the first ``positive`` pivots
-    are, and the others negative.
+    """Factorise a panel in place and subtract its Schur complement from ``update``; false if one of the first
+    ``positive`` pivots is not positive or one of the others not negative.
 
-    STRIP columns at a time: products of matrices are several times as fast as substitutions with triangles.
+    STRIP_COLUMNS columns at a time: matrix products are several times as fast as triangular solves.
     """
     c: Any = letters()
     height, first = pivots + edge, 0
     while first < pivots:
         own = first < positive
-        columns = min(STRIP, (positive if own else pivots) - first)
+        columns = min(STRIP_COLUMNS, (positive if own else pivots) - first)
         rows, rest = height - first - columns, pivots - first - columns
         i: Any = np.array([columns, height, 0], dtype=np.int32)
         strip: Any = front[first * (height + 1) :]
         if not own:
-            _negate(front, first, columns, height)
+            _flip_signs(front, first, columns, height)
         dpotrf(c[LOWER:].ctypes, i.ctypes, strip.ctypes, i[1:].ctypes, i[2:].ctypes)
         if i[2] != 0:
             return False
@@ -179,15 +179,17 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int
                 multiply(TRANSPOSED, sizes, sign, below, height, below, height, 1.0, later, height)
         first += columns
     if edge > 0:
-        _take_product(front[pivots:], update, (edge, pivots, height), positive)
+        _subtract_schur(front[pivots:], update, (edge, pivots, height), positive)
     return True
 
 
 @inner
-def _take_product(border: FloatArray, update: FloatArray, sizes: tuple[int, int, int], positive: int) -> None:
-    """Take from the ``update`` (edge, edge) the product of a ``border`` (edge, pivots), in columns of some
-    height, with its transpose, but add that of the columns from the ``positive`` first ones on; ``sizes`` are
-    edge, pivots and height."""
+def _subtract_schur(
+    border: FloatArray, update: FloatArray, sizes: tuple[int, int, int], positive: int
+) -> None:
+    """Subtract B D B^T from ``update`` (edge, edge), with B = ``border`` (edge, pivots) of leading dimension
+    height and D = +1 for the first ``positive`` columns, -1 for the others; ``sizes``: edge, pivots,
+    height."""
     edge, pivots, height = sizes
     if positive == pivots:
         c: Any = letters()
@@ -200,10 +202,10 @@ def _take_product(border: FloatArray, update: FloatArray, sizes: tuple[int, int,
             *(k[2:].ctypes, factor[1:].ctypes, change.ctypes, k.ctypes),
         )
         return
-    # In one pass: a second one for a few columns would wait for memory.
-    turned = np.empty(STRIP * pivots)
-    for first in range(0, edge, STRIP):
-        columns = min(STRIP, edge - first)
+    # In one pass: a second one for a few columns would be limited by memory bandwidth.
+    turned = np.empty(STRIP_COLUMNS * pivots)
+    for first in range(0, edge, STRIP_COLUMNS):
+        columns = min(STRIP_COLUMNS, edge - first)
         for column in range(pivots):
             sign = 1.0 if column < positive else -1.0
             for i in range(columns):
@@ -217,8 +219,8 @@ def _take_product(border: FloatArray, update: FloatArray, sizes: tuple[int, int,
 def _keep_columns(
     matrix: FloatArray, columns: int, height: int, rows: int, block: int, kept: FloatArray
 ) -> None:
-    """Copy the first ``rows`` of the ``columns`` of a matrix (height, columns), by ``block`` columns from
-    their diagonal down."""
+    """Pack the first ``rows`` of the columns of a matrix (height, columns), in groups of ``block`` columns
+    from their diagonal down."""
     at = 0
     for column in range(columns):
         first = column - column % block
@@ -244,13 +246,13 @@ def factorise(
     values: FloatOut1,
     done: IntOut1,
 ) -> int:
-    """Set ``values`` to the panels of the factor one after the other, from ``panel`` (f + 1,) on; the first
+    """Compute the panels of the factor into ``values``, at offsets ``panel`` (f + 1,); returns the first
     front with a pivot of the wrong sign, or -1.
 
-    ``negative`` (f,) counts the nodes of each front, its last ones, whose pivots are negative. ``begin``,
-    ``border`` and ``most`` are from :func:`borders`; of its border a front keeps the rows of the first
-    ``kept`` (f,) nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix, node by
-    node. ``done`` (1,) counts the fronts, for those who watch.
+    ``negative`` (f,) is the number of nodes of each front, its last ones, with negative pivots. ``begin``,
+    ``border`` and ``most`` come from :func:`borders`; a front stores the rows of its first ``kept`` (f,)
+    border nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix by nodes. ``done``
+    (1,) counts finished fronts, for progress display.
     """
     waiting = np.empty(most)
     tallest, widest = 0, 0
@@ -267,7 +269,7 @@ def factorise(
         front, update = whole[: pivots * (pivots + edge)], changed[: edge**2]
         front[:] = 0.0
         for column in range(edge):
-            # Nothing looks above the diagonal.
+            # The upper triangle is never read.
             part = update[edge * column + column : edge * (column + 1)]
             for i in range(len(part)):
                 part[i] = 0.0
@@ -287,7 +289,7 @@ def factorise(
         positive = pivots - 2 * negative[f]
         if pivots > 0 and not _eliminate(front, update, pivots, positive, edge):
             return f
-        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK, values[panel[f] :])
+        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK_COLUMNS, values[panel[f] :])
         _keep_columns(update, edge, edge, edge, 1, waiting[top:])
         top += _triangle(edge)
         owner[depth] = f

@@ -1,7 +1,7 @@
-"""Normal equations of rows that act on two unknowns a node, as 2 x 2 blocks.
+"""Normal matrix A^T A of rows that act on two unknowns per node, in 2 x 2 blocks.
 
-Rows that act on the same nodes, as all those of one stencil do, are taken together: the pairs of its nodes
-are then looked up once, not once for each of them.
+Rows on the same nodes, such as all rows of one stencil, form a group: the positions of its node pairs are
+looked up once.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from mlsanm_cli.kernels.copies import copy_to
 def group_rows(
     indptr: Index1, nodes: Index1, newest: IndexOut1, group: IndexOut1, begin: IndexOut1, members: IndexOut1
 ) -> int:
-    """Number the groups of rows that act on the same nodes in the same order; how many there are.
+    """Number the groups of rows that act on the same nodes in the same order; returns their number.
 
-    ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows, ``newest`` (n,) is -1. ``group`` (r,) receives the
-    group of every row, -1 if it acts on nothing; ``begin`` (r + 1,), zero at first, and ``members`` (e,) the
-    nodes of every group.
+    ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows in CSR form, ``newest`` (n,) is -1. Output: ``group``
+    (r,), -1 for empty rows; ``begin`` (r + 1,), zero at first, and ``members`` (e,), the nodes of the groups.
     """
     older = np.empty(len(group), dtype=np.int32)
     count = 0
@@ -30,7 +29,7 @@ def group_rows(
         if size == 0:
             group[r] = -1
             continue
-        # Few groups have the same first node: it is the one nearest to the stencil's point.
+        # Few groups share their first node: it is the nearest one of the stencil.
         found = newest[nodes[first]]
         while found >= 0:
             same = begin[found + 1] - begin[found] == size
@@ -54,10 +53,11 @@ def group_rows(
 
 @kernel
 def rows_of_nodes(indptr: Index1, nodes: Index1, begin: IndexOut1, row: IndexOut1, entry: IndexOut1) -> None:
-    """Which rows act on every node, in order: ``row`` (e,) and which of its entries does, ``entry`` (e,).
+    """Transpose a CSR pattern: for every node the rows ``row`` (e,) that act on it and the position ``entry``
+    (e,) within these rows.
 
-    ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows; those of node i go from ``begin[i]`` to
-    ``begin[i + 1]``, (n + 1,), zero at first.
+    ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows; ``begin`` (n + 1,), zero at first, delimits the
+    nodes.
     """
     count = len(begin) - 1
     for place in range(len(nodes)):
@@ -83,8 +83,8 @@ def count_neighbours(
     mark: IndexOut1,
     end: IntOut1,
 ) -> None:
-    """``end`` (n + 1,), zero at first: where the neighbours of every node begin when all are counted
-    through. Nodes that a row acts on together are neighbours, each is its own too; ``mark`` (n,) is -1."""
+    """Cumulative neighbour counts ``end`` (n + 1,), zero at first: neighbours share a row, and each node is
+    its own neighbour. ``mark`` (n,) is -1."""
     for node in range(len(begin) - 1):
         count = 0
         for at in range(begin[node], begin[node + 1]):
@@ -112,11 +112,11 @@ def add_blocks(
     neighbour: IndexOut1,
     blocks: FloatOut3,
 ) -> None:
-    """``neighbour`` (m,) and the ``blocks`` (m, 2, 2), zero at first, of the sum of every row's square.
+    """Sum over all rows of their outer products: ``neighbour`` (m,) and ``blocks`` (m, 2, 2), zero at first.
 
-    ``values`` (e, 2) are what the rows multiply both unknowns by; those of group g are ``row[rows[g]]`` to
-    ``row[rows[g + 1]]``, ``rows`` (g + 1,), ``begin`` and ``members`` their nodes. ``start``, ``group`` and
-    ``entry`` are those of :func:`rows_of_nodes` for groups, ``end`` of :func:`count_neighbours`, ``slot``
+    ``values`` (e, 2) are the coefficients of both unknowns. Group g has the rows ``row[rows[g] : rows[g +
+    1]]`` and the nodes ``members[begin[g] : begin[g + 1]]``. ``start``, ``group`` and ``entry`` are the
+    transpose by :func:`rows_of_nodes` of the groups, ``end`` comes from :func:`count_neighbours`, ``slot``
     (n,) is -1.
     """
     for node in range(len(start) - 1):
@@ -124,7 +124,7 @@ def add_blocks(
         for at in range(start[node], start[node + 1]):
             g, own = group[at], entry[at]
             nodes = members[begin[g] : begin[g + 1]]
-            # Two rows at a time: most groups have those of x and y.
+            # Two rows at a time: most groups have one for x and one for y.
             for k in range(rows[g], rows[g + 1], 2):
                 one = values[indptr[row[k]] : indptr[row[k] + 1]]
                 x, y = one[own, 0], one[own, 1]

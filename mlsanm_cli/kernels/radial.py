@@ -1,4 +1,4 @@
-"""Sums of the simple radial fields of forces on surfaces of isotropic bodies, see
+"""Superposition of the simple radial (Flamant) fields of surface forces on isotropic bodies, see
 :mod:`mlsanm_cli.mechanics.near_field`."""
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from mlsanm_cli.kernels.aot.signature import Bool2, Float1, Float2, Float3
 def radial_displacements(
     seen: Float2, place: Float2, base: Float2, center: Float1, force: Float3, kappa: float, left_out: Bool2
 ) -> Float3:
-    """Displacements (e, 2, c), times 4 pi G, at points ``seen`` (e, 2) by forces (k, 2, c) at places (k, 2).
+    """Displacements (e, 2, c), times 4 pi G, at ``seen`` (e, 2) due to ``force`` (k, 2, c) at ``place`` (k,
+    2).
 
-    Angles count from ``base`` (k, 2), or, if there is a ``center`` (2,) and not (0,), from the line to it,
-    where fields end. Pairs that are ``left_out`` (e, k) do not count; (0, 0) leaves none out.
+    Angles are measured from ``base`` (k, 2), or, given a ``center`` (2,) instead of (0,), from the direction
+    to it; the opposite forces then act there. Pairs in ``left_out`` (e, k) are skipped; (0, 0) skips none.
     """
     columns, all_count = force.shape[2], left_out.shape[0] == 0
     found, total = np.zeros((len(seen), 2, columns)), np.zeros((2, columns))
@@ -55,7 +56,7 @@ def radial_displacements(
 
 @kernel
 def radial_stresses(seen: Float2, place: Float2, center: Float1, force: Float3, left_out: Bool2) -> Float3:
-    """Stresses xx, yy and xy (e, 3, c), times -pi / 2, of the same."""
+    """Stresses xx, yy, xy (e, 3, c), times -pi / 2, of the same fields."""
     columns, all_count = force.shape[2], left_out.shape[0] == 0
     found, total = np.zeros((len(seen), 3, columns)), np.zeros((2, columns))
     for e in range(len(seen)):

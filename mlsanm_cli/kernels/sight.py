@@ -1,4 +1,4 @@
-"""Which straight lines between two points of a body leave it through a slit."""
+"""Lines of sight that cross a slit."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ def cut_lines(
     normals: Float2,
     ratio: float,
 ) -> Bool2:
-    """Whether the lines from ``starts`` (t, 2) to ``ends[numbers]``, ``numbers`` (t, k), cross a slit (t, k).
+    """Mask (t, k) of the lines from ``starts`` (t, 2) to ``ends[numbers]``, ``numbers`` (t, k), cut by a
+    slit.
 
-    ``edges`` (e, 4) are the outline's chords; those with ``edge_numbers[edge_start[i] : edge_start[i + 1]]``
-    can meet the lines from start i. ``along`` (e, 2) are distances along the outline at both ends of an edge,
-    ``loop`` (e,) the length of the whole loop, ``normals`` (e, 2) its outward ones. All points lie inside, so
-    that a line leaves and enters in turn; the void between is a slit where the way along the outline from one
-    place to the other is longer than ``ratio`` times its width: across, between edges that face each other,
-    along the line between others.
+    ``edges`` (e, 4) are the outline's chords; ``edge_numbers[edge_start[i] : edge_start[i + 1]]`` are those
+    that lines from start i may meet. ``along`` (e, 2) are arc lengths at both ends of an edge, ``loop`` (e,)
+    the length of its loop, ``normals`` (e, 2) its outward normal. All points lie inside, so that a line
+    leaves and enters the body in turn. The void between is a slit if the way along the outline from one
+    crossing to the other exceeds ``ratio`` times its width, measured along the normals if the two edges face
+    each other, else along the line.
     """
     cut = np.zeros(numbers.shape, np.bool_)
     most = 0
@@ -57,7 +58,7 @@ def cut_lines(
                 t = (hit_x * dx + hit_y * dy) / (dx * dx + dy * dy)
                 if not 0.0 < t < 1.0:
                     continue
-                # Keep the crossings in order along the line.
+                # Insertion sort of the crossings along the line.
                 at = found
                 while at > 0 and place[at - 1] > t:
                     place[at] = place[at - 1]

@@ -1,8 +1,7 @@
-"""Moving least-squares weights: one small weighted QR per evaluation point.
+"""Moving least-squares weights: one small weighted QR factorisation per evaluation point.
 
-Points whose stencils are equally large are worked on LANES at a time, their numbers side by side in the last
-dimension of every array: processors do several of them at once, which they cannot within the short sums of
-one stencil. What comes out does not depend on who is worked on together.
+Stencils of equal size are processed LANES at a time, with the lane as last dimension of every array, so that
+loops vectorise, which the short sums within one stencil do not. Results do not depend on the grouping.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut
 from mlsanm_cli.kernels.copies import copy_to
 
 LANES = 32
-"""Points worked on together: half as many take a fifth longer, twice as many as long."""
+"""Stencils processed at once: 16 take a fifth longer, 64 as long."""
 
 
 @inner
 def _monomials(degree: int, x: FloatArray, y: FloatArray, row: FloatArray, lanes: int) -> None:
     """All x^i y^j of total degree up to ``degree``, ordered by degree, then by the power of y, times the
-    first entry of the ``row`` (c, l)."""
+    first entry of ``row`` (c, l)."""
     column = 1
     for total in range(1, degree + 1):
         for power in range(total + 1):
@@ -38,7 +37,7 @@ def _monomials(degree: int, x: FloatArray, y: FloatArray, row: FloatArray, lanes
 
 @inner
 def _functional(degree: int, dx: int, dy: int, x: float, y: float, row: FloatArray) -> None:
-    """The derivative d^(dx+dy)/dx^dx dy^dy of every monomial at (x, y)."""
+    """d^(dx+dy)/dx^dx dy^dy of every monomial at (x, y)."""
     column = 0
     for total in range(degree + 1):
         for power in range(total + 1):
@@ -60,7 +59,8 @@ def _functional(degree: int, dx: int, dy: int, x: float, y: float, row: FloatArr
 def _reflect(
     reflector: FloatArray, c: int, rows: int, tau: FloatArray, x: FloatArray, dot: FloatArray, lanes: int
 ) -> None:
-    """Apply the reflector of column c to ``x`` (rows, l), with factors ``tau`` (l,); its first entry is 1."""
+    """Apply the Householder reflector of column c, with unit first entry and factors ``tau`` (l,), to ``x``
+    (rows, l)."""
     first = x[c]
     for lane in range(lanes):
         dot[lane] = first[lane]
@@ -81,8 +81,8 @@ def _reflect(
 def _householder(
     matrix: FloatArray, rows: int, tau: FloatArray, diagonal: FloatArray, dot: FloatArray, lanes: int
 ) -> None:
-    """QR of ``matrix`` (c, rows, l) in place, column by column: reflectors below the diagonal (unit first
-    entry kept apart in ``tau`` (c, l)), R above it and in ``diagonal`` (c, l)."""
+    """Householder QR of ``matrix`` (c, rows, l) in place: reflectors below the diagonal with factors ``tau``
+    (c, l), R above it and in ``diagonal`` (c, l)."""
     for c in range(len(matrix)):
         own = matrix[c]
         for lane in range(lanes):
@@ -116,7 +116,7 @@ def _solve(
     dot: FloatArray,
     lanes: int,
 ) -> None:
-    """Q R^-T ``x`` in place: ``x`` (rows, l) has the right-hand side in its first rows, one per column."""
+    """Q R^-T ``x`` in place; the right-hand side is in the first rows of ``x`` (rows, l), one per column."""
     columns = len(matrix)
     for c in range(columns):
         entry, pivot = x[c], diagonal[c]
@@ -135,8 +135,8 @@ def _solve(
 
 
 @inner
-def _alike(indptr: IntArray, first: int) -> int:
-    """How many stencils from the ``first`` on are as large as it, LANES at most."""
+def _equal_size_run(indptr: IntArray, first: int) -> int:
+    """Number of consecutive stencils of equal size from ``first`` on, at most LANES."""
     lanes, last = 1, min(LANES, len(indptr) - 1 - first)
     size = indptr[first + 1] - indptr[first]
     while lanes < last and indptr[first + lanes + 1] - indptr[first + lanes] == size:
@@ -159,14 +159,12 @@ def mls_weights(
     weights: FloatOut2,
     ratio: FloatOut1,
 ) -> None:
-    """Weights of the local polynomial's value and derivatives at ``targets``, as many in turn for each of the
-    ``centers``.
+    """Weights (nnz, kinds) of the local polynomial's derivatives at ``targets``, equally many per centre.
 
-    The polynomial of ``degree`` in (x - centre)/R is fitted to the values at ``points[indices[...]]`` with
-    the Gaussian exp(-2 sharpness r^2) on the squared residual. Wanted are the derivatives from order
-    ``least`` to ``order``, 2 at most, of value, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2; ``weights`` (nnz, ...)
-    has those of one target after those of another. ``ratio`` receives the smallest over the largest diagonal
-    entry of R: zero where the stencil cannot carry the polynomial.
+    The polynomial of ``degree`` in (x - centre)/R is fitted to the values at ``points[indices[...]]``, with
+    the weight exp(-2 sharpness r^2) on squared residuals. Kinds are the derivatives of orders ``least`` to
+    ``order`` <= 2 among value, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2, target by target. ``ratio`` (e,) receives
+    the smallest over the largest diagonal entry of R: zero where the stencil is rank-deficient.
     """
     columns, kinds = (degree + 1) * (degree + 2) // 2, weights.shape[1]
     several, widest = targets.shape[0] // max(centers.shape[0], 1), 0
@@ -178,7 +176,7 @@ def mls_weights(
     tau, diagonal = np.empty((columns, LANES)), np.empty((columns, LANES))
     done = 0
     while done < centers.shape[0]:
-        first, lanes, rows = done, _alike(indptr, done), indptr[done + 1] - indptr[done]
+        first, lanes, rows = done, _equal_size_run(indptr, done), indptr[done + 1] - indptr[done]
         done += lanes
         if rows < columns:
             ratio[first:done] = 0.0
@@ -228,7 +226,7 @@ def mls_weights(
 
 @kernel
 def apply_weights(indptr: Int1, indices: Int1, weights: Float2, field: Float2, result: FloatOut3) -> None:
-    """``result`` (e, kinds, c), zero at first: the sums by ``weights`` (nnz, kinds) of a ``field`` (n, c)."""
+    """Apply ``weights`` (nnz, kinds) to a ``field`` (n, c): ``result`` (e, kinds, c), zero at first."""
     for e in range(len(indptr) - 1):
         for entry in range(indptr[e], indptr[e + 1]):
             for kind in range(weights.shape[1]):

@@ -1,7 +1,7 @@
-"""Substitution with the factor of :mod:`mlsanm_cli.kernels.multifrontal`, unit by unit.
+"""Forward and backward substitution with the factor of :mod:`mlsanm_cli.kernels.multifrontal`, unit by unit.
 
-``begin``, ``border``, ``kept``, ``panel``, ``unit`` and the links are what :mod:`mlsanm_cli.kernels.domains`
-and the factorisation made.
+``begin``, ``border``, ``kept``, ``panel``, ``unit`` and the links come from :mod:`mlsanm_cli.kernels.domains`
+and the factorisation.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, Float3, FloatOut1, Int1
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import PLAIN, TRANSPOSED, apply, multiply, solve_right, solve_vector
-from mlsanm_cli.kernels.multifrontal import BLOCK, locate
+from mlsanm_cli.kernels.multifrontal import BLOCK_COLUMNS, locate
 
 Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
 """``start``, ``negative``, ``begin``, ``border``, ``kept``, ``panel`` and ``values``."""
@@ -25,13 +25,13 @@ Links: TypeAlias = tuple[IntArray, IntArray, FloatArray]
 
 @inner
 def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
-    """Solve for a front's unknowns, the first ``pivots`` rows of ``x`` (height, c), and take from the others
-    what they lose by them."""
+    """Forward substitution with one panel: solve for the first ``pivots`` rows of ``x`` (height, c) and
+    update the others."""
     begin = 0
-    for first in range(0, pivots, BLOCK):
-        columns, rows = min(BLOCK, pivots - first), height - first
+    for first in range(0, pivots, BLOCK_COLUMNS):
+        columns, rows = min(BLOCK_COLUMNS, pivots - first), height - first
         block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
-        # One vector is done faster by itself: products of matrices copy the panel first.
+        # Matrix products copy the panel first: for a single vector BLAS level 2 is faster.
         if c == 1:
             solve_vector(PLAIN, columns, block, rows, own)
             if rows > columns:
@@ -48,8 +48,8 @@ def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int)
 def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
     """Solve with the transposed panel for the first ``pivots`` rows of ``x`` (height, c)."""
     begin = len(panel)
-    for first in range((pivots - 1) // BLOCK * BLOCK, -1, -BLOCK):
-        columns, rows = min(BLOCK, pivots - first), height - first
+    for first in range((pivots - 1) // BLOCK_COLUMNS * BLOCK_COLUMNS, -1, -BLOCK_COLUMNS):
+        columns, rows = min(BLOCK_COLUMNS, pivots - first), height - first
         begin -= columns * rows
         block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
         if c == 1:
@@ -73,9 +73,9 @@ def _sweep(
     c: int,
     local: FloatArray,
 ) -> None:
-    """Substitute with some fronts one after the other, forward or back, for ``x``, flat.
+    """Forward or backward substitution with consecutive fronts for flat ``x``.
 
-    ``rows`` (n,) tells where in it a node has its own, and ``local`` is room for those of one front.
+    ``rows`` (n,) are the positions of the nodes' rows in ``x``; ``local`` is workspace for one front.
     """
     start, negative, begin, border, kept, panel, values = tree
     for step in range(fronts[1] - fronts[0]):
@@ -88,7 +88,7 @@ def _sweep(
         copy_to(local, own[: pivots * c])
         for j in range(len(nodes)):
             for i in range(2 * c):
-                # Forward, other fronts of the border's nodes still wait to take their part.
+                # Forward, the border collects the updates of other fronts too.
                 below[2 * j * c + i] = 0.0 if forward else x[rows[nodes[j]] * c + i]
         if forward:
             _forward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
@@ -96,7 +96,7 @@ def _sweep(
                 for i in range(2 * c):
                     x[rows[nodes[j]] * c + i] += below[2 * j * c + i]
         else:
-            # The signs of the pivots, between both triangles.
+            # D between both triangles: signs of the pivots.
             for i in range((pivots - 2 * negative[f]) * c, pivots * c):
                 local[i] = -local[i]
             _backward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
@@ -104,8 +104,9 @@ def _sweep(
 
 
 @inner
-def _hand_on(nodes: tuple[int, int], links: Links, rows: IntArray, x: FloatArray, c: int) -> None:
-    """Take from the rows of a domain's border in ``x`` what the solution of its ``nodes`` makes there."""
+def _update_border(nodes: tuple[int, int], links: Links, rows: IntArray, x: FloatArray, c: int) -> None:
+    """Subtract the contribution of the solution at a domain's ``nodes`` from the rows of its border in
+    ``x``."""
     begin, other, between = links
     for node in range(nodes[0], nodes[1]):
         for entry in range(begin[node], begin[node + 1]):
@@ -118,8 +119,9 @@ def _hand_on(nodes: tuple[int, int], links: Links, rows: IntArray, x: FloatArray
 
 
 @inner
-def _bring(nodes: tuple[int, int], links: Links, x: FloatArray, c: int, to: FloatArray) -> None:
-    """Set ``to``, the rows of a domain's ``nodes``, to what the solution ``x`` of its border makes there."""
+def _border_contribution(nodes: tuple[int, int], links: Links, x: FloatArray, c: int, to: FloatArray) -> None:
+    """Set ``to``, the rows of a domain's ``nodes``, to the contribution of the solution ``x`` at its
+    border."""
     begin, other, between = links
     to[: 2 * (nodes[1] - nodes[0]) * c] = 0.0
     for node in range(nodes[0], nodes[1]):
@@ -133,7 +135,7 @@ def _bring(nodes: tuple[int, int], links: Links, x: FloatArray, c: int, to: Floa
 
 @inner
 def _tallest(unit: IntArray, tree: Tree) -> tuple[int, int]:
-    """Most rows of a front, and of a unit's own nodes."""
+    """Largest number of rows of a front, and of a unit's own nodes."""
     start, _, _, _, kept, _, _ = tree
     front, own = 0, 0
     for f in range(len(kept)):
@@ -174,14 +176,15 @@ def solve(
         nodes = (start[fronts[0]], start[fronts[1]])
         domain = link[nodes[1]] > link[nodes[0]]
         if domain and not forward:
-            # What the border makes is solved for by itself and taken from the domain's own solution.
-            _bring(nodes, links, x, c, brought)
+            # The contribution of the border is solved for separately and subtracted from the domain's
+            # solution.
+            _border_contribution(nodes, links, x, c, brought)
         part, where = (brought, within) if domain and not forward else (x, rows)
         for way in (True, False):
             if domain or way == forward:
                 _sweep(fronts, way, tree, where, part, c, local)
         if domain and forward:
-            _hand_on(nodes, links, rows, x, c)
+            _update_border(nodes, links, rows, x, c)
         elif domain:
             own = x[2 * nodes[0] * c :]
             for i in range(2 * (nodes[1] - nodes[0]) * c):
@@ -196,7 +199,7 @@ def _mark(mark: IntArray, columns: IntArray, f: int) -> None:
 
 @inner
 def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
-    """The columns marked with f; ``at`` gets the place of each among them."""
+    """Columns marked with f; ``at`` receives the position of each among them."""
     active = np.empty(len(mark), dtype=np.int64)
     c = 0
     for column in range(len(mark)):
@@ -208,10 +211,10 @@ def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
 
 
 @inner
-def _turn_signs(
+def _flip_signs(
     x: FloatArray, c: int, split: int, fronts: tuple[int, int], start: IntArray, negative: IntArray
 ) -> None:
-    """Change the signs of the first ``split`` columns of x (pivots, c) in the fronts' negative rows."""
+    """Flip the signs of the first ``split`` columns of x (pivots, c) in the fronts' negative rows."""
     for f in range(fronts[0], fronts[1]):
         last = start[f + 1] - start[fronts[0]]
         for row in range(2 * (last - negative[f]), 2 * last):
@@ -228,8 +231,8 @@ def _add_product(
     signs: tuple[IntArray, IntArray],
     result: FloatArray,
 ) -> None:
-    """Add the products of the ``columns`` (c,) of x (pivots, c), the rows of some ``fronts``, to the
-    ``result``; ``signs`` are ``start`` and ``negative`` of all fronts."""
+    """Add x_i^T D x_j of the ``columns`` (c,) of x (pivots, c), the rows of some ``fronts``, to ``result``;
+    ``signs`` are ``start`` and ``negative`` of all fronts."""
     c, split = len(columns), 0
     start, negative = signs
     pivots = 2 * (start[fronts[1]] - start[fronts[0]])
@@ -238,12 +241,12 @@ def _add_product(
     rest = c - split
     if split > 0 and rest > 0:
         part = np.empty(split * rest)
-        _turn_signs(x, c, split, fronts, start, negative)
+        _flip_signs(x, c, split, fronts, start, negative)
         multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
         for i in range(split):
             for j in range(rest):
                 result[columns[i], columns[split + j] - left] += part[i * rest + j]
-        _turn_signs(x, c, split, fronts, start, negative)
+        _flip_signs(x, c, split, fronts, start, negative)
 
 
 @kernel
@@ -266,11 +269,10 @@ def products(
     left: int,
     total: int,
 ) -> Float2:
-    """With b sparse columns, L the factor and D the pivots' signs: (L^-1 b_i)^T D (L^-1 b_j) for
-    i < ``left`` <= j < ``total``.
+    """Condensation products (L^-1 b_i)^T D (L^-1 b_j) for i < ``left`` <= j < ``total``, b sparse columns.
 
-    ``indptr``, ``indices``, ``data`` are the columns by rows (2n,), in order of elimination. A unit solves
-    only for columns that have an entry in it or below.
+    L is the factor and D the pivots' signs. ``indptr``, ``indices``, ``data`` hold b by rows (2n,), in order
+    of elimination. A unit solves only for columns with entries in it or in its subtree.
     """
     result = np.zeros((left, total - left))
     tree, links = (start, negative, begin, border, kept, panel, values), (link, other, between)
@@ -310,7 +312,7 @@ def products(
                 if forward:
                     _add_product(x, columns, left, (unit[u], f + 1), (start, negative), result)
             if domain:
-                _hand_on((first, end), links, local, x, c)
+                _update_border((first, end), links, local, x, c)
         if depth + 1 == len(handed):
             handed.append(x[:0])
             active.append(columns[:0])

@@ -1,9 +1,9 @@
-"""A body's equations from the conditions on its surfaces: rows of its nodes and of its pieces, their weights.
+"""Assembly of a body's equations: rows of its nodes and pieces, and their weights.
 
-Least squares takes all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD``/h, which makes all
-rows strains; towards singular corners, notches and holes they are lowered. The equilibrium of the pieces
-(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. The square schemes choose among the rows
-of the nodes (:mod:`mlsanm_cli.mechanics.equations`).
+Least squares uses all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD_WEIGHT``/h, so that
+all rows are strains; they decrease towards singular corners, notches and holes. The equilibrium of the pieces
+(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. Square schemes select among the nodes'
+rows (:mod:`mlsanm_cli.mechanics.equations`).
 
 Equation (2) of docs/method.md.
 """
@@ -24,11 +24,11 @@ from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import corner_weight, inward_corners, inward_weight
+from mlsanm_cli.mechanics.corners import corner_weight, reentrant_corners, reentrant_weight
 from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
-from mlsanm_cli.mechanics.pieces import SOFTEST, Pieces
+from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped
 from mlsanm_cli.memo import digest
@@ -39,8 +39,8 @@ from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
 
-HOLD = 5.0
-"""Weight of held displacements, measured: between 3 and 10 the bulk error no longer depends on it."""
+HOLD_WEIGHT = 5.0
+"""Weight of held displacements: measured, the bulk error is the same from 3 to 10."""
 
 
 def assemble(
@@ -55,11 +55,10 @@ def assemble(
 ) -> ElasticBody:
     """Choose the conditions of every surface and set up the rows.
 
-    ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
-    Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
-    where that holds it, which changes nothing but its rigid motion. ``touching`` are the surfaces in contact.
-    The last ``unloaded`` of the held nodes only say where the body is, and take no force from its pieces.
-    The system is factorised within ``timed()``.
+    ``held`` are the surfaces with held components, ``held_nodes`` (node, component) pairs held at zero, the
+    last ``unloaded`` of which only fix the position and take no force from their pieces. Components with
+    ``springs`` have the row sigma n + k u. A body with free rigid motions is pinned, which affects nothing
+    but these motions. ``touching`` are the surfaces in contact. The system is factorised within ``timed()``.
     """
     cloud = model.cloud
     free = free_motions(cloud, held, held_nodes, springs)
@@ -67,10 +66,10 @@ def assemble(
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
     grips = gripped(held, springs, cloud, model.material)
-    # Where volumes hardly change, pressures of single nodes are what pairs would make alternate.
+    # In nearly incompressible bodies, pairs would make nodal pressures alternate.
     pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
     count = table.total + 3 * pieces.count
-    # Made when they are first asked for, by the equations or for the body's forces.
+    # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, grips))
     pulls = spring_rows(cloud, table, len(model.nodes))
     rows = _rows(model, held, single)
@@ -89,8 +88,8 @@ def assemble(
         strong = partial(_strong, model, pieces, grips, loads, pulls, known)
         sums = pieces.sums(known)
         factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
-    # What rows are made from, in place of them: they are many times as large. The weights and the places
-    # halfway between nodes tell what nodes and normals do not of the curves behind them.
+    # Digest of the input of the rows, which are many times as large. The weights and the points halfway
+    # between nodes capture what nodes and normals do not tell of the curves.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
     chosen = [held, held_nodes, springs, solver.name, sorted(touching), unloaded]
     content = digest(model.rows_content, weight, curves, chosen)
@@ -102,7 +101,9 @@ def assemble(
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)
-    return replace(body, equations=BodyEquations(content, partial(_freed, pinned, single[len(held_nodes) :])))
+    return replace(
+        body, equations=BodyEquations(content, partial(_without_pins, pinned, single[len(held_nodes) :]))
+    )
 
 
 def _strong(
@@ -113,15 +114,15 @@ def _strong(
     pulls: sparse.csr_array,
     known: BoolArray,
 ) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray]:
-    """Rows (3k, 2N) of the equilibrium of pieces and what right-hand sides (3k, r) do there, as strains times
-    their strength, nothing where it is not ``known`` (3k,); and what makes that of forces (3k,)."""
+    """Equilibrium of the pieces as strong rows (3k, 2N), its operator (3k, r) on right-hand sides, both as
+    strains times their strength and zero where not ``known`` (3k,); and the scale (3k,) of forces."""
     loads = loads_on_pieces()
     rows = pieces.fluxes(model, grips, np.asarray(known.reshape(3, -1).any(axis=0)))
     if pulls.nnz:
-        # Springs pull with what tractions are less than their right-hand sides.
+        # A spring row prescribes the sum of traction and spring force.
         rows = rows + loads[:, : pulls.shape[0]] @ pulls
     modulus = model.material.modulus
-    soft = min(1.0, SOFTEST * model.material.shear / modulus)
+    soft = min(1.0, MAX_MODULUS_RATIO * model.material.shear / modulus)
     scale = np.where(known, np.tile(soft * pieces.strength / (modulus * pieces.size), 3), 0.0)
     scaled = sparse.diags_array(scale)
     return sparse.csr_array(scaled @ rows), sparse.csr_array(scaled @ loads), scale
@@ -139,7 +140,7 @@ def _least_squares(
     """Factorise; the ``rows`` are weighted in place."""
     lines, loads, scale = strong()
     owner = np.tile(np.arange(pieces.count), 3)
-    # In place: of all that there is before the factor, the rows are the largest part.
+    # In place: the rows are the largest array before factorisation.
     rows.data *= np.repeat(weight, np.diff(rows.indptr))
     places, times = np.zeros((pieces.count, 2)), np.zeros(pieces.count)
     for level in pieces.levels:
@@ -153,7 +154,7 @@ def _least_squares(
 
 
 def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
-    """Where the rows of every surface begin, behind those of equilibrium, and how many rows there are."""
+    """First row of every surface's conditions, and the total number of rows."""
     first_row, total = {}, 2 * len(cloud.points)
     for name, surface in cloud.surfaces.items():
         first_row[name] = total
@@ -166,7 +167,7 @@ def _rows(
     held: Mapping[str, tuple[bool, bool]],
     single: Sequence[tuple[int, int]],
 ) -> sparse.csr_array:
-    """All rows (r, 2N), springs left out."""
+    """All rows (r, 2N), without springs."""
     cloud, c, count = model.cloud, model.material.stiffness, len(model.nodes)
     blocks = [model.equilibrium(component) for component in (0, 1)]
     for name, surface in cloud.surfaces.items():
@@ -182,7 +183,7 @@ def _rows(
 
 
 def spring_rows(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
-    """What springs add to the rows (r, 2N)."""
+    """Contribution (r, 2N) of springs to the rows."""
     pulls = sparse.csr_array((table.total, 2 * nodes))
     for name, stiffness in table.springs.items():
         index = cloud.surfaces[name].index
@@ -193,8 +194,8 @@ def spring_rows(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
     return pulls
 
 
-def _freed(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
-    """The body's system without its pins."""
+def _without_pins(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
+    """The body's system without the effect of its pins."""
     model, count = body.model, len(body.model.cloud.points)
     patterns = body.free.patterns(model.nodes)
     # Ghosts carry no displacement of the body.
@@ -217,25 +218,27 @@ def row_weights(
 ) -> FloatArray:
     """Weights (r,) of the rows in the least-squares sum; stresses are singular near ``grips``."""
     cloud = model.cloud
-    factor = corner_weight(cloud, grips, table.springs) * inward_weight(cloud, _unknown_corners(model, grips))
+    corners = _unenriched_corners(model, grips)
+    factor = corner_weight(cloud, grips, table.springs) * reentrant_weight(cloud, corners)
     weights = [factor * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]
-        # A node at the end of a surface stands for half a spacing of it.
+        # A node at the end of a surface represents half a spacing of it.
         traction = factor[surface.index] * np.sqrt(surface.weight / spacing)
         for component, holds in enumerate(held.get(name, (False, False))):
-            # A spring so stiff that it holds counts as such.
+            # A stiff spring counts as a hold.
             weights.append(
-                HOLD / spacing if holds else traction / table.moduli(name, component, spacing / HOLD)
+                HOLD_WEIGHT / spacing
+                if holds
+                else traction / table.moduli(name, component, spacing / HOLD_WEIGHT)
             )
     single = np.array([node for node, _ in held_nodes], dtype=np.int64)
-    return np.concatenate([*weights, HOLD / cloud.spacing[single]])
+    return np.concatenate([*weights, HOLD_WEIGHT / cloud.spacing[single]])
 
 
-def _unknown_corners(model: BodyModel, grips: Held) -> IntArray:
-    """The nodes at inward corners whose fields fits do not know: all but those between free faces that are
-    alone."""
-    corners = inward_corners(model.cloud)
+def _unenriched_corners(model: BodyModel, grips: Held) -> IntArray:
+    """Nodes at reentrant corners without singular functions: all but isolated ones between free faces."""
+    corners = reentrant_corners(model.cloud)
     if model.tips is None:
         return corners
     gripped = [model.cloud.surfaces[name].index for name, held in grips.items() if any(held)]

@@ -1,8 +1,8 @@
-"""One elastic body: its discrete system, and the right-hand sides and functionals others work with.
+"""One elastic body: its discrete system, right-hand sides and functionals.
 
-Rows, in this order: equilibrium in x and y at every node, boundary nodes included; then, surface by surface,
-the x and y conditions at each of its nodes, a displacement where the component is held and a traction where
-it is not; then single held nodes. A corner node has the rows of both its surfaces.
+Order of the rows: equilibrium in x and y at every node, boundary nodes included; then, surface by surface,
+the x and y conditions at its nodes, a displacement where the component is held and a traction elsewhere; then
+single held nodes. A corner node has the rows of both its surfaces.
 """
 
 from __future__ import annotations
@@ -27,18 +27,16 @@ from mlsanm_cli.operators.system import LinearSystem
 
 @dataclass(frozen=True)
 class ElasticBody:
-    """A body with its conditions chosen, and its system, factorised when it is first used.
+    """A body with its boundary conditions and its system, factorised on first use.
 
-    ``first_row[surface]`` is where the surface's rows begin: x for its b nodes, then y for its b nodes.
-    ``held[surface]`` says for x and y whether these rows hold a displacement, ``springs[surface]`` what
-    traction per displacement springs there pull back with, ``free`` which rigid motions nothing holds:
-    ``system`` then answers to balanced loads, by displacements with the mean motions that the right-hand
-    sides of as many rows from ``first_pin`` on say. ``rows`` counts all rows: behind those of the nodes are
-    three for each of the k ``pieces``, whose right-hand sides are what the loads on it are beyond those that
-    the nodes' right-hand sides stand for.
-    ``equations`` are factorised within ``timed()``.
-    ``held_nodes`` are the (node, component) pairs that supports hold one by one, whose rows follow those of
-    the surfaces.
+    ``first_row[surface]`` is the first row of the surface's conditions: x for its b nodes, then y.
+    ``held[surface]`` tells for x and y whether a displacement is prescribed, ``springs[surface]`` are the
+    spring stiffnesses, ``free`` the rigid motions that nothing holds. ``system`` then solves for balanced
+    loads; the mean free motions of the solution are the right-hand sides of the rows from ``first_pin`` on.
+    ``rows`` counts all rows, including three for each of the k ``pieces`` at the end, whose right-hand sides
+    are the loads in excess of those represented by the nodes' right-hand sides. ``equations`` are factorised
+    within ``timed()``. ``held_nodes`` are the (node, component) pairs held by supports; their rows follow
+    those of the surfaces.
     """
 
     model: BodyModel
@@ -55,18 +53,18 @@ class ElasticBody:
 
     @property
     def system(self) -> LinearSystem:
-        """The factorised system; NumericalError where there is none."""
+        """The factorised system. Raises NumericalError if it is singular."""
         return self.equations.factorised(self.timed)
 
     @property
     def content(self) -> str:
-        """A digest of the body with its conditions."""
+        """Digest of the body with its conditions."""
         chosen = [self.held, self.springs, self.free, self.first_row, self.rows]
         return digest(self.model.content, self.equations.content, chosen)
 
     @property
     def first_pin(self) -> int:
-        """The row of the first free motion, behind those of the nodes that supports hold one by one."""
+        """First row of the free motions, after those of the held nodes."""
         return self.rows - 3 * self.pieces.count - len(self.free.components)
 
     def condition_rows(self, surface: str, component: int) -> IntArray:
@@ -78,11 +76,10 @@ class ElasticBody:
     def source(
         self, surface: str, values: FloatArray, held: bool, between: FloatArray | None = None
     ) -> FloatArray:
-        """Right-hand side (r,) that prescribes ``values`` (b, 2) on a surface.
+        """Right-hand side (r,) for ``values`` (b, 2) prescribed on a surface.
 
-        They go into the components that hold a displacement if ``held``, else into those that take a
-        traction, which is linear between the nodes unless it is known ``between`` (g, 2) them, at the FINE
-        points of the surface's halves.
+        They are displacements of the held components if ``held``, else tractions of the others. Tractions are
+        linear between nodes unless given ``between`` (g, 2) them, at the FINE quadrature points.
         """
         source = np.zeros(self.rows)
         for component in (0, 1):
@@ -95,8 +92,7 @@ class ElasticBody:
         return source
 
     def force_source(self, force: FloatArray) -> FloatArray:
-        """Right-hand side (r,) of a ``force`` (n, 2) per volume, linear between the nodes:
-        div sigma = -force."""
+        """Right-hand side (r,) of a ``force`` (n, 2) per volume, linear between nodes: div sigma = -force."""
         source = np.zeros(self.rows)
         source[: force.size] = -force.T.ravel()
         source[self.rows - 3 * self.pieces.count :] = self.pieces.of_force(force)
@@ -104,32 +100,32 @@ class ElasticBody:
 
     @property
     def loads(self) -> sparse.csr_array:
-        """Force and moment (3k, r) on the pieces by right-hand sides."""
+        """Force and moment (3k, r) on the pieces per right-hand side."""
         return self.loads_on_pieces()
 
     def resultants(self, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
-        """Force x, force y and moment about a ``center`` (3, r) of right-hand sides on the body."""
+        """Force x, force y and moment about ``center`` (3, r) per right-hand side."""
         return sparse.csr_array(self.pieces.totals(center) @ self.loads)
 
     def reaction_rows(self, surface: str, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
-        """Force x, y and moment about a ``center`` (3, 2N) of a held surface on the body."""
+        """Rows (3, 2N) of force x, y and moment about ``center`` that a held surface exerts on the body."""
         where, inside = self.model.cloud.surfaces[surface], self.depth_of_reactions(surface)
         return reaction_rows(self.model, where, self.gripped[surface], center, inside)
 
     def depth_of_reactions(self, surface: str) -> float:
-        """How many spacings inside the stress is taken for the force of a held surface.
+        """Depth, in spacings, at which the stress is evaluated for the force on a held surface.
 
-        Square schemes have no rows of pieces, and their stress near held corners means little: it is taken
-        a spacing inside, or two where both directions are held.
+        Square schemes lack the rows of pieces, and their stress near held corners is unreliable: one spacing
+        inside, or two if both directions are held.
         """
         return float(sum(self.gripped[surface])) if self.model.settings.square else 0.0
 
     @cached_property
     def gripped(self) -> Held:
-        """Components of surfaces that are held, or by springs as stiff as that."""
+        """Components of surfaces that are held, or have stiff springs."""
         return gripped(self.held, self.springs, self.model.cloud, self.model.material)
 
     @cached_property
     def soft_springs(self) -> Springs:
-        """The springs that give way."""
+        """The soft springs."""
         return soft(self.springs, self.model.cloud, self.model.material)

@@ -28,27 +28,28 @@ from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
 from mlsanm_cli.memo import digest
-from mlsanm_cli.operators.cornered import far_apart
 from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils
+from mlsanm_cli.operators.singular_functions import isolated_tips
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_gradients, build_stencils
 from mlsanm_cli.startup import cKDTree
 
-MORE_NEIGHBORS = 1.3
-"""Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13
-over the clouds of one graded scene, with these by 3, and halved."""
+INCOMPRESSIBLE_NEIGHBORS = 1.3
+"""Factor on the stencil size of nearly incompressible materials: it halves the errors and reduces their
+scatter over the clouds of one graded scene from a factor of 13 to 3."""
 
-COINCIDENT = 0.02
-"""Nodes closer than this part of the spacing are refused: only their difference distinguishes them.
+MIN_NODE_DISTANCE = 0.02
+"""Nodes closer than this fraction of the spacing are rejected: only their difference distinguishes them.
 
-Measured with an extra node next to another one, degrees 2, 4 and 6: at 0.03 the error is the same as without
-it, at 0.01 fourteen times larger for degree 6, at 0.003 ten times for degree 2, then soon beyond all bounds.
+Measured with an extra node next to another one, degrees 2, 4 and 6: at 0.03 the error is unchanged, at 0.01
+fourteen times larger for degree 6, at 0.003 ten times for degree 2, and unbounded soon after.
 """
-NEEDLE = 0.3
-"""Tips of less than this angle (radian) may carry no polynomials of degree 2, whatever the spacing: those of
-10 degrees (0.17) never do, those of 15 degrees (0.26) mostly."""
+MIN_CORNER_ANGLE = 0.3
+"""Interior angle (radians) below which corners may have no fit of degree 2, whatever the spacing: those of 10
+degrees (0.17) never have, those of 15 degrees (0.26) rarely."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ class BodyModel:
     """Cloud, material and operators of one body, before its boundary conditions are set up.
 
     ``nodes`` (N, 2) carry the unknowns: the cloud's points, then the ghosts outside the boundary nodes
-    ``ghosts`` (g,), none unless the scheme has them. ``stencils`` are those of the cloud's points, ``near``
-    (n, k) the nodes nearest to each, as far as they may be asked for again.
+    ``ghosts`` (g,) of the ghost scheme. ``stencils`` are those of the cloud's points, ``near`` (n, k) their
+    nearest nodes, kept for later stencils.
     """
 
     name: str
@@ -80,12 +81,10 @@ class BodyModel:
         clamped: Collection[str] = (),
         foresight: int = 0,
     ) -> BodyModel:
-        """Stencils with second derivatives at every node; ghosts leave out ``clamped`` surfaces.
+        """Build stencils with second derivatives at every node; ``clamped`` surfaces get no ghosts.
 
-        Nodes are looked for but once, so many that stencils of ``foresight`` nodes may be made later.
-
-        Raises NumericalError where two nodes are too close, a part too thin for the degree, or no room for
-        ghosts.
+        The neighbour search covers ``foresight`` nodes, for larger stencils made later. Raises NumericalError
+        if two nodes are too close, a part is too thin for the degree, or there is no room for ghosts.
         """
         _refuse_coincident(name, cloud)
         settings = enough_neighbors(settings, material)
@@ -93,7 +92,7 @@ class BodyModel:
         if settings.scheme == "ghost":
             if cloud.sight is not None:
                 raise NumericalError(
-                    f"body {name} has a slit, whose ghosts would stand in its other face",
+                    f"body {name} has a slit, whose ghosts would lie in its opposite face",
                     'use mls.scheme = "least-squares"',
                 )
             ghosts = ghost_owners(cloud, clamped)
@@ -102,7 +101,7 @@ class BodyModel:
         mirror = cloud.mirror if nodes is cloud.points else None
         points = cloud.points if mirror is None else cloud.points[mirror.own]
         near = nearest_nodes(tree, points, max(settings.stencil_size, foresight))
-        tips = known_tips(cloud.tips, material, settings)
+        tips = enriched_tips(cloud.tips, material, settings)
         try:
             stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near, tips)
         except NumericalError as error:
@@ -115,32 +114,32 @@ class BodyModel:
 
     @cached_property
     def tips(self) -> Tips | None:
-        """The sharp inward corners that fits know of; None without any."""
-        return known_tips(self.cloud.tips, self.material, self.settings)
+        """Reentrant corners whose singular fields enrich the fits; None without any."""
+        return enriched_tips(self.cloud.tips, self.material, self.settings)
 
     @cached_property
     def kernel(self) -> PointForceField:
-        """The field of forces on the surface in closed form."""
+        """Closed-form field of a surface force."""
         return kernel_of(self.material)
 
     @cached_property
     def content(self) -> str:
-        """A digest of the nodes, the material and the operators' settings."""
+        """Digest of the nodes, the material and the operators' settings."""
         return digest(model_key(self.name, self.cloud, self.material, self.settings), self.ghosts)
 
     @cached_property
     def rows_content(self) -> str:
-        """A digest of what the body's rows depend on; neither its name nor how it expands is."""
+        """Digest of what the body's rows depend on; its name and thermal expansion do not matter."""
         kind = _kind(self.settings)
         return digest(self.cloud.content, self.ghosts, self.material.stiffness, kind)
 
     @property
     def unknowns(self) -> int:
-        """Number of displacement unknowns, ghosts' included."""
+        """Number of displacement unknowns, including ghosts."""
         return 2 * len(self.nodes)
 
     def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
-        """Rows (e, 2N) of the displacement at ``points`` (e, 2) of the body along ``directions`` (e, 2)."""
+        """Rows (e, 2N) of the displacement at ``points`` (e, 2) along ``directions`` (e, 2)."""
         stencils = build_stencils(
             self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
         )
@@ -148,7 +147,7 @@ class BodyModel:
         return pair_rows(stencils, stencils.weights * along)
 
     def values(self, points: FloatArray, displacement: FloatArray) -> FloatArray:
-        """The ``displacement`` (N, 2) of the nodes at ``points`` (e, 2) of the body."""
+        """The nodal ``displacement`` (N, 2) evaluated at ``points`` (e, 2)."""
         stencils = build_stencils(
             self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
         )
@@ -157,16 +156,16 @@ class BodyModel:
     def forces_through(
         self, centers: FloatArray, points: FloatArray, normals: FloatArray
     ) -> sparse.csr_array:
-        """Rows (3e, 2N): forces x of sigma n at the t ``points`` (e, t, 2) around each of the ``centers``
-        (e, 2), added up, forces y, and moments about the centres. The ``normals`` (e, t, 2) are as long as
-        what the points stand for."""
+        """Rows (3e, 2N) of the forces x, forces y and moments about ``centers`` (e, 2) of sigma n, summed
+        over the t ``points`` (e, t, 2) of each centre; ``normals`` (e, t, 2) include the quadrature
+        weights."""
         stencils = build_gradients(
             self.nodes, self.tree, centers, points, self.settings, self.cloud.sight, tips=self.tips
         )
         arm, c = points - centers[:, None], self.material.stiffness
         if not self.material.nearly_incompressible:
             return force_rows(stencils, c, arm, normals)
-        # The mean pressure as a nodal field, as in the equilibrium of the nodes.
+        # Mean pressure as a nodal field, as in the nodal equilibrium.
         even, flat = self.material.bulk_part, points.reshape(-1, 2)
         there = build_stencils(
             self.nodes, self.tree, flat, 0, self.settings, self.cloud.sight, tips=self.tips
@@ -180,7 +179,7 @@ class BodyModel:
 
     @cached_property
     def _stress_stencils(self) -> Stencils:
-        """Stencils of the cloud's points on each other, by which nodal stresses are differentiated."""
+        """Stencils of the cloud's points on each other, for derivatives of nodal stresses."""
         if self.settings.scheme != "ghost":
             return self.stencils
         points = self.cloud.points
@@ -189,9 +188,9 @@ class BodyModel:
     def equilibrium(self, component: int) -> sparse.csr_array:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
 
-        Nearly incompressible materials would lock: the gradient of the divergence, twice a node, leaves too
-        few displacements without change of volume. There the mean pressure is differentiated as a nodal
-        field, which asks for one thing a node. Degree 1, without second derivatives, does so with all stress.
+        Nearly incompressible materials would lock: grad div u imposes two conditions per node and leaves too
+        few isochoric displacements. There the mean pressure is differentiated as a nodal field, one condition
+        per node. Degree 1, without second derivatives, does so with all stresses.
         """
         c = self.material.stiffness
         nested = self.settings.degree == 1
@@ -206,8 +205,8 @@ class BodyModel:
     def stress(self, displacement: FloatArray) -> FloatArray:
         """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2).
 
-        Of nearly incompressible materials the mean pressure is that of fits to its nodal values, which are
-        all that equilibrium knows of them: what changes from node to node is many times the error of these.
+        The mean pressure of nearly incompressible materials is fitted to its nodal values: equilibrium
+        controls only the fit, and the node-to-node oscillation is many times its error.
         """
         c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
         if not self.material.nearly_incompressible:
@@ -217,14 +216,14 @@ class BodyModel:
         return np.asarray(stress_of(derivatives, c - even) + fitted)
 
     def divergence(self, displacement: FloatArray) -> FloatArray:
-        """What the rows of :meth:`equilibrium` make (n, 2) of nodal ``displacement`` (N, 2)."""
+        """div sigma (n, 2) of nodal ``displacement`` (N, 2), as by the rows of :meth:`equilibrium`."""
         return self.divergence_by(self.stencils.derivatives(displacement), self._stress_stencils.derivatives)
 
     def divergence_by(
         self, derivatives: FloatArray, of_stress: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """The same by the ``derivatives`` (n, 6, 2) of a displacement, and those ``of_stress`` (n, 3) at the
-        cloud's points, by whatever fits."""
+        """The same from the ``derivatives`` (n, 6, 2) of a displacement; ``of_stress`` differentiates nodal
+        stresses (n, 3)."""
         c = self.material.stiffness
         nested = self.settings.degree == 1
         if not nested and not self.material.nearly_incompressible:
@@ -239,18 +238,18 @@ class BodyModel:
         return divergence_of_stress(self._stress_stencils.derivatives(stress))
 
 
-def known_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
-    """The sharp inward corners of a body whose fields are known: of isotropic materials at small strain."""
+def enriched_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
+    """Reentrant corners with known singular fields: those of isotropic materials, least-squares scheme."""
     kernel = kernel_of(material)
     if tips is None or settings.square or not settings.corners or not isinstance(kernel, Isotropic):
         return None
-    return far_apart(settings, replace(tips, kappa=kernel.kappa))
+    return isolated_tips(settings, replace(tips, kappa=kernel.kappa))
 
 
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
-    """The settings with the stencils that the material needs, unless the case says how large they are."""
+    """The settings with the stencil size the material needs, unless the case prescribes one."""
     if material.nearly_incompressible and settings.neighbors is None:
-        return replace(settings, neighbors=math.ceil(MORE_NEIGHBORS * settings.stencil_size))
+        return replace(settings, neighbors=math.ceil(INCOMPRESSIBLE_NEIGHBORS * settings.stencil_size))
     return settings
 
 
@@ -261,7 +260,7 @@ def model_key(
     settings: MlsSettings,
     clamped: Collection[str] = (),
 ) -> str:
-    """A digest of what :meth:`BodyModel.build` is given."""
+    """Digest of the arguments of :meth:`BodyModel.build`."""
     elastic = [material.stiffness, material.across, material.expansion, material.across_heat]
     return digest(name, cloud.content, elastic, _kind(settings), sorted(clamped))
 
@@ -271,9 +270,9 @@ def _kind(settings: MlsSettings) -> list[object]:
 
 
 def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
-    """An ``error`` of stencils, which no spacing avoids where a corner is as acute as a needle."""
+    """An ``error`` of stencils with the acute corner that causes it, if there is one."""
     corner = min(cloud.acute, key=cloud.acute.__getitem__, default=None)
-    if corner is None or cloud.acute[corner] > NEEDLE:
+    if corner is None or cloud.acute[corner] > MIN_CORNER_ANGLE:
         return error
     angle, (x, y) = np.degrees(cloud.acute[corner]), cloud.points[corner]
     return NumericalError(
@@ -283,7 +282,7 @@ def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:
-    if cloud.separation.closest < COINCIDENT:
+    if cloud.separation.closest < MIN_NODE_DISTANCE:
         x, y = cloud.points[cloud.separation.node]
         distance = cloud.separation.closest
         raise NumericalError(

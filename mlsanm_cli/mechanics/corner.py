@@ -1,4 +1,4 @@
-"""Corners of a body near which forces act: their fields with what keeps both faces free of tractions."""
+"""Corners near which forces act: near fields with both faces free of tractions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.mechanics.corner_faces import STEP, Face, Line, smooth_step
+from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth_step
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
     SurfaceForces,
@@ -17,26 +17,26 @@ from mlsanm_cli.mechanics.near_field import (
 )
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
 
-LOW, HIGH = 9.0, 16.0
-"""Forces along the faces reach so far, in the logarithm of their distance from the tip, below the nearest
-source and beyond the farthest; those still nearer to the tip, or farther, act at one place."""
-FADING = 2.0
-"""Forces along faces of a limited span fade out over so much of this logarithm."""
-ON = 1e-9
-"""Places off a straight face by less than this part of its length lie on it."""
-AT_TIP = 1e-3
-"""Tractions on curved faces are looked at no nearer to the tip than this part of their span."""
-ON_NORMAL = 1e-2
-"""Places at the tip belong to the face whose normal differs from theirs by less, as 1 less the cosine."""
-NONE = 1e-12
-"""Distances from the tip are taken as at least this part of the length: fields at the tip have no value."""
+RANGE_BELOW, RANGE_ABOVE = 9.0, 16.0
+"""Range of the forces along the faces, in the logarithm of the distance, below the nearest source and beyond
+the farthest; forces beyond are lumped at the ends."""
+FADE_LENGTH = 2.0
+"""Logarithmic length over which forces along faces of limited span fade out."""
+FACE_TOLERANCE = 1e-9
+"""Points within this fraction of a straight face's length of it lie on it."""
+MIN_TIP_DISTANCE = 1e-3
+"""Tractions on curved faces are evaluated no closer to the tip than this fraction of the span."""
+NORMAL_TOLERANCE = 1e-2
+"""Points at the tip belong to the face whose normal agrees to this tolerance on 1 - cos."""
+MIN_DISTANCE = 1e-12
+"""Lower bound of distances from the tip, as a fraction of the length: fields are singular at the tip."""
 ROUND_OFF = 1e-12
-"""Densities below are none."""
+"""Densities below this are zero."""
 
 
 @dataclass(frozen=True)
 class Images:
-    """Forces (k, 2, c) at places off the body."""
+    """Forces (k, 2, c) at points outside the body."""
 
     places: SurfaceForces
     force: FloatArray
@@ -56,12 +56,12 @@ class Images:
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner of a body at ``tip``, between the two faces of a ``wedge``. The shorter one has a ``length``;
-    forces farther from the tip than ``reach`` can do without it.
+    """A corner of a body at ``tip``, between the two faces of a ``wedge``.
 
-    What keeps both faces free acts along whole infinite wedges. Where faces are ``curved``, or these would
-    cut the body, it acts along the faces themselves as far as ``span``, faded out before, and its fields end
-    at a ``center`` in the void if there is one.
+    ``length`` is that of the shorter face; forces farther from the tip than ``reach`` do not need the corner.
+    The force densities act along the whole infinite wedge. If faces are ``curved``, or would cut the body,
+    they act along the actual faces up to ``span``, fading out before, and their fields end at a ``center`` in
+    the void, if any.
     """
 
     wedge: Wedge
@@ -74,7 +74,7 @@ class Corner:
 
     @cached_property
     def faces(self) -> tuple[Face, Face]:
-        """The two faces that forces act on."""
+        """The two faces with force densities."""
         if self.curved is not None:
             return self.curved
         wedge = self.wedge
@@ -86,36 +86,38 @@ class Corner:
 
     @property
     def bisector(self) -> complex:
-        """The unit vector from the tip midway between the faces of the body."""
+        """Unit vector from the tip along the bisector of the body's faces."""
         middle = np.sqrt(self.wedge.along * self.wedge.other)
         return complex(middle if (middle * np.conj(self.wedge.inward[0])).real > 0.0 else -middle)
 
     def distance(self, z: ComplexArray) -> FloatArray:
-        """Distances (e,) of places on the first face from the tip."""
+        """Distances (e,) of points on the first face from the tip."""
         return self.faces[0].distance(z)
 
     def cleared(self, z: ComplexArray, normal: ComplexArray) -> tuple[BoolArray, BoolArray]:
-        """Whether places (e,) with outward normals lie on the first face, and on another that the corner's
-        forces take all tractions off."""
+        """Masks (e,) of points with outward normals on the first face, and on the second face freed of all
+        tractions."""
         found = []
         for face in self.faces[:1] if self.wedge.sliding or self.wedge.clamped else self.faces:
             w = (z - self.tip) * np.conj(face.along)
-            on = (np.abs(w.imag) <= ON * self.length) & (w.real >= -ON * self.length)
-            on &= np.abs((normal * np.conj(face.along)).real) <= ON
+            on = (np.abs(w.imag) <= FACE_TOLERANCE * self.length) & (w.real >= -FACE_TOLERANCE * self.length)
+            on &= np.abs((normal * np.conj(face.along)).real) <= FACE_TOLERANCE
             found.append(on & (self.curved is None))
         return found[0], found[-1] if len(found) > 1 else np.zeros(len(z), dtype=bool)
 
     def off_tip(self, z: ComplexArray, normal: ComplexArray) -> ComplexArray:
-        """Places (e,) with outward normals, those at the tip a little along their curved face."""
-        least = AT_TIP * self.span
+        """Points (e,) with outward normals, those at the tip shifted along their curved face."""
+        least = MIN_TIP_DISTANCE * self.span
         for face in self.curved or ():
             place, inward = face.places(np.array([least]))
-            at = (np.abs(z - self.tip) < least) & ((normal * np.conj(-inward[0])).real > 1.0 - ON_NORMAL)
+            at = (np.abs(z - self.tip) < least) & (
+                (normal * np.conj(-inward[0])).real > 1.0 - NORMAL_TOLERANCE
+            )
             z = np.where(at, self.tip + place[0], z)
         return z
 
     def images(self, source: FloatArray, force: FloatArray) -> tuple[Images, ...]:
-        """The images behind a wall of forces (k, 2, c) at the distances ``source`` (k,)."""
+        """Images, behind a frictionless wall, of forces (k, 2, c) at distances ``source`` (k,)."""
         acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
         if not (self.wedge.sliding and acting.any()):
             return ()
@@ -125,18 +127,18 @@ class Corner:
         image = np.einsum("fd,kdc->kfc", self.wedge.image, force)
         return (Images(SurfaceForces(self.wedge.kernel, place, inward), image),)
 
-    def lines(self, source: FloatArray, force: FloatArray) -> tuple[Line, ...]:
-        """The forces along both faces that go with forces (k, 2, c) at the distances ``source`` (k,); nothing
-        where there are no forces."""
+    def face_forces(self, source: FloatArray, force: FloatArray) -> tuple[FaceForces, ...]:
+        """Force densities along both faces for forces (k, 2, c) at distances ``source`` (k,); empty without
+        forces."""
         acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
         if not acting.any():
             return ()
         source, force = source[acting], force[acting]
-        first, last = np.log(source.min()) - LOW, np.log(source.max()) + HIGH
-        logarithm = np.arange(first, min(last, np.log(self.span)), STEP)
-        before = np.arange(first - STEP, first - LOW, -STEP)
-        after = np.arange(logarithm[-1] + STEP, last + LOW, STEP)
-        kept = 1.0 - smooth_step((np.log(self.span) - logarithm) / FADING)
+        first, last = np.log(source.min()) - RANGE_BELOW, np.log(source.max()) + RANGE_ABOVE
+        logarithm = np.arange(first, min(last, np.log(self.span)), LOG_STEP)
+        before = np.arange(first - LOG_STEP, first - RANGE_BELOW, -LOG_STEP)
+        after = np.arange(logarithm[-1] + LOG_STEP, last + RANGE_BELOW, LOG_STEP)
+        kept = 1.0 - smooth_step((np.log(self.span) - logarithm) / FADE_LENGTH)
         found = []
         for face, table in zip(self.faces, self.wedge.densities, strict=True):
             if np.abs(table).max() <= ROUND_OFF:
@@ -144,17 +146,18 @@ class Corner:
             by = interpolated(table, logarithm[:, None] - np.log(source))
             for row, more in ((0, before), (-1, after)):
                 by[row] += interpolated(table, more[:, None] - np.log(source)).sum(axis=0)
-            density = np.einsum("p,pkdf,kfc->pdc", STEP * kept, by, force, optimize=True)
-            found.append(Line(self.wedge.kernel, face, logarithm, density, self.center))
+            density = np.einsum("p,pkdf,kfc->pdc", LOG_STEP * kept, by, force, optimize=True)
+            found.append(FaceForces(self.wedge.kernel, face, logarithm, density, self.center))
         return tuple(found)
 
     def beyond_wedge(self, z: ComplexArray) -> FloatArray:
-        """By how much unit forces at places ``z`` (k,) of the first face move these (k, k, 2, 2) otherwise
-        than :meth:`Wedge.compliance` says, if faces are curved."""
-        count, x = len(z), np.maximum(self.distance(z), NONE * self.length)
+        """Displacements (k, k, 2, 2) of points ``z`` (k,) of the first face due to unit forces there, minus
+        :meth:`Wedge.compliance`, for curved faces."""
+        count, x = len(z), np.maximum(self.distance(z), MIN_DISTANCE * self.length)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
         moved = sum(
-            (line.displacement(z) for line in self.lines(x, unit)), start=np.zeros((count, 2, 2 * count))
+            (line.displacement(z) for line in self.face_forces(x, unit)),
+            start=np.zeros((count, 2, 2 * count)),
         )
         whole = [[self.wedge.compliance(x, x, c, d) for d in (0, 1)] for c in (0, 1)]
         return np.asarray(_parted(moved, count) - np.moveaxis(np.array(whole), (0, 1), (2, 3)))
@@ -162,43 +165,43 @@ class Corner:
 
 @dataclass(frozen=True)
 class CorneredForces:
-    """Unit forces as :class:`SurfaceForces`, on one face, with what keeps the faces of the ``corners`` at its
-    ends free of tractions."""
+    """Unit forces on one face, as :class:`SurfaceForces`, with the densities that free the faces of the
+    ``corners`` at its ends of tractions."""
 
     own: SurfaceForces
     corners: tuple[Corner, ...]
 
     @property
     def place(self) -> ComplexArray:
-        """Places (k,) of the forces."""
+        """Points (k,) of the forces."""
         return self.own.place
 
     @cached_property
-    def _lines(self) -> tuple[tuple[Line | Images, ...], ...]:
-        """Corner by corner the forces along its faces."""
+    def _terms(self) -> tuple[tuple[FaceForces | Images, ...], ...]:
+        """Force densities and images, per corner."""
         count = len(self.place)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
         away = [(corner, corner.distance(self.place)) for corner in self.corners]
-        return tuple((*corner.lines(x, unit), *corner.images(x, unit)) for corner, x in away)
+        return tuple((*corner.face_forces(x, unit), *corner.images(x, unit)) for corner, x in away)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
-        """Displacements (e, k, 2, 2) at places ``z`` (e,), none of which is a force's."""
+        """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
         total = self.own.displacement(z)
-        for lines in self._lines:
+        for lines in self._terms:
             for line in lines:
                 total = total + _parted(line.displacement(z), len(self.place))
         return total
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
-        """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and
-        ``curvature`` (e,); none is left on the straight faces of a corner by the forces and this corner."""
+        """Tractions (e, k, 2, 2) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,);
+        exactly zero on a corner's straight faces by the forces with this corner's densities."""
         for corner in self.corners:
             z = corner.off_tip(z, normal)
         total = self.own.traction(z, normal, curvature)
         cleared = [corner.cleared(z, normal) for corner in self.corners]
         for _, adjacent in cleared:
             total[adjacent] = 0.0
-        for (own, adjacent), lines in zip(cleared, self._lines, strict=True):
+        for (own, adjacent), lines in zip(cleared, self._terms, strict=True):
             off = ~(own | adjacent)
             if off.any():
                 for line in lines:

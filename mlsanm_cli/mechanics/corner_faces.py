@@ -1,4 +1,4 @@
-"""Faces of a corner, and fields of forces along them."""
+"""Faces of a corner, and the fields of force distributions along them."""
 
 from __future__ import annotations
 
@@ -23,25 +23,28 @@ from mlsanm_cli.mechanics.near_field import (
 )
 from mlsanm_cli.mechanics.wedge import cubic
 
-STEP = 0.1
-"""Forces along the faces stand so far apart in the logarithm of their distance from the tip."""
-ON_FACE = 1e-6
-"""Places and directions that differ by less are those of one curved face."""
-NEAR_SURFACE = 0.2
-"""Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
-INNER, OUTER = 0.2, 1.6
-"""Between these in the logarithm of the distance the one goes over into the other."""
+LOG_STEP = 0.1
+"""Step of the forces along a face in the logarithm of their distance from the tip."""
+FACE_TOLERANCE = 1e-6
+"""Tolerance for points and directions on a curved face."""
+NEAR_ANGLE = 0.2
+"""Below this angle to the face the distribution is integrated instead of summed."""
+BLEND_START, BLEND_END = 0.2, 1.6
+"""Blending interval between both, in the logarithm of the distance."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
-"""Gauss's points of these integrals on either side of the closest place."""
-LEAST_ANGLE = 1e-6
-"""Places on a face are looked at from this angle inside: on it fields jump."""
+"""Gauss points of these integrals on either side of the closest point."""
+MIN_ANGLE = 1e-6
+"""Points on a face are shifted to this angle inside, as fields jump on it."""
 Field: TypeAlias = Callable[[SurfaceForces, ComplexArray], FloatArray]
 
 
 @dataclass(frozen=True)
 class Face:
-    """One of both faces of a corner, from its ``tip``: straight, ``along`` a unit vector with the material on
-    the side ``inward``, or a ``curve`` that has the tip at its end (``at_end``) or its beginning."""
+    """One face of a corner, starting at its ``tip``.
+
+    Straight with unit tangent ``along`` and unit normal ``inward`` into the material, or a ``curve`` that has
+    the tip at its end (``at_end``) or at its start.
+    """
 
     tip: complex
     along: complex
@@ -50,28 +53,28 @@ class Face:
     at_end: bool = False
 
     def distance(self, z: ComplexArray) -> FloatArray:
-        """How far (e,) along the face the places closest to ``z`` (e,) are."""
+        """Distance (e,) along the face of the points closest to ``z`` (e,)."""
         if self.curve is None:
             return np.asarray(((z - self.tip) * np.conj(self.along)).real)
         arc = self.curve.closest(as_real(z))
         return np.asarray(self.curve.length - arc if self.at_end else arc)
 
     def places(self, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Places (e,) at distances ``x`` (e,), as seen from the tip, and unit normals (e,) into the body."""
+        """Points (e,) at distances ``x`` (e,), relative to the tip, and unit normals (e,) into the body."""
         if self.curve is None:
             return np.asarray(x * self.along, dtype=np.complex128), np.full(len(x), self.inward)
         past = np.maximum(x - self.curve.length, 0.0)
         arc = np.maximum(self.curve.length - x, 0.0) if self.at_end else x - past
         inward = -as_complex(self.curve.normals(arc))
-        # Straight on beyond the end, where there are no forces, so that none of the places is the end.
+        # Extended straight beyond the end, where no forces act, so that no two points coincide.
         ahead = 1j * inward if self.at_end else -1j * inward
         return as_complex(self.curve.points(arc)) - self.tip + past * ahead, inward
 
 
 @dataclass(frozen=True)
-class Line:
-    """Forces ``density`` (p, 2, c) at distances of even ``logarithm`` (p,) along a ``face``, which stand for
-    ones that are spread over it; their fields end at a ``center`` if there is one."""
+class FaceForces:
+    """A force distribution along a ``face``: point forces ``density`` (p, 2, c) at equidistant ``logarithm``
+    (p,) of the distance that represent a smooth density; the fields end at a ``center``, if any."""
 
     kernel: PointForceField
     face: Face
@@ -80,36 +83,37 @@ class Line:
     center: complex | None = None
 
     def displacement(self, z: ComplexArray) -> FloatArray:
-        """Displacements (e, 2, c) at ``z`` (e,), however near."""
+        """Displacements (e, 2, c) at ``z`` (e,), however near to the face."""
         forces = SurfaceForces
         return self._field(z, forces.displacement_by, forces.displacement, forces.displacement_of_each)
 
     def stress(self, z: ComplexArray) -> FloatArray:
-        """Stresses (e, 3, c) at ``z`` (e,), however near; on the face those inside."""
+        """Stresses (e, 3, c) at ``z`` (e,), however near to the face; on it, the limit from inside."""
         forces = SurfaceForces
         return self._field(z, forces.stress_by, forces.stress, forces.stress_of_each)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
-        """Tractions (e, 2, c) at places ``z`` (e,) of the surface with outward ``normal`` and ``curvature``
-        (e,)."""
+        """Tractions (e, 2, c) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,)."""
         x = np.maximum(self.face.distance(z), np.exp(self.logarithm[0]))
         place, inward = self.face.places(x)
         size = np.exp(self.logarithm[-1])
-        on = (np.abs(z - self.face.tip - place) <= ON_FACE * size) & (np.abs(normal + inward) <= ON_FACE)
+        on = (np.abs(z - self.face.tip - place) <= FACE_TOLERANCE * size) & (
+            np.abs(normal + inward) <= FACE_TOLERANCE
+        )
         total = np.zeros((len(z), 2, self.density.shape[2]))
         if not on.all():
             total[~on] = traction(self.stress(z[~on]), normal[~on])
         if on.any():
             found = self._forces.traction(z[on], normal[on], curvature[on])
             total[on] = np.einsum("epcd,pdm->ecm", found, self.density, optimize=True)
-            row = (np.log(x[on]) - self.logarithm[0]) / STEP
+            row = (np.log(x[on]) - self.logarithm[0]) / LOG_STEP
             inside = (row <= len(self.logarithm) - 1.0)[:, None, None]
-            total[on] += inside * cubic(self.density, row) / (STEP * x[on, None, None])
+            total[on] += inside * cubic(self.density, row) / (LOG_STEP * x[on, None, None])
         return total
 
     @cached_property
     def _forces(self) -> SurfaceForces:
-        """Unit forces at the places."""
+        """Unit forces at all points of the distribution."""
         place, inward = self.face.places(np.exp(self.logarithm))
         return SurfaceForces(self.kernel, self.face.tip + place, inward, self.center)
 
@@ -124,9 +128,11 @@ class Line:
         place, inward = self.face.places(x)
         w = (z - self.face.tip - place) * np.conj(inward)
         deep = w.real
-        near = np.flatnonzero((x > 0.0) & (np.abs(deep) < NEAR_SURFACE * x) & (np.abs(w.imag) <= ON_FACE * x))
+        near = np.flatnonzero(
+            (x > 0.0) & (np.abs(deep) < NEAR_ANGLE * x) & (np.abs(w.imag) <= FACE_TOLERANCE * x)
+        )
         apart = self.logarithm - np.log(x[near, None])
-        slope = np.maximum(deep[near] / x[near], LEAST_ANGLE)
+        slope = np.maximum(deep[near] / x[near], MIN_ANGLE)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
         total = by_all(self._forces, self.density, inside)
@@ -137,17 +143,17 @@ class Line:
         return total
 
     def _near_face(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
-        """What forces (e, p, c, 2) around distances ``x`` (e,) along the face do, seen from ``slope`` (e,)
-        times as far from the face: integrals over ln(x) + slope sinh(v)."""
-        end = np.arcsinh(OUTER / slope)[:, None]
+        """Fields (e, p, c, 2) of the forces near distances ``x`` (e,), seen from a height of ``slope`` (e,)
+        times x above the face: integrals over ln(x) + slope sinh(v)."""
+        end = np.arcsinh(BLEND_END / slope)[:, None]
         v = np.concatenate([0.5 * side * end * (1.0 + NODES) for side in (-1.0, 1.0)], axis=1)
         away = slope[:, None] * np.sinh(v)
-        size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / STEP * _window(away)
-        row = (np.log(x)[:, None] + away - self.logarithm[0]) / STEP
+        size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / LOG_STEP * _window(away)
+        row = (np.log(x)[:, None] + away - self.logarithm[0]) / LOG_STEP
         size[(row < 0.0) | (row > len(self.logarithm) - 1.0)] = 0.0
         place, inward = self.face.places(x)
         seen = np.repeat(place + slope * x * inward, away.shape[1])
-        # As seen from the tip: far from the origin digits are lost.
+        # Relative to the tip, to avoid cancellation far from the origin.
         center = None if self.center is None else self.center - self.face.tip
         forces = SurfaceForces(self.kernel, *self.face.places((x[:, None] * np.exp(away)).ravel()), center)
         found = field_of_each(forces, seen) * size.ravel()[:, None, None]
@@ -163,19 +169,19 @@ class Line:
 
 
 def _window(apart: FloatArray) -> FloatArray:
-    """How much of forces (...) so far along a face, in the logarithm, is integrated as seen from nearby."""
-    return smooth_step((np.abs(apart) - INNER) / (OUTER - INNER))
+    """Fraction (...) that is integrated of forces at a logarithmic distance ``apart`` (...)."""
+    return smooth_step((np.abs(apart) - BLEND_START) / (BLEND_END - BLEND_START))
 
 
 def smooth_step(way: FloatArray) -> FloatArray:
-    """A smooth step (...) from 1 to 0 on the ``way`` (...) from 0 to 1."""
+    """Smooth step (...) from 1 to 0 as ``way`` (...) goes from 0 to 1."""
     way = np.clip(way, 2e-2, 1.0 - 2e-2)
     return np.asarray(1.0 / (1.0 + np.exp(1.0 / (1.0 - way) - 1.0 / way)))
 
 
 def _cubic_shares(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """The first (e,) of the four rows, out of ``count``, that values ``at`` numbers of rows (e,) come from,
-    and the shares (e, 4) of these."""
+    """First (e,) of the four rows, out of ``count``, for interpolation ``at`` fractional row numbers (e,),
+    and their weights (e, 4)."""
     at = np.clip(at, 1.0, count - 3.0)
     first = np.minimum(at.astype(np.int64), count - 4)
     u = at - first

@@ -1,19 +1,17 @@
-"""Places with concentrated stress: corners of held and free surfaces, inward corners, notches and holes.
+"""Row weights near stress concentrations: changes of support, reentrant corners, notches, holes.
 
-**Places where the conditions change**: corners where a fully held surface meets a free one, and ends of held
-parts of a boundary. The stress is singular there.
+**Corners where a fully held surface meets a free one, and ends of held parts of a boundary.** The stress is
+singular there. Strong-form least squares requires second derivatives, which are not square-integrable there;
+unweighted, it would prefer a smooth wrong solution and lose force on the way to the clamped side. Rows are
+therefore weighted by a power of the distance to the nearest such corner, as in the weighted norms of Cox and
+Fix (Computers & Mathematics with Applications 10, 1984) and Lee, Manteuffel and Westphal (SIAM Journal on
+Numerical Analysis 44, 2006). The remaining loss shows in the force balance of every run.
 
-Least squares in the strong form asks for second derivatives that are not square-integrable there; left
-alone, it would prefer a smooth wrong solution and lose force on the way to the clamped side. So rows are
-weighted by a power of the distance to the nearest such corner, in the manner of the weighted norms of Cox and
-Fix (Computers & Mathematics with Applications 10, 1984) and of Lee, Manteuffel and Westphal (SIAM Journal on
-Numerical Analysis 44, 2006). What is lost all the same shows in the force balance of every run.
-
-**Inward corners, notches, fillets and holes.** The stress is concentrated there, over a length as small as
-the radius; where the cloud resolves it poorly, the residuals of few nodes would bend the whole solution. The
-weight of a row is a power of the distance plus the radius.
-Not so at corners whose fields the fits know (:mod:`mlsanm_cli.operators.cornered`): nothing is poorly
-resolved there, and rows with little weight would leave the strength of these fields open.
+**Reentrant corners, notches, fillets and holes.** The stress varies over a length of the order of the radius;
+where the cloud does not resolve it, the residuals of a few nodes would distort the whole solution. The weight
+is a power of the distance plus the radius. Corners whose singular functions enrich the fits
+(:mod:`mlsanm_cli.operators.singular_functions`) are resolved, and low weights would leave their stress
+intensity factors undetermined.
 """
 
 from __future__ import annotations
@@ -29,57 +27,60 @@ from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
 from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
-"""Corner displacements behave like distance^0.7, whose weighted second derivatives are integrable above 0.3.
+"""Exponent of the weights. Corner displacements behave like distance^0.7, whose second derivatives are
+square-integrable with weights of exponent above 0.3.
 
-Measured on a clamped beam of 8 x 1, degree 2: with spacing 0.05 the tip moves 0.16 of what it should without
-weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side becomes useless.
+Clamped beam of 8 x 1, degree 2, spacing 0.05: the tip deflection is 0.16 of the exact one without weights,
+0.82 with exponent 1, 0.93 with 1.5; with 2 the stress at the clamped side becomes useless.
 """
 
-REACH = 0.5
-"""Part of the thickness over which the weights near such corners grow to 1.
+WEIGHT_REACH = 0.5
+"""Distance from such corners, in thicknesses, at which the weights reach 1.
 
-With five nodes across, ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
-frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %, without weights beams are up to
+With five nodes across and ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
+frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %; without weights beams are up to
 1.6 % too soft.
 """
 
-CLOSEST = 0.5
-"""Distances are never taken below this part of the node spacing."""
+MIN_DISTANCE = 0.5
+"""Lower bound of distances, in spacings."""
 
-REGULAR = 1.4
-"""Where a boundary turns by more than this angle (radian), as at right corners, a side that slides along a
-wall and a free one make no singular stresses; on a straight boundary they are those of a crack."""
+MAX_MIXED_ANGLE = 1.4
+"""Turn of the boundary (radians) above which, as at right corners, the change from a sliding to a free side
+causes no singular stress; on a straight boundary it is that of a crack."""
 
-SHARP = 0.3
-"""Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
+SMOOTH_TURN = 0.3
+"""Corners that turn inward by less (radians) count as smooth: their displacements are nearly linear."""
 
 
 def thickness(cloud: Cloud) -> float:
-    """The body's area over half its perimeter: the thickness of a thin body."""
+    """Area over half the perimeter: the thickness of a thin body."""
     perimeter = sum(float(surface.weight.sum()) for surface in cloud.surfaces.values())
     return 2.0 * float(cloud.areas.sum()) / perimeter
 
 
 def corner_weight(cloud: Cloud, grips: Held, springs: Springs) -> FloatArray:
-    """Factor (n,) on the equilibrium and traction rows of every node: up to 1, near places where ``grips`` or
-    ``springs`` change along the boundary (distance / (REACH thickness))^POWER.
+    """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER, with
+    the distance from places where ``grips`` or ``springs`` change along the boundary.
 
-    Weights that grew all the way to the far end would leave the rows at a thin body's support with next to
-    nothing, and cost the strong rows their digits.
+    Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
+    weight, and cost the strong rows their digits.
     """
     nodes = np.unique(np.array([*_singular_changes(cloud, grips, springs)], dtype=np.int64))
     if not len(nodes):
         return np.ones(len(cloud.points))
-    distance = np.maximum(nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], CLOSEST * cloud.spacing)
-    factor: FloatArray = np.minimum(distance / (REACH * thickness(cloud)), 1.0) ** POWER
+    distance = np.maximum(
+        nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], MIN_DISTANCE * cloud.spacing
+    )
+    factor: FloatArray = np.minimum(distance / (WEIGHT_REACH * thickness(cloud)), 1.0) ** POWER
     return factor
 
 
 def _singular_changes(cloud: Cloud, grips: Held, springs: Springs) -> Iterator[int]:
-    """Nodes where a surface is held otherwise than the next one, and stresses are singular for it: at all
-    corners between a fully held and a free one, and where the angle is more than about a right one. There
-    they also count between springs and none: a block on springs along a part of its side was pulled by up to
-    16 % too little without."""
+    """Nodes where supports change along the boundary and stresses are singular: corners between a fully held
+    and a free surface, and others where the boundary turns by less than about a right angle. There springs
+    count as supports: without, the reaction of a block on springs along a part of its side was up to 16 % too
+    small."""
     held = {
         name: (x or springs.get(name, NO_SPRING)[0] > 0.0, y or springs.get(name, NO_SPRING)[1] > 0.0)
         for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
@@ -90,34 +91,33 @@ def _singular_changes(cloud: Cloud, grips: Held, springs: Springs) -> Iterator[i
                 continue
             (x, y), (u, v) = one.normal[-1], other.normal[0]
             clamped = {sum(grips.get(each, FREE)) for each in (name, other_name)} == {0, 2}
-            if clamped or np.arctan2(x * v - y * u, x * u + y * v) < REGULAR:
+            if clamped or np.arctan2(x * v - y * u, x * u + y * v) < MAX_MIXED_ANGLE:
                 yield int(other.index[0])
 
 
-def inward_corners(cloud: Cloud) -> IntArray:
-    """Nodes where two surfaces meet at a sharp corner that points into the material."""
+def reentrant_corners(cloud: Cloud) -> IntArray:
+    """Nodes where two surfaces meet at a sharp reentrant corner."""
     found = []
     for one in cloud.surfaces.values():
         for other in cloud.surfaces.values():
             if not one.curve.closed and one.index[-1] == other.index[0]:
                 (x, y), (u, v) = one.normal[-1], other.normal[0]
-                if np.arctan2(x * v - y * u, x * u + y * v) < -SHARP:
+                if np.arctan2(x * v - y * u, x * u + y * v) < -SMOOTH_TURN:
                     found.append(other.index[0])
     return np.array(found, dtype=np.int64)
 
 
-def inward_weight(cloud: Cloud, corners: IntArray) -> FloatArray:
-    """Factor (n,) on the equilibrium and traction rows: ((distance + radius) / thickness)^POWER, up to 1.
+def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:
+    """Factor (n,) on equilibrium and traction rows: min(1, (distance + radius) / thickness)^POWER.
 
-    The distance is that to the nearest of the ``corners`` (c,), of radius 0, or hollow of the outline:
-    fillet, notch or hole. Corners whose fields fits know need none: an eye with a shank whose inner corners
-    had weights, a mesh of eight nodes across, was 8 % too stiff at degree 2, and 25 % at degree 4.
-    A portal frame with fillets of two spacings is 1.3 and 2.9 % too stiff without it (degrees 2 and 4), 0.8
-    and 1.4 % with it.
+    The distance is that to the nearest of the ``corners`` (c,), of radius 0, or concave part of the outline:
+    fillet, notch or hole. Enriched corners need no weights: with them an eye with a shank, a mesh of eight
+    nodes across, was 8 % too stiff at degree 2, and 25 % at degree 4. A portal frame with fillets of two
+    spacings is 1.3 and 2.9 % too stiff without weights (degrees 2 and 4), 0.8 and 1.4 % with them.
     """
     size = cloud.room
     if len(corners):
         away = nearest(cKDTree(cloud.points[corners]), cloud.points)[0]
-        size = np.minimum(size, np.maximum(away, CLOSEST * cloud.spacing))
+        size = np.minimum(size, np.maximum(away, MIN_DISTANCE * cloud.spacing))
     factor: FloatArray = np.minimum(size / thickness(cloud), 1.0) ** POWER
     return factor

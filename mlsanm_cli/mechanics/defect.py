@@ -1,8 +1,8 @@
-"""How well a body's displacements meet equations one degree better than those they were found from.
+"""Residual of a body's displacements in equations of the next higher degree.
 
 Defect correction (Stetter 1978, doi:10.1007/BF01432879): local fits of degree p + 1 to the nodal
-displacements u see what those of degree p leave out. With M the rows of degree p and M+ those of degree
-p + 1, solving the factorised system for the right-hand side (M - M+) u gives about minus the error of u.
+displacements u reveal the truncation error of degree p. With M the rows of degree p and M+ those of degree p
++ 1, the factorised system with right-hand side (M - M+) u gives approximately minus the error of u.
 
 Equation (18) of docs/method.md.
 """
@@ -24,38 +24,39 @@ from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.fits import fitted_derivatives
-from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
+from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE, MAX_UPDATES, STALL_RATIO
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 
-KEPT = 2000
-"""Fits of bodies of so many nodes may be kept: 10 MB of weights."""
+MAX_KEPT_NODES = 2000
+"""Number of nodes of a body up to which its fits may be kept: 10 MB of weights."""
 DEGREES = (2, 3, 4)
-"""Degrees whose errors were measured to be reported. At degree 1 the estimate was up to 300 times too large,
-from 5 on up to 10 times."""
+"""Degrees whose error estimates were validated. At degree 1 the estimate was up to 300 times too large, from
+5 on up to 10 times."""
 
-ROUGH = 1e-3
-"""Relative error of a correction that is left alone: an estimate has a digit or two."""
-UNSETTLED = 0.15
-"""Part of a correction that the displacements it was found from may be away from their own equations'.
+CORRECTION_TOLERANCE = 1e-3
+"""Accepted relative error of a correction: an estimate has a digit or two."""
+ALGEBRAIC_FRACTION = 0.15
+"""Accepted algebraic error of the displacements, as a fraction of the correction computed from them.
 
-That distance is smooth, and its own defect a small part of it: with 0.3 the estimates of all published cases
-are those of refined displacements to 2e-3. Not so in nearly incompressible bodies, where it may be 500 times
-as large: there displacements are refined as far as they can be.
+The algebraic error is smooth, and its own defect is small: with 0.3 the estimates of all published cases
+agree with those of refined displacements to 2e-3. In nearly incompressible bodies it may be 500 times as
+large; there the displacements are refined as far as possible.
 """
-SETTLED = 1e-13
-"""The same as part of the displacements, for scenes that the fits meet exactly."""
+ALGEBRAIC_FLOOR = 1e-13
+"""The same as a fraction of the displacements, for scenes that the fits represent exactly."""
 
 
 def next_degree(settings: MlsSettings) -> MlsSettings:
-    """The settings of the fits that a defect is seen by."""
+    """Settings of the fits that evaluate the defect."""
     return replace(settings, degree=settings.degree + 1, neighbors=None)
 
 
 @dataclass(frozen=True)
 class Defect:
-    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits less its own, and
-    force and moment about the origin (3,) of every gripped surface by these less those by its own."""
+    """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits minus the
+    body's, and ``lacking``: force and moment about the origin (3,) on every gripped surface, likewise."""
 
     source: FloatArray
     stress: FloatArray
@@ -65,8 +66,9 @@ class Defect:
 @dataclass(frozen=True)
 class Corrected:
     """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1) without rigid motions, its
-    ``defect``, and the ``change`` (2N,) that makes up for it. ``rough`` is the relative error of solutions by
-    the factor alone.
+    ``defect`` and the resulting ``change`` (2N,).
+
+    ``rough`` is the relative error of solutions by the factor alone.
     """
 
     displacement: FloatArray
@@ -76,48 +78,50 @@ class Corrected:
     rough: float
 
     def response(self, body: ElasticBody, sources: sparse.csc_array) -> FloatArray:
-        """Displacements (2N, c) of the body under ``sources`` (r, c), to ROUGH or better."""
-        if self.rough > ROUGH:
-            return body.system.solve(sources, QUICK)
+        """Displacements (2N, c) of the body for ``sources`` (r, c), to CORRECTION_TOLERANCE or better."""
+        if self.rough > CORRECTION_TOLERANCE:
+            return body.system.solve(sources, FUNCTIONAL_TOLERANCE)
         return body.system.solve_unrefined(sources)
 
 
 def correct(
     body: ElasticBody, source: sparse.csc_array, moved: FloatArray, memo: Memo = NO_CACHE
 ) -> Corrected:
-    """The displacements of a body under ``source`` (r, 1) and what they lack, ``moved`` (2N,) rigidly too.
-    A memo keeps the fits that small bodies' defects are seen by.
+    """Displacements of a body for ``source`` (r, 1) plus the rigid part ``moved`` (2N,), with their
+    correction. ``memo`` keeps the better fits of small bodies.
 
-    Solutions by the factor alone do for corrections. Those for the source itself get there step by step, each
-    in one pass through the factor with the correction, until the steps are small against it. The first
-    step estimates the error of such solutions: smooth ones as this lose most by it.
-
-    Raises NumericalError as :func:`defect_of`.
+    Unrefined solutions suffice for corrections. The displacements themselves are refined, each step sharing
+    one pass through the factor with a correction, until the steps are small against it. The first step
+    estimates the error of unrefined solutions: it is largest for smooth ones like this. Raises NumericalError
+    as :func:`defect_of`.
     """
     better = memo.value("next degree", body.model.content, partial(NextDegree.of, body.model, memo.keeps))
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
-    part = 0.0 if body.model.material.nearly_incompressible else UNSETTLED
-    for _ in range(MOST):
+    part = 0.0 if body.model.material.nearly_incompressible else ALGEBRAIC_FRACTION
+    for _ in range(MAX_UPDATES):
         defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2), better)
         beyond = sparse.csc_array(defect.source[:, None])
         step, change = body.system.step(source, solution, beyond).T
         solution = solution + step[:, None]
         length = float(np.linalg.norm(step))
         rough = max(rough, length / size if size > 0.0 else 0.0)
-        if length <= max(part * float(np.linalg.norm(change)), SETTLED * size) or length >= STALLED * before:
+        if (
+            length <= max(part * float(np.linalg.norm(change)), ALGEBRAIC_FLOOR * size)
+            or length >= STALL_RATIO * before
+        ):
             break
         before = length
-    if rough > ROUGH:
-        change = body.system.solve(beyond, QUICK)[:, 0]
+    if rough > CORRECTION_TOLERANCE:
+        change = body.system.solve(beyond, FUNCTIONAL_TOLERANCE)[:, 0]
     return Corrected((solution[:, 0] + moved).reshape(-1, 2), solution, defect, change, rough)
 
 
 def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
-    """The defect of nodal ``displacement`` (N, 2), seen by fits one degree ``better``.
+    """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known.
 
-    Raises NumericalError for a degree outside DEGREES, and where the cloud cannot carry the next degree.
+    Raises NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree.
     """
     model = body.model
     if model.settings.degree not in DEGREES:
@@ -131,7 +135,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
     for name, surface in model.cloud.surfaces.items():
         traction = traction_of(stress[surface.index], surface.normal)
         source += body.source(name, -traction, held=False)
-    # Pieces lack what flows through their faces, whatever their nodes' rows stand for.
+    # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
     lacking = partial(better.stress_around, displacement)
     fluxes = body.pieces.flux_of(lacking, body.gripped)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
@@ -151,8 +155,8 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
 
 @dataclass(frozen=True)
 class NextDegree:
-    """Fits one degree higher than a body's, with that degree's own number of neighbours; ``kept`` ones have
-    their weights, which make the second look at them cheap."""
+    """Fits one degree higher than a body's, with that degree's default stencil size; with ``kept`` weights a
+    second evaluation is cheap."""
 
     model: BodyModel
     kept: dict[tuple[int, int, bytes], Stencils] | None = field(default=None, compare=False)
@@ -160,19 +164,19 @@ class NextDegree:
     @classmethod
     def of(cls, model: BodyModel, keep: bool) -> NextDegree:
         """Fits that are to be kept, unless that takes much memory."""
-        return cls(model, {} if keep and len(model.nodes) <= KEPT else None)
+        return cls(model, {} if keep and len(model.nodes) <= MAX_KEPT_NODES else None)
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
         return self._derivatives(displacement, self.model.cloud.points, next_degree(self.model.settings))
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
-        """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
+        """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
         return self._derivatives(stress, self.model.cloud.points, next_degree(self.model.settings))
 
     def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
-        """What the stress of ``displacement`` (N, 2) is more by the model's fits than by these (e, t, 3), at
-        ``points`` (e, t, 2) around ``places`` (e, 2): by first and second derivatives there."""
+        """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
+        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives."""
         model = self.model
         own, better = (
             self._derivatives(displacement, places, some)

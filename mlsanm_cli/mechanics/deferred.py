@@ -1,4 +1,4 @@
-"""A body's equations, factorised when they are first used: where answers are known already, never."""
+"""Lazy factorisation of a body's equations: never done if all results are known."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import TypeAlias
 from mlsanm_cli.operators.system import LinearSystem
 
 Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
-"""Makes the context in which something that takes time is done."""
+"""Context manager factory that measures the time of an operation."""
 
 
 class BodyEquations:
-    """A body's equations: what ``factorise`` makes a system of when it is first asked for.
+    """A body's equations, factorised by ``factorise`` on first use.
 
-    It is let go then: large as its rows are, the system has all that it needs. ``content`` is a digest of all
-    that the equations follow from.
+    The callable is then dropped with the rows it holds. ``content`` is a digest of all input of the
+    equations.
     """
 
     def __init__(self, content: str, factorise: Callable[[], LinearSystem]) -> None:
@@ -25,7 +25,7 @@ class BodyEquations:
         self._system: LinearSystem | None = None
 
     def factorised(self, timed: Timed) -> LinearSystem:
-        """The system, factorised at most once, within ``timed()``; NumericalError where there is none."""
+        """The system, factorised once, within ``timed()``. Raises NumericalError if it is singular."""
         if self._system is None:
             assert self._factorise is not None
             with timed():
@@ -35,5 +35,5 @@ class BodyEquations:
 
     @property
     def note(self) -> str:
-        """What users should know of how the system was factorised, if it was."""
+        """Remark on the factorisation for users; "" if there is none."""
         return "" if self._system is None else self._system.note

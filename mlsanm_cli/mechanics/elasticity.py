@@ -15,7 +15,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.forces import add_forces
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows, vector_rows
-from mlsanm_cli.operators.stencils import Stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
 
 XX, YY, XY = 0, 1, 2
 
@@ -27,20 +27,23 @@ def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr
 
 
 def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, component: int) -> sparse.csr_array:
-    """Rows (e, 2n) of the traction's x (0) or y (1) component on surfaces with ``normal`` (e, 2)."""
+    """Rows (e, 2n) of the traction component x (0) or y (1) on surfaces with ``normal`` (e, 2)."""
     dx, dy = stencils.weights[:, 1], stencils.weights[:, 2]
     count = np.diff(stencils.indptr)
     n_x, n_y = np.repeat(normal[:, 0], count), np.repeat(normal[:, 1], count)
     first, second = ((XX, XY), (XY, YY))[component]
-    # The traction's own stiffness row, entry by entry.
+    # Traction stiffness, entry by entry.
     s0, s1, s2 = (c[first, a] * n_x + c[second, a] * n_y for a in range(3))
     return vector_rows(stencils, s0 * dx + s2 * dy, s2 * dx + s1 * dy)
 
 
 def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
-    """Rows (3e, 2n) of the sums of sigma n at t points of each stencil: x of all, y of all, and moments with
-    ``arm`` (e, t, 2). The stencils have the weights (nnz, 2t) of d/dx and d/dy at these points; ``normal``
-    (e, t, 2) are as long as what the points stand for."""
+    """Rows (3e, 2n) of the forces x, forces y and moments with ``arm`` (e, t, 2) of sigma n, summed over the
+    t quadrature points of each stencil.
+
+    The stencils have the weights (nnz, 2t) of d/dx and d/dy at these points; ``normal`` (e, t, 2) includes
+    the quadrature weights.
+    """
     values = np.zeros((3, len(stencils.indices), 2))
     add_forces(stencils.indptr, stencils.weights, c, arm, normal, values)
     rows = pair_rows(stencils, values[0])
@@ -51,8 +54,8 @@ def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: Float
 
 
 def force_sums(arm: FloatArray, normal: FloatArray) -> list[sparse.csr_array]:
-    """What makes forces x, forces y and moments with ``arm`` (e, t, 2), (3e,), of the stress xx, yy or xy at
-    t points around e places, (e t,); ``normal`` (e, t, 2) are as long as what the points stand for."""
+    """Matrices (3e, e t) from stress xx, yy and xy at t points around e centres to forces x, forces y and
+    moments with ``arm`` (e, t, 2); ``normal`` (e, t, 2) includes the quadrature weights."""
     places, times = normal.shape[:2]
     row, column = np.repeat(np.arange(places), times), np.arange(places * times)
     (n_x, n_y), (a_x, a_y) = normal.reshape(-1, 2).T, arm.reshape(-1, 2).T
@@ -66,9 +69,9 @@ def force_sums(arm: FloatArray, normal: FloatArray) -> list[sparse.csr_array]:
 
 
 def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
-    """Rows (e, 2n) of div sigma in x (0) or y (1) for a uniform stiffness, by second derivatives."""
+    """Rows (e, 2n) of div sigma in x (0) or y (1) for uniform stiffness, by second derivatives."""
     first, second = ((XX, XY), (XY, YY))[component]
-    # What multiplies the second derivatives xx, xy, yy of u_x and of u_y.
+    # Coefficients of the second derivatives xx, xy, yy of u_x and of u_y.
     factors = np.array(
         [
             [c[first, 0], c[first, 2]],
@@ -82,9 +85,9 @@ def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> spars
 def nested_equilibrium_rows(
     stencils: Stencils, outer: Stencils, c: FloatArray, component: int
 ) -> sparse.csr_array:
-    """Rows (e, 2n) of div sigma in x (0) or y (1), by first derivatives of the stresses at the e points.
+    """Rows (e, 2n) of div sigma in x (0) or y (1), by first derivatives of nodal stresses.
 
-    ``outer`` are stencils of these points on each other.
+    ``outer`` are stencils of the e points on each other.
     """
     first, second = ((XX, XY), (XY, YY))[component]
     d_x, d_y = (scalar_rows(outer, outer.weights[:, kind]) for kind in (1, 2))
@@ -92,7 +95,7 @@ def nested_equilibrium_rows(
 
 
 def stress_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
-    """Stress (e, 3) by the ``derivatives`` (e, 3 | 6, 2) of the displacement, value first."""
+    """Stress (e, 3) from ``derivatives`` (e, 3 | 6, 2) of the displacement, value first."""
     by_x, by_y = derivatives[:, 1], derivatives[:, 2]
     strain = np.stack([by_x[:, 0], by_y[:, 1], by_x[:, 1] + by_y[:, 0]], axis=1)
     result: FloatArray = strain @ c.T
@@ -100,7 +103,7 @@ def stress_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def divergence_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
-    """div sigma (e, 2) by the ``derivatives`` (e, 6, 2) of the displacement."""
+    """div sigma (e, 2) from ``derivatives`` (e, 6, 2) of the displacement."""
     xx, xy, yy = derivatives[:, 3], derivatives[:, 4], derivatives[:, 5]
     by_x = np.stack([xx[:, 0], xy[:, 1], xx[:, 1] + xy[:, 0]], axis=1) @ c.T
     by_y = np.stack([xy[:, 0], yy[:, 1], xy[:, 1] + yy[:, 0]], axis=1) @ c.T
@@ -108,26 +111,26 @@ def divergence_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def divergence_of_stress(derivatives: FloatArray) -> FloatArray:
-    """div sigma (e, 2) by the ``derivatives`` (e, 3 | 6, 3) of the stress."""
+    """div sigma (e, 2) from ``derivatives`` (e, 3 | 6, 3) of the stress."""
     by_x, by_y = derivatives[:, 1], derivatives[:, 2]
     return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
 
 
 def value_rows(stencils: Stencils, component: int) -> sparse.csr_array:
-    """Rows (e, 2n) of the displacement's x (0) or y (1) component."""
+    """Rows (e, 2n) of the displacement component x (0) or y (1)."""
     value = stencils.weights[:, 0]
     return vector_rows(stencils, value if component == 0 else None, value if component == 1 else None)
 
 
 def traction_of(stress: FloatArray, normal: FloatArray) -> FloatArray:
-    """Tractions (b, 2) of ``stress`` (b, 3), or (3,) if even, on surfaces with ``normal`` (b, 2)."""
+    """Tractions (b, 2) of ``stress`` (b, 3), or (3,) if uniform, on surfaces with ``normal`` (b, 2)."""
     xx, yy, xy = stress.T
     x, y = normal.T
     return np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
 
 
 def von_mises(stress: FloatArray, across: FloatArray) -> FloatArray:
-    """Von Mises stress (n,) of plane ``stress`` (n, 3) and the stress ``across`` (n,) the plane."""
+    """Von Mises stress (n,) of plane ``stress`` (n, 3) and out-of-plane stress ``across`` (n,)."""
     xx, yy, xy = stress[:, XX], stress[:, YY], stress[:, XY]
     zz = across
     result: FloatArray = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)

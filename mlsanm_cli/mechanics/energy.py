@@ -1,9 +1,8 @@
 """Strain energy of a body, and integrals of products over its triangles and along its surfaces.
 
-The solution comes from equations node by node and knows of no energy. That twice the strain energy is the
-work of all that acts on a body is therefore a check of its own. The products integrated here are those of two
-fields that are linear between the nodes, and integrated exactly: sums over nodal areas were 14 % off on a
-thin beam with five nodes across.
+The strong form does not use energy. Equality of twice the strain energy and the work of all external forces
+is therefore an independent check. Products of two fields that are linear between nodes are integrated
+exactly: sums over nodal areas were 14 % off for a thin beam with five nodes across.
 
 Equation (19) of docs/method.md.
 """
@@ -27,29 +26,29 @@ from mlsanm_cli.operators.stencils import build_stencils
 if TYPE_CHECKING:
     from mlsanm_cli.mechanics.body_model import BodyModel
 
-UNDECIDED = 1e-13
-"""Rigid motions with less of a mean square than this part of a unit motion's are not seen, but round-off."""
+RANK_TOLERANCE = 1e-13
+"""Rigid motions with a mean square below this fraction of a unit motion's are undetermined (round-off)."""
 
-STEPS = 500
-SMOOTH = 1e-6
-"""Extensions of boundary values are as smooth as that, or as so many steps make them: any serves."""
+MAX_STEPS = 500
+EXTENSION_TOLERANCE = 1e-6
+"""Residual reduction and step limit of the extension of boundary values, whose accuracy hardly matters."""
 
 
-AROUND_TIPS = 3.0
-"""Triangles within so many spacings of a sharp corner have the energy of fits. A bracket with six nodes
-across misses 10 % of its energy if stresses are linear in all of them."""
-RULE = tuple(
+TIP_RADIUS = 3.0
+"""Triangles within this many spacings of a reentrant corner are integrated with fitted stresses: linear
+stress loses 10 % of the energy of a bracket with six nodes across."""
+GAUSS_POINTS = tuple(
     0.5 * (one + shift) for one, shift in zip(np.polynomial.legendre.leggauss(3), (1.0, 0.0), strict=True)
 )
-"""Gauss's points and weights between 0 and 1."""
-INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-"""Points of triangles, by their corners' shares, whose mean is exact up to quadratics."""
+"""Gauss points and weights on (0, 1)."""
+TRIANGLE_POINTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+"""Points of a triangle (barycentric) whose mean is exact for quadratics."""
 
 
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
-    """Integral of the product of two nodal fields (n, c), summed over their components c.
+    """Integral of the product of two nodal fields (n, c), summed over components.
 
-    On a triangle of area A it is A / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i)).
+    On a triangle of area A: A / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i)).
     """
     a, b = first[cloud.triangles], second[cloud.triangles]
     products = (a * b).sum(axis=(1, 2)) + (a.sum(axis=1) * b.sum(axis=1)).sum(axis=1)
@@ -64,10 +63,9 @@ def _areas(cloud: Cloud, triangles: IntArray) -> FloatArray:
 
 
 def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> float:
-    """Integral of the product of two fields (b, c) at a surface's nodes, summed over their components c.
+    """Integral of the product of two fields (b, c) at a surface's nodes, summed over components.
 
-    Between two nodes L apart it is L / 6 (2 a_0 b_0 + a_0 b_1 + a_1 b_0 + 2 a_1 b_1), as two Gauss points
-    give it.
+    Between two nodes at distance L: L / 6 (2 a_0 b_0 + a_0 b_1 + a_1 b_0 + 2 a_1 b_1).
     """
     arc, a, b = surface.ends, first, second
     if surface.curve.closed:
@@ -78,7 +76,7 @@ def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> fl
 
 
 def gradients(cloud: Cloud) -> tuple[FloatArray, FloatArray]:
-    """Areas (t,) of the triangles, and gradients (t, 3, 2) of the linear functions of their corners."""
+    """Areas (t,) of the triangles, and gradients (t, 3, 2) of their linear shape functions."""
     a, b, c = (cloud.points[cloud.triangles[:, corner]] for corner in range(3))
     opposite = np.stack([c - b, a - c, b - a], axis=1)
     twice = opposite[:, 2, 0] * opposite[:, 0, 1] - opposite[:, 2, 1] * opposite[:, 0, 0]
@@ -96,9 +94,9 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 
 
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
-    """A smooth nodal field (n, 2) with the ``known`` (n, 2) of the ``values`` (n, 2).
+    """A smooth nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2).
 
-    It is nearly harmonic, by conjugate gradients on the triangles, and 0 in a component with nothing known.
+    Approximately harmonic (conjugate gradients on the triangles); 0 in a component without known values.
     """
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
@@ -113,8 +111,8 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
         field = result[:, component]
         rest = -np.where(free, matrix @ field, 0.0)
         way, size = rest.copy(), float(rest @ rest)
-        enough = SMOOTH**2 * size
-        for _ in range(STEPS):
+        enough = EXTENSION_TOLERANCE**2 * size
+        for _ in range(MAX_STEPS):
             if size <= enough:
                 break
             image = np.where(free, matrix @ way, 0.0)
@@ -132,12 +130,11 @@ def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArra
 
 
 def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
-    """What twice the strain energy of a ``displacement`` (n, 2) with nodal ``stress`` (n, 3) is more than
-    :func:`twice_strain_energy` says, by the triangles around sharp corners: stresses that grow without bound
-    there are not linear between nodes.
+    """Correction of :func:`twice_strain_energy` by the triangles around reentrant corners, where the singular
+    stress is not linear between nodes, for ``displacement`` (n, 2) and nodal ``stress`` (n, 3).
 
-    They are those of fits, at Gauss's points of triangles collapsed to the corner nearest to the tip, where
-    energies per area times the distance are nearly constant.
+    Fitted stresses at the Gauss points of triangles collapsed to the corner nearest to the tip: the integrand
+    times the distance is nearly constant.
     """
     if model.tips is None:
         return 0.0
@@ -145,30 +142,31 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
     own = model.cloud.triangles[around]
     own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
     shares, weights = [], []
-    for out, weight in zip(*RULE, strict=True):
-        for across, other_weight in zip(*RULE, strict=True):
+    for out, weight in zip(*GAUSS_POINTS, strict=True):
+        for across, other_weight in zip(*GAUSS_POINTS, strict=True):
             shares.append([1.0 - out, out * (1.0 - across), out * across])
             weights.append(2.0 * out * weight * other_weight)
     return _beyond_linear(model, displacement, stress, own, np.array(shares), np.array(weights))
 
 
 def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
-    """The same by all other triangles, with the stress of fits between the nodes. Fits beside the surface are
-    poorer at nodes than between them: with four nodes across, energies were up to 5 % off without."""
+    """The same correction by all other triangles: near the surface fits are less accurate at nodes than
+    between them; with four nodes across, energies were up to 5 % off without it."""
     if len(model.nodes) > len(displacement):
         return 0.0
     own = model.cloud.triangles[~_at_tips(model)[0]]
-    return _beyond_linear(model, displacement, stress, own, INNER, np.full(3, 1.0 / 3.0))
+    return _beyond_linear(model, displacement, stress, own, TRIANGLE_POINTS, np.full(3, 1.0 / 3.0))
 
 
 def _at_tips(model: BodyModel) -> tuple[BoolArray, FloatArray]:
-    """Which triangles (t,) are around sharp corners, and the distance (n,) of the nodes from these."""
+    """Mask (t,) of the triangles around reentrant corners, and distance (n,) of the nodes from the
+    corners."""
     cloud, tips = model.cloud, model.tips
     if tips is None:
         return np.zeros(len(cloud.triangles), dtype=bool), np.full(len(cloud.points), np.inf)
     near = cloud.tree.query(tips.place)[1]
     away = np.hypot(*(cloud.points[:, None] - tips.place).transpose(2, 0, 1))
-    around = (away <= AROUND_TIPS * cloud.spacing[near]).any(axis=1)
+    around = (away <= TIP_RADIUS * cloud.spacing[near]).any(axis=1)
     return around[cloud.triangles].any(axis=1), away.min(axis=1)
 
 
@@ -180,10 +178,10 @@ def _beyond_linear(
     shares: FloatArray,
     weights: FloatArray,
 ) -> float:
-    """Twice the strain energy of triangles ``own`` (t, 3) with the stress of fits, at points with the
-    ``shares`` (g, 3) of their corners and ``weights`` (g,), less that with linear stress.
+    """Twice the strain energy of triangles ``own`` (t, 3) with fitted stress, minus that with linear stress,
+    by quadrature points with barycentric ``shares`` (g, 3) and ``weights`` (g,).
 
-    What stress is not that of fits, as of heat, is linear.
+    Stress that is not from fits, such as thermal stress, is linear.
     """
     cloud, c = model.cloud, model.material.stiffness
     if model.material.nearly_incompressible:
@@ -204,10 +202,10 @@ def _beyond_linear(
 
 
 def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:
-    """The rigid motion (n, 2) of the nodes that is nearest to their ``displacement`` (n, 2).
+    """The rigid motion (n, 2) closest to the nodal ``displacement`` (n, 2).
 
-    ``levels`` are weights (n, 2) of the nodes' components: a later one decides only what those before it
-    leave open. The mean over the whole body decides the rest.
+    ``levels`` are weights (n, 2) in order of priority: each decides what earlier ones leave undetermined. The
+    mean over the body decides the rest.
     """
     size = float(np.ptp(cloud.points, axis=0).max())
     middle = cloud.areas @ cloud.points / cloud.areas.sum()
@@ -219,7 +217,7 @@ def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArr
         weight = one.ravel() / max(float(one.sum()), np.finfo(float).tiny)
         motions, missing = patterns @ free, displacement.ravel() - patterns @ chosen
         size_of, axes = np.linalg.eigh(motions.T @ (weight[:, None] * motions))
-        decided = size_of > UNDECIDED
+        decided = size_of > RANK_TOLERANCE
         found = (axes.T @ (motions.T @ (weight * missing)))[decided] / size_of[decided]
         chosen = chosen + free @ (axes[:, decided] @ found)
         free = free @ axes[:, ~decided]

@@ -1,10 +1,9 @@
-"""Square schemes: which of a body's rows become its equations, one for every unknown.
+"""Square schemes: selection of as many equations as unknowns from a body's rows.
 
-The rows are those of :mod:`mlsanm_cli.mechanics.body`. "Collocation" has equilibrium inside and conditions
-on the boundary, "ghost" also equilibrium at the boundary nodes that have a ghost outside.
-A node where two surfaces meet keeps a held component where one of them holds it, else the sum of both
-tractions: both tractions themselves would name the corner's shear stress twice and leave the matrix singular.
-Scales: equilibrium h^2/E, traction h/E, displacement 1.
+The rows are those of :mod:`mlsanm_cli.mechanics.body`. "Collocation" uses equilibrium inside and boundary
+conditions on the boundary, "ghost" also equilibrium at boundary nodes with a ghost. At a corner a component
+held by one of the surfaces stays held, otherwise both tractions are added: separately they would impose the
+shear stress twice and make the matrix singular. Scales: equilibrium h^2/E, traction h/E, displacement 1.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from mlsanm_cli.mechanics.springs import NO_SPRING, Springs
 
 @dataclass(frozen=True)
 class RowTable:
-    """Where a body's rows are: ``surfaces[name]`` the first of a surface's conditions (x of its b nodes, then
-    y), ``nodes`` the first of single held nodes; ``modulus`` scales tractions, with the ``springs`` there."""
+    """Positions of a body's rows: ``surfaces[name]`` is the first of a surface's conditions (x of its b
+    nodes, then y), ``nodes`` the first of single held nodes; ``modulus`` and ``springs`` scale tractions."""
 
     surfaces: Mapping[str, int]
     nodes: int
@@ -32,7 +31,8 @@ class RowTable:
     springs: Springs
 
     def moduli(self, surface: str, component: int, length: FloatArray) -> FloatArray:
-        """What scales the tractions of a surface's nodes (b,): strains over ``length`` (b,) move springs."""
+        """Scale (b,) of the tractions of a surface's nodes: modulus plus spring stiffness times ``length``
+        (b,)."""
         result: FloatArray = self.modulus + self.springs.get(surface, NO_SPRING)[component] * length
         return result
 
@@ -44,9 +44,9 @@ def choose_equations(
     rows: RowTable,
     ghosts: IntArray,
 ) -> sparse.csr_array:
-    """Factors (2N, r) by which the rows add up to equations, in the order of the unknowns they stand for.
+    """Matrix (2N, r) that combines the rows to equations, in the order of the unknowns.
 
-    ``ghosts`` (g,) are the boundary nodes with a ghost; theirs are the last unknowns.
+    ``ghosts`` (g,) are the boundary nodes with a ghost; ghosts are the last unknowns.
     """
     count = len(cloud.points)
     equation_of = np.arange(count)
@@ -61,9 +61,9 @@ def choose_equations(
         kept = balanced[~single[balanced, component]]
         scale = cloud.spacing[kept] ** 2 / rows.modulus
         parts.append((2 * kept + component, component * count + kept, scale))
-        # A single held node gives up its equilibrium, or where it has none its traction.
+        # A single held node replaces its equilibrium, or its traction if it has no equilibrium.
         taken = single[:, component] & (equation_of < count)
-        # Held surfaces first: what they hold at a corner, the other surface's traction does not touch.
+        # Held surfaces first: at a corner the held component replaces the other surface's traction.
         for name in sorted(cloud.surfaces, key=lambda one: not held.get(one, (False, False))[component]):
             index = cloud.surfaces[name].index
             holds = held.get(name, (False, False))[component]

@@ -1,4 +1,4 @@
-"""How a half-plane of any elastic material answers to forces on its surface."""
+"""Surface compliance of an anisotropic half-plane."""
 
 from __future__ import annotations
 
@@ -7,26 +7,25 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 
 DIRECTIONS = 720
-"""Points of the trapezoidal rule, whose error falls exponentially; E1/E2 = 1000 still has 12 digits."""
+"""Points of the trapezoidal rule, which converges exponentially; for E1/E2 = 1000 it has 12 digits."""
 
 
 def surface_compliance(stiffness: FloatArray) -> FloatArray:
-    """The tensor M (2, 2) by which line forces f at distance r move a surface: -M f log(r) / pi.
+    """Tensor M (2, 2) of the surface displacement -M f log(r) / pi due to line forces f at distance r.
 
-    M is the inverse of the tensor L of Barnett and Lothe, which with their Q, R, T of the plane ``stiffness``
-    (3, 3) along a turning direction is::
+    M is the inverse of the Barnett-Lothe tensor L, with Q, R, T the matrices of the plane ``stiffness`` (3,
+    3) in a rotating frame::
 
         L = 1/pi int_0^pi (Q - R T^-1 R^T) d theta
 
-    It does not depend on which way the surface runs, and is 2/E' in all directions for an isotropic material
+    It is independent of the orientation of the surface, and 2/E' times the identity for an isotropic material
     of plane modulus E' (Ting, Anisotropic Elasticity, Oxford University Press 1996, ISBN 9780195074475).
-    Without friction, contact along the normal n is therefore that of
-    an isotropic half-plane with 1/E' = n M n / 2.
+    Frictionless contact along the normal n is that of an isotropic half-plane with 1/E' = n M n / 2.
     """
     angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    # voigt[i, j] is the place of the stress component ij among xx, yy, xy.
+    # voigt[i, j] is the position of the stress component ij among xx, yy, xy.
     voigt = np.array([[0, 2], [2, 1]])
     c = stiffness[voigt[:, :, None, None], voigt[None, None, :, :]]
     q = np.einsum("ijks,tj,ts->tik", c, along, along)

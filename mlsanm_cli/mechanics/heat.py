@@ -1,8 +1,8 @@
-"""Changes of temperature over a body, and what they do to its equations.
+"""Temperature changes of a body and their right-hand sides.
 
-With the strains e(u) of the displacements and the free strains a T, stresses are C e(u) - C a T. So the
-stresses C e(u), which the rows represent, balance div(C a T) inside and the traction t + C a T n on free
-surfaces; through the faces of a piece flows C a T n beyond what acts on the piece from outside.
+With the strains e(u) of the displacements and the thermal strains a T, stresses are C e(u) - C a T. The
+stresses C e(u), which the rows represent, therefore balance div(C a T) inside and the traction t + C a T n on
+free surfaces; the faces of a piece transmit C a T n in addition to the external load of the piece.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Field(Protocol):
 
 @dataclass(frozen=True)
 class Heating:
-    """A change of a body's temperature at factor 1: a ``field``, and its ``values`` (n,) at the cloud's
+    """Temperature change of a body at factor 1: a ``field``, and its ``values`` (n,) at the cloud's
     points."""
 
     number: int
@@ -50,8 +50,8 @@ class Heating:
         return source
 
     def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
-        """What of the force x, y and moment about a ``center`` (3,) that displacements give of a held surface
-        is free expansion, and so none."""
+        """Force x, y and moment about ``center`` (3,) due to thermal expansion, to be subtracted from those
+        computed for a held surface from displacements."""
         even, held = stress_of_expansion(body.model.material), body.gripped[surface]
         where = body.model.cloud.surfaces[surface]
         inside = body.depth_of_reactions(surface)
@@ -60,6 +60,6 @@ class Heating:
         )
 
     def _blocked(self, even: FloatArray, points: FloatArray) -> FloatArray:
-        """Minus the stress (..., 3) at points (..., 2) of a body that cannot expand at all."""
+        """Minus the stress (..., 3) at points (..., 2) of a body prevented from expanding."""
         degrees = self.field.at(points.reshape(-1, 2)).reshape(points.shape[:-1])
         return np.asarray(degrees[..., None] * even)

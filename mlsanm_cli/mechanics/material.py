@@ -1,7 +1,7 @@
-"""Plane elasticity of a material, with its thermal expansion.
+"""Plane elasticity of a material, with thermal expansion.
 
-Isotropic and orthotropic materials are known in space and reduced to the plane; a plane stiffness given as
-such says nothing about the stress across the plane, which then is nan in plane strain.
+Isotropic and orthotropic materials are reduced from three dimensions to the plane; a plane stiffness given
+directly leaves the out-of-plane stress unknown, nan in plane strain.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.half_plane import surface_compliance
 
-LOCKING = 8.0
-"""Ratio of Lame's constants, lambda over mu, above which equilibrium is written for nearly incompressible
-materials (Poisson's ratio 0.444 in plane strain); it costs two and a half times the fill of the factor."""
+LOCKING_RATIO = 8.0
+"""Ratio lambda / mu of Lame's constants above which the formulation for nearly incompressible materials is
+used (Poisson's ratio 0.444 in plane strain); it multiplies the fill of the factor by two and a half."""
 
 
-DIGITS = 5
-"""Digits of what the roots of a characteristic equation tell: equal ones are found to half of all digits."""
+ROOT_DIGITS = 5
+"""Digits of results from characteristic roots: double roots are accurate to half of all digits."""
 
 
 @dataclass(frozen=True)
 class PlaneMaterial:
-    """``stiffness`` (3, 3) between (xx, yy, xy) stresses and (e_xx, e_yy, 2 e_xy).
+    """``stiffness`` (3, 3) between stresses (xx, yy, xy) and strains (e_xx, e_yy, 2 e_xy).
 
-    Per degree of temperature a free body takes the plane strains ``expansion`` (3,). The stress across the
-    plane is ``across`` (3,) times the plane stresses plus ``across_heat`` per degree.
+    ``expansion`` (3,) are the free plane strains per degree. The out-of-plane stress is ``across`` (3,) times
+    the plane stresses plus ``across_heat`` per degree.
     """
 
     stiffness: FloatArray
@@ -39,44 +39,44 @@ class PlaneMaterial:
 
     @cached_property
     def modulus(self) -> float:
-        """The stiffness C_xx, averaged over all directions of x: what scales rows."""
+        """C_xx averaged over all directions; scales rows."""
         c = self.stiffness
         return float(3.0 * (c[0, 0] + c[1, 1]) + 2.0 * c[0, 1] + 4.0 * c[2, 2]) / 8.0
 
     @cached_property
     def shear(self) -> float:
-        """Lame's mu; of an anisotropic material half the second of the three principal stiffnesses."""
+        """Lame's mu; for an anisotropic material half the second of the three principal stiffnesses."""
         root = np.array([1.0, 1.0, np.sqrt(2.0)])
         return 0.5 * float(np.linalg.eigvalsh(self.stiffness * np.outer(root, root))[1])
 
     @cached_property
     def _first(self) -> float:
-        """Lame's lambda: what an even change of area meets beyond ``shear``."""
+        """Lame's lambda: stiffness against uniform area change minus ``shear``."""
         area = np.array([1.0, 1.0, 0.0])
         return float(1.0 / (area @ np.linalg.solve(self.stiffness, area))) - self.shear
 
     @cached_property
     def stretch(self) -> float:
-        """How much faster than in an isotropic material stresses may change from place to place, at least 1.
+        """Factor >= 1 by which stresses vary faster in space than in an isotropic material.
 
-        They are functions of x + root y, by the two roots of the characteristic equation (Lekhnitskii 1963):
-        isotropic ones of coordinates in which one direction is so many times as long. Whichever way x points,
-        this is (1 + |t|) / (1 - |t|) with t = (1 + i root) / (1 - i root), the larger of both.
+        They are functions of x + root y with the two characteristic roots (Lekhnitskii 1963), that is
+        isotropic in coordinates stretched by this factor in one direction. Independent of the axes: the
+        larger (1 + |t|) / (1 - |t|) with t = (1 + i root) / (1 - i root).
         """
         a = np.linalg.inv(self.stiffness)
         found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
         roots = found[found.imag > 0.0]
         size = np.abs((1.0 + 1j * roots) / (1.0 - 1j * roots))
-        return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(DIGITS))
+        return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(ROOT_DIGITS))
 
     @property
     def nearly_incompressible(self) -> bool:
         """Whether equilibrium by second derivatives would lock."""
-        return self._first > LOCKING * self.shear
+        return self._first > LOCKING_RATIO * self.shear
 
     @property
     def bulk_part(self) -> FloatArray:
-        """The part (3, 3) of the stiffness that answers to a change of area with equal direct stresses."""
+        """Part (3, 3) of the stiffness that relates area change to equal direct stresses."""
         part = np.zeros((3, 3))
         part[:2, :2] = self._first
         return part
@@ -86,29 +86,29 @@ class PlaneMaterial:
         return surface_compliance(self.stiffness)
 
     def contact_compliance(self, direction: FloatArray, force: FloatArray | None = None) -> FloatArray:
-        """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2), by forces that way or
-        along ``force`` (m, 2); 1/E* is the sum of two bodies'."""
+        """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2) due to forces along
+        them, or along ``force`` (m, 2); 1/E* is the sum for both bodies."""
         by = direction if force is None else force
         result: FloatArray = 0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, by)
         return result
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
-        """sigma_zz (n,) with plane ``stress`` (n, 3) after a change of ``temperature``, one or (n,)."""
-        # Where nothing is heated, an expansion that is not known does not matter.
+        """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change, scalar or (n,)."""
+        # An unknown (nan) expansion does not matter where nothing is heated.
         heat = np.where(temperature, self.across_heat * np.asarray(temperature), 0.0)
         result: FloatArray = stress @ self.across + heat
         return result
 
     def strain(self, stress: FloatArray, temperature: float | FloatArray = 0.0) -> FloatArray:
-        """Strains (n, 3) in the plane, xx, yy, xy, of ``stress`` (n, 3) and a change of ``temperature``, one
-        number or (n,)."""
+        """Plane strains xx, yy, xy (n, 3) for ``stress`` (n, 3) and a ``temperature`` change, scalar or
+        (n,)."""
         found = np.linalg.solve(self.stiffness, stress.T).T + np.multiply.outer(temperature, self.expansion)
-        # Stiffnesses and expansions know twice the shear strain.
+        # Stiffness and expansion use the engineering shear strain.
         return np.asarray(found * np.array([1.0, 1.0, 0.5]), dtype=np.float64)
 
 
 def isotropic(modulus: float, poisson: float, plane: str, expansion: float = 0.0) -> PlaneMaterial:
-    """Isotropic material of Young's ``modulus``, ``poisson`` ratio and ``expansion`` per degree."""
+    """Isotropic material with Young's ``modulus``, ``poisson`` ratio and ``expansion`` per degree."""
     strain = _is_strain(plane)
     if strain:
         factor = modulus / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
@@ -133,11 +133,11 @@ def orthotropic(
     plane: str,
     expansion: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> PlaneMaterial:
-    """Orthotropic material whose axes 1, 2 lie in the plane, 1 turned by ``angle`` (radian) from x.
+    """Orthotropic material with axes 1, 2 in the plane, 1 rotated by ``angle`` (radians) from x.
 
     ``moduli`` are E1, E2, E3, ``poisson`` nu12, nu13, nu23 with nu_ij / E_i = nu_ji / E_j, ``shear`` is G12,
-    ``expansion`` along the axes per degree. Plane stress does not look at axis 3. In plane strain the strain
-    along axis 3 is eliminated::
+    ``expansion`` along the axes per degree. Plane stress ignores axis 3; plane strain eliminates the strain
+    along it::
 
         S'_ij = S_ij - S_i3 S_j3 / S_33        a'_i = a_i - S_i3 a_3 / S_33
         sigma_33 = -(S_3i sigma_i + a_3 dT) / S_33
@@ -152,7 +152,7 @@ def orthotropic(
         compliance = compliance - e3 * np.outer(coupling, coupling)
         free = free - e3 * coupling * expansion[2]
     c, s = np.cos(angle), np.sin(angle)
-    # Strains (e_xx, e_yy, 2 e_xy) from those along the axes; its transpose turns stresses the other way.
+    # Rotation of strains (e_xx, e_yy, 2 e_xy) from the axes; its transpose rotates stresses back.
     turn = np.array([[c * c, s * s, -c * s], [s * s, c * c, c * s], [2.0 * c * s, -2.0 * c * s, c**2 - s**2]])
     back = np.linalg.inv(turn)
     stiffness = back.T @ np.linalg.inv(compliance) @ back
@@ -162,7 +162,7 @@ def orthotropic(
 def anisotropic(
     stiffness: FloatArray, plane: str, expansion: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> PlaneMaterial:
-    """A plane ``stiffness`` (3, 3) as it is, with the plane strains ``expansion`` (3,) per degree."""
+    """Material with the given plane ``stiffness`` (3, 3) and plane strains ``expansion`` (3,) per degree."""
     unknown = np.nan if _is_strain(plane) else 0.0
     return PlaneMaterial(0.5 * (stiffness + stiffness.T), np.full(3, unknown), np.array(expansion), unknown)
 

@@ -1,13 +1,13 @@
-"""The field of forces on a body's surface in closed form: stresses that run radially from every force.
+"""Closed-form near field of surface forces: the simple radial stress distribution.
 
-A force F at the place zeta of the surface, w = z - zeta, makes the stresses -(2/pi) (F . w) w w^T / |w|^4 in
-an isotropic body (the simple radial distribution of Flamant and Boussinesq; Johnson, Contact Mechanics, 1985,
-doi:10.1017/CBO9781139171731, section 2.2), whatever the tangent of the surface: they are in equilibrium
-inside, and on a smooth surface through zeta their traction is F there and smooth elsewhere. What a body's
-answer differs by from this field is therefore smooth up to zeta.
+A force F at the surface point zeta, with w = z - zeta, causes the stresses -(2/pi) (F . w) w w^T / |w|^4 in
+an isotropic body (Flamant and Boussinesq; Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731,
+section 2.2), whatever the tangent of the surface: they are in equilibrium inside, and on a smooth surface
+through zeta their traction is F at zeta and smooth elsewhere. The rest of the body's response is therefore
+smooth at zeta.
 
-Places and vectors are complex numbers x + i y. Displacements by unit forces in x and y come as (..., 2, 2)
-arrays, components first, stresses xx, yy and xy as (..., 3, 2).
+Points and vectors are complex numbers x + i y. Displacements by unit forces in x and y are (..., 2, 2)
+arrays, components first, stresses xx, yy and xy (..., 3, 2).
 
 Equation (5) of docs/method.md.
 """
@@ -27,36 +27,36 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 
 ComplexArray = NDArray[np.complex128]
 
-ALL = np.zeros((0, 0), dtype=bool)
-"""Every pair of points and forces counts."""
-ALIKE = 1e-8
-"""Stiffnesses that differ from an isotropic one's by less than this part are isotropic: the roots of nearly
-isotropic materials are nearly equal, and their fields differences of large numbers."""
+NO_PAIRS = np.zeros((0, 0), dtype=bool)
+"""Empty mask: no pair of point and force is left out."""
+ISOTROPY_TOLERANCE = 1e-8
+"""Relative tolerance for an isotropic stiffness: the characteristic roots of nearly isotropic materials
+almost coincide, and their fields are differences of large numbers."""
 
 
 class PointForceField(Protocol):
     """The field of a unit force at the origin on the surface of a body of one material."""
 
     def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
-        """Displacements (..., 2, 2) at ``w`` (...), of which angles count from ``base`` (...): a cut runs
-        from the force along -base."""
+        """Displacements (..., 2, 2) at ``w`` (...); angles are measured from ``base`` (...), with the branch
+        cut from the force along -base."""
 
     def stress(self, w: ComplexArray) -> FloatArray:
         """Stresses (..., 3, 2) at ``w`` (...)."""
 
     def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        """Force (..., 2, 2) that the stresses send through any line from ``first`` to ``last`` (...) seen
-        under less than two right angles, to its right; it has no moment about the origin."""
+        """Force (..., 2, 2) transmitted to the right through any line from ``first`` to ``last`` (...) that
+        subtends less than pi; it has no moment about the origin."""
 
     def along(self, tangent: ComplexArray) -> FloatArray:
-        """Traction (..., 2, 2) on the surface next to the force, over the surface's curvature there, which is
-        positive where the material is convex; ``tangent`` (...) are unit vectors."""
+        """Traction (..., 2, 2) on the surface next to the force per unit curvature (positive where the
+        material is convex); ``tangent`` (...) are unit vectors."""
 
 
 @dataclass(frozen=True)
 class Isotropic:
-    """Kernel of an isotropic material with a ``shear`` modulus and Muskhelishvili's constant ``kappa``, 3 - 4
-    nu in plane strain and (3 - nu) / (1 + nu) in plane stress."""
+    """Near field of an isotropic material with ``shear`` modulus and Muskhelishvili's constant ``kappa``: 3 -
+    4 nu in plane strain, (3 - nu) / (1 + nu) in plane stress."""
 
     shear: float
     kappa: float
@@ -84,8 +84,8 @@ class Isotropic:
 
 @dataclass(frozen=True)
 class Anisotropic:
-    """Kernel of a material by the ``roots`` (2,) of its characteristic equation and what makes displacements
-    of the potentials, ``p`` and ``q`` (2,).
+    """Near field of an anisotropic material: characteristic ``roots`` (2,) and displacement factors ``p``,
+    ``q`` (2,).
 
     Lekhnitskii, Theory of Elasticity of an Anisotropic Body, 1963, chapters 2 and 3: with z_k = x + root_k y
     and the potentials Phi_k = C_k log z_k, stresses are 2 Re sum (root_k^2, 1, -root_k) Phi_k' and
@@ -98,12 +98,12 @@ class Anisotropic:
 
     @cached_property
     def _strengths(self) -> ComplexArray:
-        """C_k by unit forces x and y (2, 2)."""
+        """C_k for unit forces x and y (2, 2)."""
         system = np.stack([np.ones(2), self.roots])
         return np.asarray(np.linalg.solve(system, np.array([[0.0, -1j], [1j, 0.0]]) / (2.0 * np.pi)))
 
     def _own(self, w: ComplexArray) -> ComplexArray:
-        """z_k (..., 2) of places or vectors (...)."""
+        """z_k (..., 2) of points or vectors (...)."""
         return np.asarray(w.real[..., None] + self.roots * w.imag[..., None])
 
     def _sums(self, factors: list[ComplexArray], values: ComplexArray) -> FloatArray:
@@ -123,18 +123,18 @@ class Anisotropic:
         return self._sums([self.roots, -(self.roots**0)], np.log(self._own(last) / self._own(first)))
 
     def along(self, tangent: ComplexArray) -> FloatArray:
-        # The first terms of sigma(w) n(w) along w = e t - e^2 n / 2 on a surface of curvature 1.
+        # Leading terms of sigma(w) n(w) along w = e t - e^2 n / 2 on a surface of unit curvature.
         normal, own = -1j * tangent, self._own(tangent)
         steeper = self._sums([self.roots**2, self.roots**0, -self.roots], -self._own(normal) / own**2)
         return traction(self.stress(tangent), tangent) - 0.5 * traction(steeper, normal)
 
 
 def kernel_of(material: PlaneMaterial) -> PointForceField:
-    """The kernel of a material."""
+    """The near field of a material."""
     c = material.stiffness
     shear, first = c[2, 2], c[0, 1]
     even = np.array([[first + 2.0 * shear, first, 0.0], [first, first + 2.0 * shear, 0.0], [0.0, 0.0, shear]])
-    if np.abs(c - even).max() <= ALIKE * np.abs(c).max():
+    if np.abs(c - even).max() <= ISOTROPY_TOLERANCE * np.abs(c).max():
         return Isotropic(float(shear), float((first + 3.0 * shear) / (first + shear)))
     a = np.linalg.inv(c)
     found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
@@ -162,13 +162,14 @@ def as_real(numbers: ComplexArray) -> FloatArray:
 
 
 def by_component(table: FloatArray) -> FloatArray:
-    """Displacements (e, k, 2, 2) as rows x of all, y of all, by forces x of all, y of all (2e, 2k)."""
+    """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise by
+    forces."""
     e, k = table.shape[:2]
     return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(2 * e, 2 * k)
 
 
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
-    """Rows of arrays (...) as one array (..., rows, columns)."""
+    """Nested lists of arrays (...) as one array (..., rows, columns)."""
     table = np.empty((len(rows), len(rows[0]), *np.broadcast_shapes(*(one.shape for one in rows[0]))))
     for i, row in enumerate(rows):
         for k, one in enumerate(row):
@@ -177,7 +178,7 @@ def _table(rows: list[list[FloatArray]]) -> FloatArray:
 
 
 def _added(field: FloatArray, force: FloatArray, left_out: BoolArray) -> FloatArray:
-    """Sums (e, r, c) of the fields (e, k, r, 2) of forces (k, 2, c) that are not ``left_out`` (e, k)."""
+    """Sums (e, r, c) of the fields (e, k, r, 2) of forces (k, 2, c), without pairs in ``left_out`` (e, k)."""
     if left_out.size:
         field = np.where(left_out[:, :, None, None], 0.0, field)
     return np.asarray(np.einsum("ekrd,kdc->erc", field, force, optimize=True))
@@ -185,11 +186,11 @@ def _added(field: FloatArray, force: FloatArray, left_out: BoolArray) -> FloatAr
 
 @dataclass(frozen=True)
 class SurfaceForces:
-    """Unit forces in x and y at k places of a body's surface, by the ``kernel`` of its material.
+    """Unit forces in x and y at k points of a body's surface, with the near field ``kernel`` of its material.
 
-    ``place`` (k,) and ``inward`` (k,) unit normals into the body. In hollows the field of every force ends at
-    a ``center`` in the void, where the opposite force acts: the line from the force to it is the cut across
-    which displacements jump. Elsewhere the cut runs outwards along the normal.
+    ``place`` (k,) are the points, ``inward`` (k,) unit normals into the body. In hollows the field of every
+    force ends at a ``center`` in the void, where the opposite force acts; the branch cut of the displacement
+    is the line between both. Elsewhere the cut runs outwards along the normal.
     """
 
     kernel: PointForceField
@@ -198,7 +199,7 @@ class SurfaceForces:
     center: complex | None = None
 
     def displacement(self, z: ComplexArray) -> FloatArray:
-        """Displacements (e, k, 2, 2) at places ``z`` (e,), none of which is a force's."""
+        """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
         w = z[:, None] - self.place
         if self.center is None:
             return self.kernel.displacement(w, np.broadcast_to(self.inward, w.shape))
@@ -206,13 +207,15 @@ class SurfaceForces:
         return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
 
     def stress(self, z: ComplexArray) -> FloatArray:
-        """Stresses (e, k, 3, 2) at places ``z`` (e,)."""
+        """Stresses (e, k, 3, 2) at points ``z`` (e,)."""
         own = self.kernel.stress(z[:, None] - self.place)
         return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
 
-    def displacement_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
-        """Displacements (e, 2, c) at places ``z`` (e,) by all forces (k, 2, c), but for pairs that are
-        ``left_out`` (e, k)."""
+    def displacement_by(
+        self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_PAIRS
+    ) -> FloatArray:
+        """Displacements (e, 2, c) at points ``z`` (e,) by all forces (k, 2, c), without pairs in ``left_out``
+        (e, k)."""
         if not isinstance(self.kernel, Isotropic):
             return _added(self.displacement(z), force, left_out)
         places, bases, force = as_real(self.place), as_real(self.inward), np.ascontiguousarray(force)
@@ -220,7 +223,7 @@ class SurfaceForces:
         found = radial_displacements(as_real(z), places, bases, self._center, force, kappa, left_out)
         return found / (4.0 * np.pi * shear)
 
-    def stress_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = ALL) -> FloatArray:
+    def stress_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
         """Stresses (e, 3, c) of the same."""
         if not isinstance(self.kernel, Isotropic):
             return _added(self.stress(z), force, left_out)
@@ -233,7 +236,7 @@ class SurfaceForces:
         return np.array([] if self.center is None else [self.center.real, self.center.imag])
 
     def displacement_of_each(self, z: ComplexArray) -> FloatArray:
-        """Displacements (k, 2, 2) at one of the places ``z`` (k,) for each force."""
+        """Displacements (k, 2, 2) by each force at its own point ``z`` (k,)."""
         w = z - self.place
         if self.center is None:
             return self.kernel.displacement(w, self.inward)
@@ -241,15 +244,15 @@ class SurfaceForces:
         return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
 
     def stress_of_each(self, z: ComplexArray) -> FloatArray:
-        """Stresses (k, 3, 2) at one of the places ``z`` (k,) for each force."""
+        """Stresses (k, 3, 2) by each force at its own point ``z`` (k,)."""
         own = self.kernel.stress(z - self.place)
         return own if self.center is None else own - self.kernel.stress(z - self.center)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
-        """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and
-        ``curvature`` (e,); at a force's own place what is left next to it."""
+        """Tractions (e, k, 2, 2) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,);
+        at the point of a force, the regular part next to it."""
         w = z[:, None] - self.place
-        at = np.abs(w) <= ALMOST * np.abs(z).max(initial=0.0)
+        at = np.abs(w) <= AT_FORCE * np.abs(z).max(initial=0.0)
         outward = np.broadcast_to(normal[:, None], w.shape)
         found = traction(self.kernel.stress(np.where(at, 1.0, w)), outward)
         e, k = np.nonzero(at)
@@ -259,28 +262,29 @@ class SurfaceForces:
         return found
 
     def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        """Force (e, k, 2, 2) sent out through parts of the outline from ``first`` to ``last`` (e,), less the
-        forces on them themselves; it acts at the forces' places, but for :meth:`through_center`."""
+        """Force (e, k, 2, 2) transmitted outwards through parts of the outline from ``first`` to ``last``
+        (e,), without the point forces on them; its line of action passes through the points of the forces,
+        see also :meth:`through_center`."""
         one, other = first[:, None] - self.place, last[:, None] - self.place
         ahead = -1j * self.inward
-        # At the end of a part the way along the outline stands for the line of sight.
-        none = TINY * np.abs(last - first)[:, None]
+        # A force at the end of a part: use the tangent there as the line of sight.
+        none = ZERO_DISTANCE * np.abs(last - first)[:, None]
         starts, ends = np.abs(one) <= none, np.abs(other) <= none
         one, other = np.where(starts, ahead, one), np.where(ends, -ahead, other)
         behind, before = (one / ahead).real < 0.0, (other / ahead).real > 0.0
-        near = np.maximum(np.abs(one), np.abs(other)) <= ON * np.abs(last - first)[:, None]
+        near = np.maximum(np.abs(one), np.abs(other)) <= ON_PART * np.abs(last - first)[:, None]
         return self.kernel.through(np.where(behind & before & near, -one, one), other)
 
     def through_center(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        """The same (e, 2, 2) of the force at the center, which acts there."""
+        """The same (e, 2, 2) of the force at the center, acting there."""
         assert self.center is not None
         return -self.kernel.through(first - self.center, last - self.center)
 
 
-ALMOST = 5e-6
-"""Places of the outline closer to a force than this part of the coordinates have the traction there: w . n,
-which is of the order of |w|^2, drowns in their round-off."""
-TINY = 1e-9
-"""Distances below this part of a part of the outline are none."""
-ON = 1.01
-"""A force lies on a part of the outline if both its ends are no farther than the part's length times this."""
+AT_FORCE = 5e-6
+"""Points closer to a force than this fraction of the coordinates get the traction at the force: w . n, of
+order |w|^2, is lost in round-off."""
+ZERO_DISTANCE = 1e-9
+"""Distances below this fraction of a part's length are zero."""
+ON_PART = 1.01
+"""A force lies on a part of the outline if both ends are within this times its length."""

@@ -1,18 +1,18 @@
-"""Equilibrium of a body's pieces: what flows through their faces is what acts on them.
+"""Equilibrium of pieces of a body: the flux through their faces equals the load on them.
 
-Least squares weigh the residuals of equilibrium node by node. A force that is lost a little everywhere on its
-way to the support then costs less than the discretisation error of a body that bends as it should: a clamped
-beam of 20 x 1 with five nodes across bent by half of what it should, and a ring by a tenth. In the norm that
-belongs to equilibrium, H^-1, long waves of the residual weigh more than short ones (Bramble, Lazarov and
-Pasciak 1997, doi:10.1090/S0025-5718-97-00848-X). So the equilibrium of connected pieces of some nodes, force
-x, force y and moment, are strong rows of their own:
+Least squares weights the residuals of equilibrium node by node. A force that is lost little by little on its
+way to the support then costs less than the discretisation error of correct bending: a clamped beam of 20 x 1
+with five nodes across bent by half of the exact value, and a ring by a tenth. In the norm that suits
+equilibrium, H^-1, long waves of the residual weigh more than short ones (Bramble, Lazarov and Pasciak 1997,
+doi:10.1090/S0025-5718-97-00848-X). Therefore force x, force y and moment of connected pieces of some nodes
+are strong rows of their own::
 
     - int_(inner faces) sigma n - int_(held sides) sigma n = int_(free sides) t + int_piece b
 
-and the same with arms about the piece's middle. Stresses at Gauss's points of the faces are those of moving
-least-squares fits, so that these are true fluxes: sums of the nodes' residuals lose as much as no sums.
-Fluxes through inner faces add up to nothing, so that what holds piece by piece holds for the whole body.
-There it holds exactly, where pieces still lack some millionths.
+and the same with arms about the centroid of the piece. Stresses at the Gauss points of the faces come from
+moving least-squares fits, which makes these true fluxes: sums of nodal residuals lose as much force as no
+sums. Fluxes through inner faces cancel, so that what holds for each piece holds for the whole body; there it
+is enforced exactly, where pieces still have an error of some millionths.
 
 Equation (3) of docs/method.md.
 """
@@ -32,27 +32,27 @@ from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, c
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.mechanics.corners import REACH, thickness
+from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
 
 if TYPE_CHECKING:
     from mlsanm_cli.mechanics.body_model import BodyModel
 
-SIZE = 16
-"""Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose
-some per cent near supports and fillets."""
-STRENGTH = 3000.0
+BOUNDARY_NODES = 16
+"""Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose some
+percent near supports and fillets."""
+EQUILIBRIUM_WEIGHT = 3000.0
 """Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains.
 
 A ring of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far
-beyond, the normal equations run out of digits. Pieces smaller than half a body's thickness are weaker in
-proportion: all forces count alike, as in H^-1, and clouds refined a thousandfold keep their digits.
+above, the normal equations become too ill-conditioned. Pieces smaller than half a body's thickness are weaker
+in proportion: all forces count alike, as in H^-1, and clouds refined a thousandfold remain well-conditioned.
 """
-SOFTEST = 150.0
-"""Modulus over shear modulus up to which that is so. Beyond, where materials hardly change their volume, rows
-of shear have so few digits left that pieces must be weaker in proportion."""
-PAIRED = 10.0
+MAX_MODULUS_RATIO = 150.0
+"""Largest modulus over shear modulus for this weight. Beyond, in nearly incompressible materials, shear rows
+have so few digits left that the pieces are made weaker in proportion."""
+PAIR_WEIGHT = 10.0
 """The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
 
 
@@ -60,10 +60,10 @@ PAIRED = 10.0
 class Pieces:
     """The division of a ``cloud`` into k pieces, each ``strength`` (k,) times as strong as a node's rows.
 
-    ``levels`` are the pieces of all nodes (n,), those behind the first only of some, and -1 of the others:
-    the first division is into connected pieces, the second has pairs of neighbours at contact surfaces.
-    ``whole`` measures the pieces. Their loads and fluxes are 3k rows: forces x of all, forces y, and
-    moments about the middles over the pieces' ``size`` (k,), the root of their areas.
+    ``levels`` are piece numbers of all nodes (n,), -1 for none: the first level divides the body into
+    connected pieces, the second has pairs of neighbours at contact surfaces. ``whole`` are areas and
+    centroids. Loads and fluxes are 3k rows: forces x of all pieces, forces y, and moments about the centroids
+    over ``size`` (k,), the square root of the area.
     """
 
     cloud: Cloud
@@ -74,15 +74,15 @@ class Pieces:
 
     @classmethod
     def of(cls, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})) -> Pieces:
-        """Pieces of about SIZE nodes, and pairs along surfaces that are ``touching`` others."""
-        labels = divide(cloud, SIZE)
+        """Pieces of about BOUNDARY_NODES nodes, and pairs along the contact surfaces ``touching``."""
+        labels = divide(cloud, BOUNDARY_NODES)
         levels: tuple[IntArray, ...] = (labels,)
-        strength: FloatArray = np.full(int(labels.max()) + 1, STRENGTH)
+        strength: FloatArray = np.full(int(labels.max()) + 1, EQUILIBRIUM_WEIGHT)
         stops = [name for name, components in held.items() if any(components)]
         paired = pair_up(cloud, touching, stops) if touching else np.full(len(labels), -1)
         if (paired >= 0).any():
             first = len(strength)
-            strength = np.append(strength, np.full(int(paired.max()) + 1, PAIRED))
+            strength = np.append(strength, np.full(int(paired.max()) + 1, PAIR_WEIGHT))
             levels = (labels, np.where(paired >= 0, first + paired, -1))
         parts = [measure(cloud.points, cloud.faces, cloud.surfaces, level) for level in levels]
         whole = Measures(
@@ -91,27 +91,27 @@ class Pieces:
         nodal = sum(np.bincount(one[one >= 0], cloud.areas[one >= 0], len(strength)) for one in levels)
         size = np.sqrt(np.where(whole.closed, whole.area, nodal))
         main = slice(0, int(labels.max()) + 1)
-        strength[main] *= np.minimum(1.0, size[main] / (REACH * thickness(cloud)))
+        strength[main] *= np.minimum(1.0, size[main] / (WEIGHT_REACH * thickness(cloud)))
         return cls(cloud, levels, whole, size, strength)
 
     @property
     def labels(self) -> IntArray:
-        """The piece (n,) of every node."""
+        """Piece (n,) of every node, on the first level."""
         return self.levels[0]
 
     @property
     def main(self) -> BoolArray:
-        """Which of the pieces (k,) are of the first level, that is, together the whole body."""
+        """Mask (k,) of the first-level pieces, which together make up the body."""
         return np.asarray(np.arange(self.count) <= self.labels.max())
 
     @property
     def count(self) -> int:
-        """How many pieces there are (k)."""
+        """Number of pieces (k)."""
         return len(self.size)
 
     def fluxes(self, model: BodyModel, held: Held, wanted: BoolArray) -> sparse.csr_array:
-        """Rows (3k, 2N) of minus the force and moment that leave every piece through its inner faces and
-        through ``held`` components of the outline, of ``wanted`` pieces (k,) at least."""
+        """Rows (3k, 2N) of minus the force and moment that leave every piece through inner faces and through
+        ``held`` components of the outline; at least those of ``wanted`` pieces (k,) are filled."""
         total: sparse.csr_array = sparse.csr_array((3 * self.count, model.unknowns))
         for level in self.levels:
             edges = self._edges(level, wanted, _rule(model))
@@ -133,8 +133,8 @@ class Pieces:
     def flux_of(
         self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held, rule: Rule = GAUSS[2]
     ) -> FloatArray:
-        """The same (3k,) of a ``stress`` (e, t, 3) at points (e, t, 2) around places (e, 2), by a ``rule``
-        on every face."""
+        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2), values (e, t,
+        3), with a quadrature ``rule`` on every face."""
         total = np.zeros(3 * self.count)
         for level in self.levels:
             edges = self._edges(level, np.ones(self.count, dtype=bool), rule)
@@ -153,14 +153,14 @@ class Pieces:
         return total
 
     def _edges(self, level: IntArray, wanted: BoolArray, rule: Rule) -> Edges:
-        """What separates ``wanted`` pieces (k,) of one level from the rest of the body."""
+        """Boundaries between ``wanted`` pieces (k,) of one level and the rest of the body."""
         faces = self.cloud.faces.between(level)
         chosen = np.append(wanted, False)
-        return faces.taken(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
+        return faces.select(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
 
     def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
-        """What adds forces x, y and moments about the ``center`` (e, 2) of each, (3e,), up to those on the
-        pieces ``owner`` (e,), -1 for none: (3k, 3e)."""
+        """Matrix (3k, 3e) from forces x, y and moments about ``center`` (e, 2) to those on pieces ``owner``
+        (e,), -1 for none."""
         total, number = len(owner), np.flatnonzero(owner >= 0)
         owner, center, count = owner[number], center[number], len(number)
         arm = self.arm(owner, center)
@@ -171,15 +171,15 @@ class Pieces:
         return sparse.csr_array(entries, shape=(3 * self.count, 3 * total))
 
     def arm(self, owner: IntArray, points: FloatArray) -> FloatArray:
-        """Arms (e, 2) of ``points`` (e, 2) about the middles of pieces ``owner`` (e,), over their size."""
+        """Arms (e, 2) of ``points`` (e, 2) about the centroids of pieces ``owner`` (e,), over their size."""
         return np.asarray((points - self.whole.middle[owner]) / self.size[owner][:, None])
 
     def loads(self, first_row: Mapping[str, int], rows: int, held: Held) -> sparse.csr_array:
-        """Force and moment (3k, rows) on the pieces, by right-hand sides of a body's rows, the last 3k of
+        """Force and moment (3k, rows) on the pieces per right-hand side of a body's rows, the last 3k of
         which are such forces and moments themselves.
 
         Tractions, of components that are not ``held``, are linear between nodes along normal and tangent of
-        the true outline. Those of equilibrium do nothing here: body forces are known by :meth:`of_force`.
+        the exact outline. Right-hand sides of equilibrium do not count here: see :meth:`of_force`.
         """
         own = np.arange(3 * self.count)
         parts = [(own, rows - len(own) + own, np.ones(len(own)))]
@@ -191,7 +191,7 @@ class Pieces:
     def _of_tractions(
         self, surface: Surface, first: int, held: tuple[bool, bool]
     ) -> list[tuple[IntArray, IntArray, FloatArray]]:
-        """Entries (row, column, value) of :meth:`loads` by the rows of one surface, from the ``first`` on."""
+        """Entries (row, column, value) of :meth:`loads` for one surface, whose rows begin at ``first``."""
         halves, size = Halves.of(surface), len(surface.index)
         points, normal = surface.curve.points(halves.arc), surface.curve.normals(halves.arc)
         parts, straight = [], np.broadcast_to(np.eye(2), (len(halves.own), 2, 2))
@@ -211,8 +211,8 @@ class Pieces:
     def entries(
         self, owner: IntArray, points: FloatArray, force: FloatArray
     ) -> tuple[IntArray, FloatArray, IntArray]:
-        """Rows (3e,) and values (3e,) of forces (e, 2) at ``points`` (e, 2) on pieces ``owner`` (e,), and
-        which of them (e,) these are: -1 has none."""
+        """Row numbers (3e,) and values (3e,) of forces (e, 2) at ``points`` (e, 2) on pieces ``owner`` (e,),
+        and the indices of those with a piece (-1 for none)."""
         kept = np.flatnonzero(owner >= 0)
         owner, force = owner[kept], force[kept]
         arm = self.arm(owner, points[kept])
@@ -221,23 +221,22 @@ class Pieces:
         return rows, np.concatenate([*force.T, moment]), kept
 
     def of_traction(self, surface: Surface, traction: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface's
-        halves."""
+        """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface."""
         halves = Halves.of(surface, FINE)
         points, force = surface.curve.points(halves.arc), halves.length[:, None] * traction
         owners = [level[surface.index[halves.own]] for level in self.levels]
         return np.asarray(sum(self.gathered(owner, points, force) for owner in owners))
 
     def of_force(self, force: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces by a body force that is linear between its nodal values
-        ``force`` (n, 2)."""
+        """Force and moment (3k,) on the pieces by a body force, linear between nodal values ``force`` (n,
+        2)."""
         total, mean = np.zeros(3 * self.count), np.zeros((self.count + 1, 2))
         for level in self.levels:
             nodes = np.bincount(level[level >= 0], minlength=self.count)
             for axis in (0, 1):
                 sums = np.bincount(level[level >= 0], force[level >= 0, axis], self.count)
                 mean[:-1, axis] += sums / np.maximum(nodes, 1)
-        # Forces that are alike all over a piece have no moment about its middle, true outline included.
+        # A uniform force has no moment about the centroid of the piece with its exact outline.
         total[: 2 * self.count] = (self.size[:, None] ** 2 * mean[:-1]).T.ravel()
         if np.ptp(force, axis=0).any():
             for level in self.levels:
@@ -245,8 +244,8 @@ class Pieces:
         return total
 
     def _of_linear_force(self, level: IntArray, force: FloatArray, mean: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces of one ``level`` (n,) by what a body force, linear over
-        triangles between its nodal values ``force`` (n, 2), is more than its ``mean`` (k + 1, 2) there."""
+        """Force and moment (3k,) on the pieces of one ``level`` (n,) by the difference of a body force,
+        linear between nodal values ``force`` (n, 2), from its ``mean`` (k + 1, 2)."""
         points, first, second = self.cloud.points, *corner_moments()
         total = np.zeros(3 * self.count)
         for turn in range(3):
@@ -273,23 +272,24 @@ class Pieces:
         return np.asarray(np.bincount(rows, values, 3 * self.count))
 
     def totals(self, center: tuple[float, float]) -> sparse.csr_array:
-        """What the pieces' forces and moments (3k) add up to: force x, force y, and moment about a ``center``
-        (3, 3k)."""
+        """Matrix (3, 3k) from the pieces' forces and moments to force x, force y and moment about ``center``
+        of the body."""
         one, none = self.main.astype(float), np.zeros(self.count)
         x, y = one * (self.whole.middle - np.array(center)).T
         lines = [[one, none, none], [none, one, none], [-y, x, one * self.size]]
         return sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
 
     def sums(self, known: BoolArray) -> sparse.csr_array:
-        """Forces and moment on the body (s, 3k), as far as those on its pieces are all ``known`` (3k,)."""
+        """Rows (s, 3k) that sum forces and moment on the body, as far as those on its pieces are all
+        ``known`` (3k,)."""
         middle = self.cloud.points.mean(axis=0)
         closed: BoolArray = np.array([(one | ~self.main).all() for one in known.reshape(3, -1)])
         closed[2] = closed.all()
         return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
-        """Which of the 3k rows are known: those of closed pieces, but where single ``hidden`` (node,
-        component) pairs hold the body, whose forces are in no flux."""
+        """Mask of the 3k rows of closed pieces, except where single (node, component) pairs ``hidden`` hold
+        the body, whose forces are in no flux."""
         known = np.tile(self.whole.closed, 3)
         for node, component in hidden:
             for level in self.levels:
@@ -299,17 +299,17 @@ class Pieces:
 
 
 def _rule(model: BodyModel) -> Rule:
-    """As many of Gauss's points as integrate the moments of stresses of the degree exactly."""
+    """Gauss rule that integrates moments of stresses of the polynomial degree exactly."""
     return GAUSS[model.settings.degree // 2 + 1]
 
 
 def _along(surface: Surface, halves: Halves) -> tuple[FloatArray, FloatArray]:
-    """The points (g, 2) of a surface's halves, and the normals times the lengths they stand for (g, 2)."""
+    """Quadrature points (g, 2) of a surface, and normals times weights (g, 2)."""
     return surface.curve.points(halves.arc), halves.length[:, None] * surface.curve.normals(halves.arc)
 
 
 def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Rotations (e, 2, 2) that turn unit vectors ``start`` (e, 2) into ``end`` (e, 2)."""
+    """Rotations (e, 2, 2) that map unit vectors ``start`` (e, 2) to ``end`` (e, 2)."""
     cosine = (start * end).sum(axis=1)
     sine = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
     return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
@@ -322,8 +322,8 @@ def reaction_rows(
     center: tuple[float, float],
     inside: float = 0.0,
 ) -> sparse.csr_array:
-    """Force x, y and moment about ``center`` (3, 2N) of a held surface on its body, in ``held`` components:
-    what the rows of the pieces take for it, or the stress so many spacings ``inside``."""
+    """Rows (3, 2N) of force x, y and moment about ``center`` of a held surface on its body, in ``held``
+    components, as in the rows of the pieces, or from the stress at a depth ``inside`` in spacings."""
     halves = Halves.of(surface, _rule(model))
     points, normals = _beneath(model, surface, halves, inside)
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
@@ -343,7 +343,7 @@ def reaction_of(
     stress: Callable[[FloatArray], FloatArray],
     inside: float = 0.0,
 ) -> FloatArray:
-    """The same force and moment (3,) by a ``stress`` (g, 3) that is known at points (g, 2)."""
+    """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
     points, normals = _beneath(model, surface, Halves.of(surface, _rule(model)), inside)
     x, y = (traction_of(stress(points), normals) * np.array(held)).T
     arm = points - np.array(center)
@@ -353,7 +353,7 @@ def reaction_of(
 def _beneath(
     model: BodyModel, surface: Surface, halves: Halves, inside: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Points (g, 2) so many spacings ``inside`` of a surface's halves, and normals (g, 2) times lengths."""
+    """Points (g, 2) at a depth ``inside`` in spacings below a surface, and normals times weights (g, 2)."""
     points, normals = _along(surface, halves)
     if inside:
         deep = inside * model.cloud.spacing[surface.index[halves.own]][:, None]

@@ -1,4 +1,4 @@
-"""Points of bodies at which displacement and stress are observed."""
+"""Probes: points of bodies at which displacement and stress are recorded."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows, value_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.rows import scalar_rows
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 
 ROWS = 5
 """Two displacements and three stresses."""
@@ -31,7 +32,7 @@ class Probe:
 def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
     """Rows (5e, 2N) of u_x, u_y, sigma_xx, sigma_yy, sigma_xy at ``points`` (e, 2), quantity by quantity.
 
-    Values and derivatives of the local polynomial at the point itself, as at nodes.
+    Value and derivatives of the local polynomial at the point itself, as at nodes.
     """
     cloud, settings = model.cloud, model.settings
     stencils = build_stencils(model.nodes, model.tree, points, 1, settings, cloud.sight, tips=model.tips)
@@ -46,8 +47,8 @@ def point_rows(
 ) -> sparse.csr_array:
     """The same rows at the points of ``stencils``.
 
-    ``among`` are the stencils of these points on those at which ``nodal`` ones are: nearly incompressible
-    materials have a nodal field of mean pressures, see :meth:`BodyModel.stress`.
+    Nearly incompressible materials interpolate a nodal field of mean pressure, see :meth:`BodyModel.stress`:
+    ``nodal`` gives its stencils, ``among`` those of the points on its nodes.
     """
     hidden = material.nearly_incompressible
     even = material.bulk_part if hidden else np.zeros((3, 3))
@@ -60,6 +61,6 @@ def point_rows(
 
 
 def stress_of_expansion(material: PlaneMaterial) -> FloatArray:
-    """What of the stress (3,) that displacements give is free expansion by one degree, and so none."""
+    """Stress (3,) that corresponds to free thermal expansion by one degree, to be subtracted."""
     result: FloatArray = material.stiffness @ material.expansion
     return result

@@ -1,8 +1,8 @@
-"""What is left of a body's answer to forces on its surface once their fields in closed form are taken off.
+"""Remainder of a body's response to surface forces: the response minus their closed-form near fields.
 
-The remainder is smooth up to the forces: least squares find it on a cloud that knows nothing of them. Its
-data are the opposite of the fields' tractions on the outline, of their displacements where the body is held,
-of both where springs pull, and of their mean motion where nothing holds it.
+The remainder is smooth at the forces, so that least squares on a cloud that does not resolve them suffices.
+Its data are the negative tractions of the fields on the outline, their displacements where the body is held,
+both where springs act, and their mean motion where nothing holds the body.
 
 Equation (5) of docs/method.md.
 """
@@ -23,17 +23,19 @@ from mlsanm_cli.mechanics.corner import CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 
-ALONG = 1e-6
-"""Places nearer to a surface than this part of its length lie on it."""
+SURFACE_TOLERANCE = 1e-6
+"""Points within this fraction of a surface's length of it lie on it."""
 
-CROWDED = 14
-"""Half a cell at a corner is halved towards it so many times."""
+CORNER_HALVINGS = 14
+"""Number of halvings of the half interval at a corner, towards the corner."""
 
 
 def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -> FloatArray:
-    """Right-hand sides (r, 2k) of the remainders of the body's answers to unit forces: those in x of all k
-    places, then those in y; ``centred`` so that field and remainder together have no mean motion that nothing
-    holds, which matters where it is no unknown of the scene."""
+    """Right-hand sides (r, 2k) of the remainders for unit forces: x at all k places, then y.
+
+    If ``centred``, field and remainder together have zero mean free motion, as needed where that motion is no
+    unknown of the scene.
+    """
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
@@ -66,7 +68,7 @@ def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -
 
 
 def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:
-    """How much (d, k, 2) of the body's free motions the fields have in their mean over the body."""
+    """Mean free motions (d, k, 2) of the fields over the body."""
     count = len(body.free.components)
     if not count:
         return np.zeros((0, len(forces.place), 2))
@@ -84,8 +86,8 @@ def _on_pieces(
 ) -> FloatArray:
     """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface.
 
-    On a free surface they are exact, by what the fields send through each cell's part of the outline; where
-    their tractions ``sent`` between the nodes (g, k, 2, 2) are given, they are integrals of these.
+    Exact on a free surface, from the resultants of the fields over each cell's part of the outline; integrals
+    of the tractions ``sent`` (g, k, 2, 2) where these are given.
     """
     pieces, gripped = body.pieces, np.array(body.gripped.get(name, FREE))
     springs = np.array(body.soft_springs.get(name, NO_SPRING))
@@ -119,8 +121,8 @@ def _on_pieces(
 
 
 def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, FloatArray]) -> FloatArray:
-    """Loads of the pieces (3p, k, 2) that make up for what integrals of the tractions ``sent`` by surface are
-    off by, as the tractions of a rigid motion along the surfaces of the forces."""
+    """Loads of the pieces (3p, k, 2) that compensate the quadrature error of the tractions ``sent`` by
+    surface, distributed like a rigid motion along the loaded surfaces."""
     missing = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
     bearing = []
     for name, surface in body.model.cloud.surfaces.items():
@@ -146,20 +148,20 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
 
 
 def _bears(surface: Surface, place: ComplexArray) -> bool:
-    """Whether forces at places (k,) act on a surface, at least some of them."""
+    """Whether some of the forces at ``place`` (k,) act on a surface."""
     points = as_real(place)
     away = surface.curve.points(surface.curve.closest(points)) - points
-    return bool((np.abs(away) <= ALONG * surface.curve.length).all(axis=1).any())
+    return bool((np.abs(away) <= SURFACE_TOLERANCE * surface.curve.length).all(axis=1).any())
 
 
 def _halves(surface: Surface, forces: Forces) -> Halves:
-    """Points along a surface; they crowd towards corners, near which there are forces."""
+    """Quadrature points along a surface, graded towards corners near which forces act."""
     halves = Halves.of(surface, FINE)
     if not isinstance(forces, CorneredForces) or surface.curve.closed:
         return halves
     arc, last = surface.arc_length, len(surface.index) - 1
     inner = (halves.own != 0) & (halves.own != last)
-    crowd = np.concatenate([[0.0], 0.5 ** np.arange(CROWDED, -1, -1)])
+    crowd = np.concatenate([[0.0], 0.5 ** np.arange(CORNER_HALVINGS, -1, -1)])
     parts = [tuple(one[inner] for one in (halves.own, halves.other, halves.share, halves.arc, halves.length))]
     for own, other in ((0, 1), (last, last - 1)):
         way = 0.5 * (arc[other] - arc[own])
@@ -171,13 +173,13 @@ def _halves(surface: Surface, forces: Forces) -> Halves:
 
 
 def _tractions(surface: Surface, forces: Forces, halves: Halves) -> FloatArray:
-    """The fields' tractions (g, k, 2, 2) between the nodes of a surface."""
+    """The fields' tractions (g, k, 2, 2) at the quadrature points of a surface."""
     z, normal = as_complex(surface.curve.points(halves.arc)), as_complex(surface.curve.normals(halves.arc))
     return forces.traction(z, normal, surface.curve.curvature(halves.arc))
 
 
 def _parts(surface: Surface) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Arc lengths where halves of the way between neighbouring nodes begin and end, and their nodes."""
+    """Start and end arc lengths of the half intervals between neighbouring nodes, and their nodes."""
     arc, count = surface.arc_length, len(surface.index)
     nodes = np.arange(count)
     after = nodes[1:]
@@ -189,13 +191,14 @@ def _parts(surface: Surface) -> tuple[FloatArray, FloatArray, IntArray]:
 
 
 def _sums(owner: IntArray, count: int) -> sparse.csr_array:
-    """What adds up values (e, ...) by their ``owner`` (e,), -1 for none: (count, e)."""
+    """Summation matrix (count, e) of values by ``owner`` (e,), -1 for none."""
     kept = np.flatnonzero(owner >= 0)
     return sparse.csr_array((np.ones(len(kept)), (owner[kept], kept)), shape=(count, len(owner)))
 
 
 def _add(body: ElasticBody, total: FloatArray, owner: IntArray, force: FloatArray, at: FloatArray) -> None:
-    """Add ``force`` (e, k, 2, 2) on the pieces ``owner`` (e,), along lines through ``at`` (k or 1, 2)."""
+    """Add ``force`` (e, k, 2, 2) on the pieces ``owner`` (e,), with lines of action through ``at`` (k or 1,
+    2)."""
     pieces, shape = body.pieces, force.shape[1:]
     sums = (_sums(owner, pieces.count) @ force.reshape(len(force), -1)).reshape(-1, *shape)
     arm = (at - pieces.whole.middle[:, None]) / pieces.size[:, None, None]
@@ -215,8 +218,8 @@ def _gathered(body: ElasticBody, owner: IntArray, points: FloatArray, force: Flo
 
 
 def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
-    """Force x, y and moment about a ``center`` (3, 2k) of a held surface on the body, by the fields of unit
-    forces in x at all places, then in y."""
+    """Force x, y and moment about ``center`` (3, 2k) that a held surface exerts on the body, from the near
+    fields of unit forces: x at all places, then y."""
     surface, held = body.model.cloud.surfaces[name], np.array(body.gripped[name])
     halves = _halves(surface, forces)
     points = surface.curve.points(halves.arc)
@@ -238,8 +241,8 @@ def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], force
 
 
 def spring_pull_of(body: ElasticBody, name: str, forces: Forces) -> FloatArray:
-    """Force x, y and moment about the origin (3, 2k) of the soft springs along a surface on the body, by the
-    fields of unit forces in x at all places, then in y."""
+    """Force x, y and moment about the origin (3, 2k) of the soft springs along a surface, from the near
+    fields of unit forces: x at all places, then y."""
     surface, springs = body.model.cloud.surfaces[name], np.array(body.soft_springs[name])
     halves = Halves.of(surface, FINE)
     points = surface.curve.points(halves.arc)
@@ -249,13 +252,13 @@ def spring_pull_of(body: ElasticBody, name: str, forces: Forces) -> FloatArray:
 
 
 def _total(arm: FloatArray, force: FloatArray) -> FloatArray:
-    """Sums (3, k, 2) of ``force`` (e, k, 2, 2) and its moments by ``arm`` (e, 2)."""
+    """Sums (3, k, 2) of ``force`` (e, k, 2, 2) and of its moments with ``arm`` (e, 2)."""
     x, y = arm[:, 0, None, None], arm[:, 1, None, None]
     moment = x * force[:, :, 1] - y * force[:, :, 0]
     return np.stack([force[:, :, 0].sum(axis=0), force[:, :, 1].sum(axis=0), moment.sum(axis=0)])
 
 
 def _moment(arm: FloatArray, force: FloatArray) -> FloatArray:
-    """``force`` (k, 2, 2) with its moments by ``arm`` (k or 1, 2): (3, k, 2)."""
+    """``force`` (k, 2, 2) and its moment with ``arm`` (k or 1, 2): (3, k, 2)."""
     moment = arm[:, :1] * force[:, 1] - arm[:, 1:] * force[:, 0]
     return np.stack([force[:, 0], force[:, 1], moment])

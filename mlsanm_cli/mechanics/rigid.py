@@ -1,12 +1,11 @@
-"""Rigid motions of bodies that their conditions leave free, and how such a body is solved all the same.
+"""Free rigid motions of bodies, and the solution of bodies that have some.
 
-A body that only contact holds has no unique displacement, and no single unit load on it is balanced. Both are
-mended without touching the answer. Every load is balanced by body forces that vary linearly over the body,
-as inertia would balance it (D'Alembert); since the rigid motions are unknowns of the contact problem with the
-body's equilibrium for equations, these body forces vanish in every state. And of all displacements that
-differ by a free rigid motion the one with the mean motion asked for is taken, whatever nodes the factorised
-system was pinned at: that of a remainder is the opposite of its fields' in closed form, so that the body has
-none.
+The displacement of a body held by contact only is not unique, and a single unit load on it is not balanced.
+Both are resolved without changing the result. Every load is balanced by linearly varying body forces, like
+inertia forces (D'Alembert); as the rigid motions are unknowns of the contact problem with the body's
+equilibrium as equations, these body forces vanish in every state. Among all displacements that differ by a
+free rigid motion, the one with the prescribed mean motion is taken, independent of the pinned nodes; that of
+a remainder is the opposite of the mean motion of its closed-form field.
 """
 
 from __future__ import annotations
@@ -20,15 +19,15 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.refinement import PRECISE
+from mlsanm_cli.operators.refinement import FULL_TOLERANCE
 from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.startup import dgeqp3
 
 ROTATION = 2
-DIGITS = 9
-"""Places of nodes, relative to the body's size, to so many digits decide where it is pinned."""
-HELD = 1e-9
-"""Smaller singular values of what holds a body are round-off."""
+PIN_DIGITS = 9
+"""Digits of node positions, relative to the body's size, that decide where it is pinned."""
+RANK_TOLERANCE = 1e-9
+"""Singular values of the constraints below this fraction of the largest are round-off."""
 
 
 def rigid_pattern(points: FloatArray, center: tuple[float, float], component: int) -> FloatArray:
@@ -44,22 +43,22 @@ def rigid_pattern(points: FloatArray, center: tuple[float, float], component: in
 
 @dataclass(frozen=True)
 class RigidBodyModes:
-    """The rigid motions that nothing holds: ``components`` 0 (x), 1 (y), 2 (rotation about ``center``)."""
+    """Free rigid motions: ``components`` 0 (x), 1 (y), 2 (rotation about ``center``)."""
 
     center: tuple[float, float]
     components: tuple[int, ...]
 
     def patterns(self, points: FloatArray) -> FloatArray:
-        """Displacements (2n, d) of ``points`` (n, 2) under unit motions, x and y of every point in turn."""
+        """Displacements (2n, d) of ``points`` (n, 2) under unit motions, x and y interleaved."""
         columns = [rigid_pattern(points, self.center, component).ravel() for component in self.components]
         return np.stack(columns, axis=1) if columns else np.zeros((2 * len(points), 0))
 
 
 def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBodyModes:
-    """What ``held`` (n, 2), the held components of nodes ``points`` (n, 2), leaves free.
+    """Rigid motions left free by the held components ``held`` (n, 2) of nodes ``points`` (n, 2).
 
-    A body that turns freely does so about what holds it, else about its centroid, for which the nodes'
-    ``areas`` (n,) count.
+    A body that can rotate does so about its support, else about its centroid, computed with the nodes'
+    ``areas`` (n,).
     """
     middle = areas @ points / areas.sum()
     size = float(np.ptp(points, axis=0).max())
@@ -70,16 +69,16 @@ def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBody
 
 
 def left_free(rows: FloatArray, center: tuple[float, float], size: float) -> RigidBodyModes:
-    """What is left free by conditions that resist the displacements ``rows`` (m, 3) of a body under unit
-    motions: x, y, and a rotation by 1/``size`` about ``center``."""
+    """Rigid motions left free by constraints on the displacements ``rows`` (m, 3) under unit motions x, y and
+    rotation by 1/``size`` about ``center``."""
     if not len(rows) or not np.abs(rows).max():
         return RigidBodyModes(center, (0, 1, ROTATION))
     _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= HELD * sizes[0]]
+    free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= RANK_TOLERANCE * sizes[0]]
     along = [axis for axis in (0, 1) if np.abs(rows[:, axis]).max() == 0.0]
     if len(free) == len(along):
         return RigidBodyModes(center, tuple(along))
-    # What turns the body may move it along the free axes too, which would only shift the centre.
+    # The rotational motion may include translations along free axes, which only shift the centre.
     turning = free.T @ np.linalg.solve(free[:, [*along, ROTATION]].T, np.eye(len(free))[-1])
     x, y, turn = turning[0], turning[1], turning[ROTATION] / size
     return RigidBodyModes((center[0] - float(y / turn), center[1] + float(x / turn)), (*along, ROTATION))
@@ -91,7 +90,7 @@ def free_motions(
     held_nodes: Sequence[tuple[int, int]],
     springs: Springs,
 ) -> RigidBodyModes:
-    """The rigid motions of a body that its held surfaces, held nodes and springs leave free."""
+    """Rigid motions of a body that its held surfaces, held nodes and springs leave free."""
     mask = np.zeros((len(cloud.points), 2), dtype=bool)
     for name, components in held.items():
         mask[cloud.surfaces[name].index] |= np.array(components)
@@ -103,11 +102,8 @@ def free_motions(
 
 
 def independent_rows(columns: FloatArray) -> list[int]:
-    """Numbers of as many rows of ``columns`` (n, d) as it has columns, chosen to be far from dependent.
-
-    They are the pivots of a QR factorisation of its transpose (Golub and Van Loan, Matrix Computations,
-    section 5.4.2).
-    """
+    """Indices of d well-conditioned rows of ``columns`` (n, d): the pivots of a QR factorisation of its
+    transpose (Golub and Van Loan, Matrix Computations, section 5.4.2)."""
     if not columns.size:
         return []
     _, pivots, _, _, _ = dgeqp3(columns.T)
@@ -115,25 +111,24 @@ def independent_rows(columns: FloatArray) -> list[int]:
 
 
 def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
-    """As many (node, component) pairs as there are free motions that together forbid them all."""
+    """(node, component) pairs, one per free motion, that together suppress all free motions."""
     patterns = free.patterns(points)
     if not free.components:
         return []
     patterns = patterns / np.maximum(np.abs(patterns).max(axis=0), np.finfo(float).tiny)
-    # Places as far from each other are many: their last digits, other ones in other units, must not choose.
-    patterns = np.round(patterns, DIGITS)
+    # Many positions tie: their last digits, which differ between units, must not decide.
+    patterns = np.round(patterns, PIN_DIGITS)
     return [(place // 2, place % 2) for place in independent_rows(patterns)]
 
 
 @dataclass(frozen=True)
 class FreeSystem:
-    """The ``system`` of a pinned body, freed from its pins.
+    """A pinned body's ``system`` without the effect of the pins.
 
-    ``patterns`` (n, d) are the free motions of the unknowns, ``mean`` (d, n) what says how much of them a
-    displacement has, ``pinned`` (d,) the numbers of the pinned unknowns. Right-hand sides at the rows of
-    the pins, the d from ``first_pin`` on, are the mean motions that solutions are to have. ``work`` (d, r) is
-    what right-hand sides do along the free motions, ``balance`` (r, d) the body forces that do the opposite
-    of a unit of it.
+    ``patterns`` (n, d) are the free motions, ``mean`` (d, n) extracts their amount from a displacement,
+    ``pinned`` (d,) are the pinned unknowns. Right-hand sides of the d rows from ``first_pin`` on are the mean
+    motions of the solution. ``work`` (d, r) is the work of right-hand sides in the free motions, ``balance``
+    (r, d) the body forces of work -1.
     """
 
     system: LinearSystem
@@ -149,7 +144,7 @@ class FreeSystem:
         return slice(self.first_pin, self.first_pin + len(self.pinned))
 
     def _wanted(self, sources: sparse.csc_array) -> FloatArray:
-        """Mean motions (d, c) that solutions for ``sources`` (r, c) are to have."""
+        """Prescribed mean motions (d, c) of the solutions for ``sources`` (r, c)."""
         return np.asarray(sparse.csr_array(sources)[self._pins].toarray())
 
     def _balanced(self, sources: sparse.csc_array) -> sparse.csc_array:
@@ -157,14 +152,14 @@ class FreeSystem:
         dense[self._pins] = 0.0
         return sparse.csc_array(dense + self.balance @ (self.work @ dense))
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), balanced first."""
         return self._centred(self.system.solve(self._balanced(sources), tolerance), self._wanted(sources))
 
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c), and what the last update changed of each (c,), relatively."""
+        """Solutions (n, c), and the relative change (c,) by the last refinement."""
         pinned = None if start is None else self._pinned(start)
         solution, change = self.system.solve_with_error(self._balanced(sources), pinned)
         return self._centred(solution, self._wanted(sources)), change
@@ -174,8 +169,8 @@ class FreeSystem:
         return self._centred(self.system.solve_unrefined(self._balanced(sources)), self._wanted(sources))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
-        (r, 1) by the factor alone, (n, 2)."""
+        """A refinement step of a ``solution`` (n, 1) for ``source`` (r, 1), and the solution for ``more``
+        (r, 1) by the factor alone: (n, 2)."""
         found = self.system.step(self._balanced(source), self._pinned(solution), self._balanced(more))
         wanted = self._wanted(more)
         return self._centred(found, np.hstack([np.zeros_like(wanted), wanted]))
@@ -187,13 +182,13 @@ class FreeSystem:
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
-        """What the rows ``observed`` (g, n) make of these solutions, as a matrix (g, s), or of those for the
-        ``sources`` (r, s) times the ``mixture`` (s, c): (g, c)."""
+        """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture``
+        (s, c) if given: (g, s) or (g, c)."""
         rows = sparse.csr_array(sparse.vstack([observed, sparse.csr_array(self.mean)], format="csr"))
         wanted, acting = self._wanted(sources), np.ones(sources.shape[0])
         acting[self._pins] = 0.0
         sources = sparse.csc_array(sparse.diags_array(acting) @ sources)
-        # Every source balanced by itself would have an entry in every row.
+        # Balancing every source separately would fill every row.
         apart = sparse.csc_array(sparse.hstack([sources, sparse.csc_array(self.balance)], format="csc"))
         mixed = np.eye(sources.shape[1]) if mixture is None else mixture
         balanced = np.concatenate([mixed, (self.work @ sources) @ mixed])
@@ -202,25 +197,25 @@ class FreeSystem:
         return np.asarray(pinned + (observed @ self.patterns) @ (wanted @ mixed - mean))
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """What one more refinement would change of each of the ``solutions`` (n, c), relatively: (c,)."""
+        """Relative change (c,) of the ``solutions`` (n, c) by one more refinement."""
         return self.system.residual(self._balanced(sources), self._pinned(solutions))
 
     def _pinned(self, solution: FloatArray) -> FloatArray:
-        """``solution`` (n, c) as the pinned body has it."""
+        """``solution`` (n, c) with zero displacement at the pins."""
         moved = np.linalg.solve(self.patterns[self.pinned], solution[self.pinned])
         return np.asarray(solution - self.patterns @ moved)
 
     @property
     def note(self) -> str:
-        """That of the pinned body's equations."""
+        """Remark on the pinned body's equations."""
         return self.system.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
-        """(S^T S)^-1 times ``vectors`` (n, c), S the equations of the pinned body as they are scaled."""
+        """(S^T S)^-1 times ``vectors`` (n, c), with S the scaled equations of the pinned body."""
         return self.system.inverse_normal(vectors)
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
-        """Right-hand sides (r, c), balanced, as the equations are scaled."""
+        """Right-hand sides (r, c), balanced, in the scaling of the equations."""
         return self.system.scaled(self._balanced(sources), strong)
 
     def equations(self, sources: sparse.csc_array) -> Equations:
@@ -228,6 +223,6 @@ class FreeSystem:
         return self.system.equations(self._balanced(sources))
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """What ``solution`` (n,) has too much in each equation of the pinned body."""
+        """Residual of ``solution`` (n,) in each equation of the pinned body."""
         balanced = self._balanced(sparse.csc_array(source[:, None])).toarray()[:, 0]
         return self.system.residual_vector(balanced, solution)

@@ -1,6 +1,6 @@
-"""What acts on the bodies: loads scaled by factors, rigid platens, supports.
+"""Bodies and everything that acts on them: scaled loads, rigid platens, supports.
 
-Load factors are collected in one vector f (L,), in the order the case names the loads.
+Load factors form one vector f (L,), in the order in which the case names the loads.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from mlsanm_cli.memo import digest
 
 @dataclass(frozen=True)
 class SurfaceLoad:
-    """``values`` (b, 2) on a surface at factor 1: a displacement if ``held``, else a traction, known
-    ``between`` (g, 2) the nodes too, at the FINE points of the surface's halves."""
+    """``values`` (b, 2) on a surface at factor 1: displacements if ``held``, else tractions, which may also
+    be given ``between`` (g, 2) the nodes, at the FINE quadrature points."""
 
     number: int
     body: str
@@ -61,13 +61,12 @@ class BodyForce:
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """One rigid motion of a platen, an obstacle or a loose body: ``component`` 0 (x), 1 (y) or 2 (rotation
-    about the mover's centre).
+    """One rigid motion of a platen, an obstacle or a floating body: ``component`` 0 (x), 1 (y) or 2 (rotation
+    about its centre).
 
-    ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force``
-    (L,) balances it. ``alone`` means that nothing else holds a platen's body in this component: the platen
-    then carries exactly what the other forces on the body leave; otherwise its force comes from the stress
-    field.
+    ``prescribed`` (L,) is the motion per load factor, or None if it is unknown and balanced by ``force``
+    (L,). ``alone``: nothing else holds a platen's body in this component; the platen force is then the
+    resultant of the other forces on the body, otherwise it comes from the stress field.
     """
 
     component: int
@@ -78,11 +77,10 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class Platen:
-    """A rigid platen bonded to ``surfaces`` of a body, and to those of ``others``; a component without a
-    motion is free of traction there.
+    """A rigid platen bonded to ``surfaces`` of a body, and to those of ``others``; in a component without a
+    motion these are free of traction.
 
-    ``loads`` are the numbers of the loads that move it, ``name`` what messages call its place. It turns about
-    the ``center``.
+    ``loads`` are the loads that move it, ``name`` denotes its place in messages; it rotates about ``center``.
     """
 
     body: str
@@ -95,22 +93,22 @@ class Platen:
 
     @property
     def held(self) -> tuple[tuple[str, str], ...]:
-        """Body and name of every surface that it moves."""
+        """Body and name of every surface bonded to it."""
         parts = ((self.body, self.surfaces), *self.others)
         return tuple((body, surface) for body, surfaces in parts for surface in surfaces)
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies that it moves."""
+        """The bodies bonded to it."""
         return (self.body, *(body for body, _ in self.others))
 
     @property
     def turns(self) -> bool:
-        """Whether it may turn, or is turned."""
+        """Whether it has a rotation, free or prescribed."""
         return any(motion.component == ROTATION for motion in self.motions)
 
     def surfaces_of(self, body: str) -> tuple[str, ...]:
-        """The surfaces of a body that it moves."""
+        """Surfaces of a body bonded to it."""
         return tuple(surface for owner, surface in self.held if owner == body)
 
     def pattern(self, surface: Surface, points: FloatArray, component: int) -> FloatArray:
@@ -120,9 +118,9 @@ class Platen:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """The rigid obstacle of a ``contact``; in a component without a motion it stays where it is.
+    """The rigid obstacle of a ``contact``; fixed in components without a motion.
 
-    ``loads`` are the numbers of the loads that move it.
+    ``loads`` are the loads that move it.
     """
 
     contact: str
@@ -133,9 +131,10 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class FloatingBody:
-    """A body with rigid motions that only its contacts can hold: they are unknown, and it is in equilibrium.
+    """A body held by contact only in some rigid motions, which are unknowns with its equilibrium as
+    equations.
 
-    A motion that nothing resists and no force drives is prescribed at zero.
+    A motion without resistance or force is prescribed as zero.
     """
 
     body: str
@@ -145,7 +144,7 @@ class FloatingBody:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The body."""
+        """The body, as a tuple."""
         return (self.body,)
 
 
@@ -154,12 +153,12 @@ RigidConstraint = Platen | Obstacle | FloatingBody
 
 @dataclass(frozen=True)
 class Scene:
-    """Factorised bodies with all that acts on them, contact apart.
+    """Factorised bodies with everything that acts on them except contact.
 
-    ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` is for each body whether
+    ``supports`` maps a support's name to bodies and surfaces; ``held_nodes`` tells for each body whether
     single nodes hold it in x and y (their forces do not follow from the stress field). ``held_motions`` are
-    those of loose bodies that are held as nothing resists them: velocities (3,) of each body in one, x, y and
-    the rotation about the origin; ``loose_motions`` are those in which nothing but loose bodies moves.
+    motions of floating bodies fixed for lack of resistance, as velocities (3,) of each body: x, y and
+    rotation about the origin. ``loose_motions`` are those of them in which floating bodies only move.
     """
 
     bodies: Mapping[str, ElasticBody]
@@ -178,7 +177,7 @@ class Scene:
 
     @cached_property
     def content(self) -> str:
-        """A digest of all of it: contacts are condensed in it anew for every grid."""
+        """Digest of everything: condensations for all contact grids depend on it."""
         return digest(*(getattr(self, one.name) for one in fields(self)))
 
     def surface(self, body: str, name: str) -> Surface:
@@ -187,23 +186,23 @@ class Scene:
 
     @property
     def places(self) -> dict[str, slice]:
-        """Where every body's displacement unknowns stand when those of all are counted through."""
+        """Range of every body's unknowns in the concatenation of all."""
         ends = np.cumsum([0, *(body.model.unknowns for body in self.bodies.values())]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
 
     def center(self, body: str, surface: str) -> tuple[float, float]:
-        """The point that moments of a held surface are taken about: its platen's centre, else the origin."""
+        """Reference point for moments on a held surface: its platen's centre, else the origin."""
         for platen in self.platens:
             if (body, surface) in platen.held:
                 return platen.center
         return (0.0, 0.0)
 
     def heated(self, body: str) -> list[Heating]:
-        """What changes a body's temperature."""
+        """Temperature changes of a body."""
         return [heating for heating in self.heatings if heating.body == body]
 
     def degrees(self, body: str, factors: FloatArray, points: FloatArray | None = None) -> FloatArray:
-        """Change of a body's temperature at load ``factors`` (L,): at its cloud's points (n,), or at others
+        """Temperature change of a body at load ``factors`` (L,), at its cloud's points (n,) or at ``points``
         (e, 2)."""
         total = np.zeros(len(self.bodies[body].model.cloud.points if points is None else points))
         for heating in self.heated(body):
@@ -213,8 +212,8 @@ class Scene:
         return total
 
     def heat_force(self, body: str, factors: FloatArray) -> float:
-        """The largest force that a surface, or a cut as long as the body is wide in the mean, needs to keep
-        its body from expanding at all: what is heated may be inside only."""
+        """Largest resultant (force per thickness) that fully suppresses thermal expansion on one surface, or
+        on a cut of length √area: only the interior may be heated."""
         if not self.heated(body):
             return 0.0
         model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
@@ -233,12 +232,12 @@ class Scene:
 
     @property
     def rigid_constraints(self) -> tuple[RigidConstraint, ...]:
-        """All that moves rigidly."""
+        """Everything that moves rigidly."""
         return (*self.platens, *self.obstacles, *self.floating)
 
     @property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
-        """Motions to be solved for, in the order of the unknowns q."""
+        """Unknown motions, in the order of the unknowns q."""
         return [
             (constraint, m)
             for constraint in self.rigid_constraints
@@ -247,10 +246,10 @@ class Scene:
         ]
 
     def floating_patterns(self, body: str) -> FloatArray:
-        """Displacements (2N, k) of a body under the unknown motions q that it is loose in, 0 for others.
+        """Displacements (2N, k) of a body under the unknown motions q.
 
-        Where bodies may move without resistance they are held by one of their unknowns, which depends on the
-        axes. The patterns have none of that motion in their mean over the bodies, which does not.
+        Motions without resistance are fixed by choosing one of the unknowns, which depends on the axes.
+        Subtracting their mean over the bodies makes the patterns independent of that choice.
         """
         patterns = self._patterns(body)
         if not self.loose_motions:
@@ -280,7 +279,7 @@ class Scene:
         return np.asarray(np.stack(axes, axis=1) @ motions)
 
     def _areas(self, body: str) -> FloatArray:
-        """What every node (N,) counts in a mean."""
+        """Weight (N,) of every node in a mean."""
         model = self.bodies[body].model
         areas = np.zeros(len(model.nodes))
         areas[: len(model.cloud.areas)] = model.cloud.areas

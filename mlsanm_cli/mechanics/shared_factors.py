@@ -1,4 +1,4 @@
-"""Bodies that differ by where they stand only, and share one factorised system."""
+"""Translated copies of a body, which share one factorised system."""
 
 from __future__ import annotations
 
@@ -9,24 +9,26 @@ import numpy as np
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 
-SHIFTED = 1e-9
-"""Nodes of two bodies that are alike differ by less than this part of the spacing, but for a shift."""
+TRANSLATION_TOLERANCE = 1e-9
+"""Tolerance for node positions up to a translation, in spacings."""
 
 
 def is_translated_copy(one: BodyModel, other: BodyModel) -> bool:
-    """Whether two bodies differ by where they stand only, so that one system does for both."""
+    """Whether two bodies differ by a translation only, so that one system serves both."""
     a, b = one.cloud, other.cloud
     if len(a.points) != len(b.points) or list(a.surfaces) != list(b.surfaces):
         return False
     same = one.settings == other.settings and np.array_equal(one.material.stiffness, other.material.stiffness)
     shift = b.points[0] - a.points[0]
-    near = np.abs(b.points - a.points - shift).max(axis=1) <= SHIFTED * np.minimum(a.spacing, b.spacing)
+    near = np.abs(b.points - a.points - shift).max(axis=1) <= TRANSLATION_TOLERANCE * np.minimum(
+        a.spacing, b.spacing
+    )
     rows = all(np.array_equal(a.surfaces[name].index, b.surfaces[name].index) for name in a.surfaces)
     return bool(same and rows and near.all())
 
 
 def with_shared_factors(twin: ElasticBody, model: BodyModel) -> ElasticBody:
-    """The body of ``model`` with the system of a body that is :func:`is_translated_copy`."""
+    """The body of ``model`` with the system of ``twin``, for which :func:`is_translated_copy` holds."""
     shift = model.cloud.points[0] - twin.model.cloud.points[0]
     center = (twin.free.center[0] + float(shift[0]), twin.free.center[1] + float(shift[1]))
     pieces = replace(

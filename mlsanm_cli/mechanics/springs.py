@@ -1,8 +1,8 @@
-"""Springs along a body's surfaces: which of them hold like supports, and which give way.
+"""Springs along a body's surfaces: stiff ones act as supports, soft ones as tractions.
 
-A spring is stiff where it gives way by less than the body itself, k size > C. Its force then comes from the
-stress inside the body, as that of a held surface does: k times displacements that are nearly zero
-would be their errors only. That of a soft spring is k u; it says how far the body moves as a whole.
+A spring of stiffness k is stiff if it gives way less than the body itself, k size > C. Its force is computed
+from the stress inside the body, as for a held surface, since k times a nearly zero displacement would be
+mostly error. The force of a soft spring is k u; it determines the rigid motion of the body.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 Springs = Mapping[str, tuple[float, float]]
 Held = Mapping[str, tuple[bool, bool]]
 
-AT_CORNERS = 30.0
-"""Springs up to so many times the stiffest soft one pull at nothing that counts next to a corner. Of a block
-on a rough base, beside springs 2.6 times as stiff, the force is within 0.3 % of that of fine nodes, and of 87
-times as stiff ones too; nodal pressures, where the corner has no fields, were 8 and 22 % off."""
+CORNER_STIFFNESS_RATIO = 30.0
+"""Springs up to this times the stiffest soft one leave the corner field of a free surface valid. For a block
+on a rough base the force next to springs 2.6 or 87 times as stiff is within 0.3 % of that of fine nodes;
+nodal pressures, used where the corner has no field, were 8 and 22 % off."""
 NO_SPRING = (0.0, 0.0)
 FREE = (False, False)
 
 
 def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = None) -> float:
-    """The stiffness k, traction per displacement, up to which springs along a ``surface``, or the whole body,
-    give way: what bodies give way by under a load on a part of their boundary goes with the length of it."""
+    """Largest stiffness k, traction per displacement, of a soft spring along a ``surface`` or the whole body:
+    the compliance of a body under a load on part of its boundary is proportional to the part's length."""
     size = float(np.ptp(cloud.points, axis=0).max())
     if surface is not None:
         size = min(size, cloud.surfaces[surface].curve.length)
@@ -37,7 +37,7 @@ def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = N
 def gripped(
     held: Held, springs: Springs, cloud: Cloud, material: PlaneMaterial
 ) -> dict[str, tuple[bool, bool]]:
-    """The components of every surface that are held, or by springs too stiff to give way."""
+    """Components of every surface that are held, or have stiff springs."""
     found = dict(held)
     for name, both in springs.items():
         limit = stiffest_soft(cloud, material, name)
@@ -47,14 +47,14 @@ def gripped(
     return found
 
 
-def occupying(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list[str]:
-    """The surfaces whose springs do not leave them free next to their corners."""
-    limit = AT_CORNERS * stiffest_soft(cloud, material)
+def restraining(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list[str]:
+    """Surfaces whose springs invalidate the corner field of a free surface."""
+    limit = CORNER_STIFFNESS_RATIO * stiffest_soft(cloud, material)
     return [name for name, both in springs.items() if max(both) > limit]
 
 
 def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
-    """The springs that give way, 0 where there is none."""
+    """The soft springs, 0 in the other components."""
     kept = {}
     for name, (x, y) in springs.items():
         limit = stiffest_soft(cloud, material, name)

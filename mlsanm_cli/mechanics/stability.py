@@ -1,4 +1,4 @@
-"""Stability certificate of one body's discrete equations, for scenes without contact to certify them."""
+"""Stability certificate of one body's discrete equations, for scenes without contact."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 
 ITERATIONS = 8
-TRACE = 1e-6
-"""Loads whose trace in the equations is smaller than this part of the largest have none."""
+LOAD_TOLERANCE = 1e-6
+"""Loads whose scaled right-hand side is below this fraction of the largest are discarded."""
 
 
 def bulk_stability(body: ElasticBody) -> float:
-    """Smallest singular value of the equations, made free of units by the response to smooth loads.
+    """Smallest singular value of the equations, normalised by the response to smooth loads.
 
     With S the scaled equations and displacements measured by |u|^2 = sum h^2 u_i^2 over the cloud's points::
 
         sigma = min |S u| / |u|        stability = sigma max_b |u_b| / |S b|        0 < stability
 
-    b are the body forces that vary linearly over the body, and u_b their displacements. A sound
-    discretisation answers to nothing much more than to such loads; one that answers to some rough residual a
-    hundred times as strongly amplifies its own discretisation error in the same way. The rows of pieces,
-    thousands of times as strong, count in S u but not in S b. sigma comes from a few steps of subspace
-    iteration with the factor at hand (Golub and Van Loan, Matrix Computations, section 8.2); their start is
-    fixed.
+    b are linearly varying body forces and u_b their displacements. In a sound discretisation hardly any
+    residual causes more displacement than these; one that amplifies some rough residual a hundred times as
+    much amplifies its own discretisation error likewise. The rows of pieces, thousands of times as strong,
+    count in S u but not in S b. sigma is computed by a few steps of subspace iteration with the available
+    factor (Golub and Van Loan, Matrix Computations, section 8.2) from a fixed start.
     """
     model, system = body.model, body.system
     count = len(model.cloud.points)
@@ -37,9 +36,9 @@ def bulk_stability(body: ElasticBody) -> float:
     loads = sparse.csc_array(np.stack(forces, axis=1))
     response = measure * system.solve(loads)
     scaled = system.scaled(loads, strong=False)
-    # Loads that leave no trace in the equations, or the same as others on a few nodes, bring no response.
+    # Discard loads that vanish or coincide on a few nodes.
     _, sizes, turned = np.linalg.svd(scaled, full_matrices=False)
-    kept = sizes > TRACE * sizes[0]
+    kept = sizes > LOAD_TOLERANCE * sizes[0]
     smooth = np.linalg.norm(response @ turned[kept].T / sizes[kept], 2) ** 2
     rough = np.random.default_rng(0).normal(size=(len(measure), 2))
     space: FloatArray = np.concatenate([response, rough], axis=1)
@@ -52,7 +51,7 @@ def bulk_stability(body: ElasticBody) -> float:
 
 
 def _linear_forces(model: BodyModel) -> list[FloatArray]:
-    """Body forces (n, 2): in x and in y, each uniform, linear in x and linear in y."""
+    """Body forces (n, 2) in x and in y: uniform, linear in x, and linear in y."""
     points = model.cloud.points
     middle, extent = points.mean(axis=0), np.ptp(points, axis=0).max()
     shapes = np.column_stack([np.ones(len(points)), (points - middle) / extent])

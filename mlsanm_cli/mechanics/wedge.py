@@ -1,25 +1,24 @@
-"""Forces near a corner: what takes their fields' tractions off both faces of an infinite wedge.
+"""Forces near a corner: densities that free both faces of an infinite wedge of tractions.
 
-The field of a force on a straight face (:mod:`mlsanm_cli.mechanics.near_field`) leaves that face free of
-tractions, but not the other face of a wedge. Forces along both faces take them off: for a force at the
-distance x' from the tip they have the densities psi(ln(x / x')) per logarithm of the distance x. With the
-kernels A and B that tractions on the second face come from forces on the first by, and the reverse::
+The field of a force on a straight face (:mod:`mlsanm_cli.mechanics.near_field`) leaves that face
+traction-free, but not the other face of a wedge. Force densities along both faces remove the tractions: for a
+force at distance x' from the tip they are psi(ln(x / x')) per logarithm of the distance x. With the kernels A
+of the tractions on the second face due to forces on the first, and B the reverse::
 
     psi_2 + A * (delta + psi_1) = 0,    psi_1 + B * psi_2 = 0
 
-where * is the convolution in ln x: Mellin's transform solves them. For normal forces at a right angle they
-are Hetenyi's images (Hetenyi 1960, doi:10.1115/1.3643978).
+where * is convolution in ln x, solved by the Mellin transform. For normal forces at a right angle these are
+Hetenyi's images (Hetenyi 1960, doi:10.1115/1.3643978).
 
-Where the second face slides along a straight wall without friction, the wall is a line of symmetry: forces
-have images on the mirrored first face, and the wedge is twice as wide. At a right angle there is nothing
-left to take off.
+If the second face slides along a straight frictionless wall, the wall is a symmetry line: forces have images
+on the mirrored first face, and the wedge is twice as wide. At a right angle the images suffice.
 
-Where the second face is clamped, the forces along it keep it from deforming instead. With C and D the
-derivatives by ln x of its displacements by forces on the first face, and on itself::
+If the second face is clamped, the forces along it suppress its deformation instead. With C and D the
+derivatives by ln x of its displacements due to forces on the first face and on itself::
 
     C * (delta + psi_1) + D * psi_2 = 0,    psi_1 + B * psi_2 = 0
 
-All forces together add up to nothing then, and the second face moves as one by a constant.
+All forces then have zero resultant, and the second face moves by a constant.
 
 Equation (9) of docs/method.md.
 """
@@ -38,21 +37,20 @@ from mlsanm_cli.kernels.cubic import cubic_rows
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, traction
 
 STEP, COUNT = 0.02, 4096
-"""The grid of ln(x / x')."""
-REACH = 38.0
-"""Densities beyond are nothing."""
-DIFFERENCE = 0.01
-"""Differences of displacements are over this part of a step."""
+"""Uniform grid of ln(x / x')."""
+TRUNCATION = 38.0
+"""Densities are truncated beyond this |ln(x / x')|."""
+DIFFERENCE_STEP = 0.01
+"""Step of finite differences of displacements, as a fraction of STEP."""
 
 
 @dataclass(frozen=True)
 class Wedge:
-    """A wedge of a body with the ``kernel`` of its material between two straight faces that run from the tip
-    ``along`` the one that bears forces, which has the material on the side ``turn`` (1j or -1j) times that,
-    and along the ``other`` (unit vectors), free, ``sliding`` along a wall or ``clamped``.
+    """A wedge of a body with the near field ``kernel`` of its material, between two straight faces.
 
-    Interior angles may be up to 260 degrees, half of that of a ``sliding`` one: forces' fields are cut
-    outwards.
+    Unit tangents from the tip: ``along`` the face with forces, the material on the side ``turn`` (1j or -1j)
+    times it, and ``other`` along the second face, which is free, ``sliding`` along a wall or ``clamped``.
+    Interior angles up to 260 degrees, half of that if ``sliding``: branch cuts run outwards.
     """
 
     kernel: PointForceField
@@ -64,12 +62,12 @@ class Wedge:
 
     @property
     def second(self) -> complex:
-        """The unit vector along the second face that forces act on: the other one, or the mirrored first."""
+        """Unit tangent of the second face with forces: the other face, or the mirrored first one."""
         return self.other**2 * np.conj(self.along) if self.sliding else self.other
 
     @property
     def image(self) -> FloatArray:
-        """The force (2, 2) on the second face that is the image of a force; none where it is free."""
+        """Image force (2, 2) on the second face of a unit force; zero unless it slides."""
         axis = np.array([self.other.real, self.other.imag])
         return self.sliding * np.asarray(2.0 * np.outer(axis, axis) - np.eye(2))
 
@@ -85,7 +83,7 @@ class Wedge:
 
     @cached_property
     def densities(self) -> tuple[FloatArray, FloatArray]:
-        """psi (n, 2, 2) on the two faces, components first, by forces x and y."""
+        """psi (n, 2, 2) on the two faces, components first, for forces x and y."""
         place, normals = np.exp(self.grid), [-one for one in self.inward]
 
         def transformed(seen: complex, by: complex, normal: complex) -> ComplexArray:
@@ -105,7 +103,7 @@ class Wedge:
 
         def back(values: NDArray[Any]) -> FloatArray:
             found = np.fft.fftshift(np.fft.ifft(values, axis=0), axes=0).real / STEP
-            found[np.abs(self.grid) > REACH] = 0.0
+            found[np.abs(self.grid) > TRUNCATION] = 0.0
             return np.asarray(found)
 
         own, beyond = back(first), back(second)
@@ -115,12 +113,12 @@ class Wedge:
         return both, np.asarray(self.image @ both)
 
     def _stretching(self) -> tuple[ComplexArray, ComplexArray]:
-        """Transforms (n, 2, 2) of C and D times tan(pi z), z being the transforms' variable.
+        """Transforms (n, 2, 2) of C and D times tan(pi z), with z the transform variable.
 
-        C grows to the logarithm's tensor L at infinity, as L / (1 + exp(-t)), of which -pi / sin(pi z) is the
-        transform; D is L / (1 - exp(-t)), whose is -pi cot(pi z), and the step under the force.
+        C tends to the logarithmic tensor L like L / (1 + exp(-t)), with the transform -pi / sin(pi z); D is
+        L / (1 - exp(-t)), with the transform -pi cot(pi z), plus the step under the force.
         """
-        shift = DIFFERENCE * STEP
+        shift = DIFFERENCE_STEP * STEP
         before, after = (
             self.kernel.displacement(
                 np.asarray(np.exp(self.grid + sign * shift) * self.second - self.along),
@@ -142,25 +140,25 @@ class Wedge:
 
     @cached_property
     def logarithm(self) -> FloatArray:
-        """What displacements (2, 2) by a force change by with the logarithm of the unit of length."""
+        """Coefficient (2, 2) of the logarithm of the length unit in displacements due to a force."""
         ahead = np.array([self.inward[0]], dtype=np.complex128)
         one, other = (self.kernel.displacement(size * ahead, ahead)[0] for size in (1.0, 2.0))
         return np.asarray((other - one) / np.log(2.0))
 
     @cached_property
     def moved(self) -> FloatArray:
-        """Displacements (n, 2, 2) of the first face by the densities, and by the image, of a unit force at
-        the distance 1."""
-        kept = np.abs(self.grid) <= REACH
+        """Displacements (n, 2, 2) of the first face due to the densities and the image of a unit force at
+        distance 1."""
+        kept = np.abs(self.grid) <= TRUNCATION
         total = np.zeros((COUNT, 2, 2))
-        # Half a step off the densities, so that none is at the place itself.
+        # Half a step off the grid of densities, to avoid the singular point.
         apart = STEP * (np.arange(-COUNT + 1, COUNT) + 0.5)
         for density, face, inward in zip(self.densities, (self.along, self.second), self.inward, strict=True):
             w = np.asarray(np.exp(np.minimum(apart, 600.0)) * self.along - face, dtype=np.complex128)
             seen = self.kernel.displacement(w, np.full(len(w), inward))
             total += STEP * _convolved(seen, density)
             total += self.logarithm @ (STEP * (self.grid[:, None, None] * density)[kept].sum(axis=0))
-        # A logarithm's singular point midway between places of a sum (Sidi and Israeli 1988,
+        # Correction for a logarithmic singularity midway between grid points (Sidi and Israeli 1988,
         # doi:10.1007/BF01061258).
         middle = interpolated(self.densities[0], self.grid + 0.5 * STEP)
         total -= STEP * np.log(2.0) * (self.logarithm @ middle)
@@ -170,8 +168,8 @@ class Wedge:
         return total
 
     def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
-        """The same displacements in one component (e, k) at distances ``x`` (e,) by unit forces in another at
-        ``source`` (k,)."""
+        """The same displacements in component ``which`` (e, k) at distances ``x`` (e,) due to unit forces in
+        component ``by`` at ``source`` (k,)."""
         own = interpolated(self.moved[:, which, by], np.log(x)[:, None] - (np.log(source) + 0.5 * STEP))
         whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0) + self.image
         return np.asarray(own + np.log(source) * (self.logarithm @ whole)[which, by])
@@ -184,14 +182,15 @@ def interpolated(table: FloatArray, t: FloatArray) -> FloatArray:
 
 
 def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
-    """Cubic interpolation (..., rest) of the rows of a ``table`` (n, rest) ``at`` numbers of rows (...)."""
+    """Cubic interpolation (..., rest) of a ``table`` (n, rest) at fractional row numbers ``at`` (...)."""
     rows = np.ascontiguousarray(table.reshape(len(table), -1))
     found = cubic_rows(rows, np.ascontiguousarray(at, dtype=np.float64).ravel())
     return np.asarray(found).reshape(*at.shape, *table.shape[1:])
 
 
 def _convolved(seen: FloatArray, density: FloatArray) -> FloatArray:
-    """Sums (n, 2, 2) over k of seen[j - k] density[k], of (2n - 1, 2, 2) and (n, 2, 2)."""
+    """Discrete convolution (n, 2, 2): sum over k of seen[j - k] density[k], for (2n - 1, 2, 2) and (n, 2,
+    2)."""
     size = 4 * COUNT
     one, other = np.fft.rfft(seen, size, axis=0), np.fft.rfft(density, size, axis=0)
     product = np.fft.irfft(one @ other, size, axis=0)

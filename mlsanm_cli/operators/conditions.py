@@ -1,13 +1,12 @@
-"""Conditions that solutions of a least-squares problem meet exactly, a few for each problem.
+"""A few linear constraints that solutions of a least-squares problem satisfy exactly.
 
-Under the conditions C u = d the normal equations N u = f have multipliers, N u + C^T z = f. All follows from
-their solution without conditions and what they answer to C^T (Bjorck 1996, doi:10.1137/1.9781611971484,
-section 5.1)::
+Under the constraints C u = d the normal equations become N u + C^T z = f. The solution follows from the
+unconstrained one and the response to C^T (Bjorck 1996, doi:10.1137/1.9781611971484, section 5.1)::
 
     Y = N^-1 C^T (C N^-1 C^T)^-1        u = N^-1 f + Y (d - C N^-1 f)
 
-Where strong rows have met the conditions nearly, this is the last bit only, so that it loses no digits; and
-as C Y = 1 to round-off, whatever Y is worth, so are the conditions met.
+Strong rows satisfy the constraints nearly, so that this changes the last digits only and loses none. Since C
+Y = 1 to round-off however accurate Y is, the constraints hold to round-off.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 
-NOTHING = 1e-9
-"""Conditions whose terms cancel to this part say nothing, nor do those that follow from others as well."""
+DEPENDENCE_TOLERANCE = 1e-9
+"""Relative tolerance for constraints that vanish by cancellation or depend on others."""
 ROUND_OFF = 1e-13
-"""Single terms that cancel to this part are nothing."""
+"""Relative tolerance for single entries that vanish by cancellation."""
 
 
 @dataclass(frozen=True)
@@ -35,38 +34,38 @@ class Conditions:
 
     @classmethod
     def none(cls, unknowns: int) -> Conditions:
-        """No conditions."""
+        """No constraints."""
         return cls(sparse.csr_array((0, unknowns)), np.zeros((unknowns, 0)), np.zeros((0, 0)))
 
     def met(self, solution: FloatArray, wanted: FloatArray) -> FloatArray:
-        """The ``solution`` (n, c) of the normal equations, moved to where C u is ``wanted`` (s, c)."""
+        """The ``solution`` (n, c) of the normal equations, corrected to C u = ``wanted`` (s, c)."""
         return np.asarray(solution + self.lift @ (wanted - self.rows @ solution))
 
 
 def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sparse.csr_array, IntArray]:
-    """What ``sums`` (s, g) of strong ``rows`` (g, n) say (t, n), and which of them do (t,): not those that
-    cancel, as the forces on a body that nothing holds."""
+    """Constraints (t, n) that are ``sums`` (s, g) of strong ``rows`` (g, n), and which sums they are (t,);
+    sums that cancel, such as forces on a floating body, are dropped."""
     taken = sparse.csr_array(sums @ rows)
     size = _largest(sparse.csr_array(abs(sums) @ abs(rows)))
     taken.data[np.abs(taken.data) <= ROUND_OFF * np.repeat(size, np.diff(taken.indptr))] = 0.0
     taken.eliminate_zeros()
-    kept = np.flatnonzero(_largest(taken) > NOTHING * size)
+    kept = np.flatnonzero(_largest(taken) > DEPENDENCE_TOLERANCE * size)
     return sparse.csr_array(taken[kept]), kept
 
 
 def conditions_of(rows: sparse.csr_array, answer: FloatArray) -> Conditions:
-    """The conditions ``rows`` (s, n), by the ``answer`` (n, s) of the normal equations to their transpose; of
-    rows that depend on each other only the first."""
+    """Constraints with ``rows`` (s, n) and ``answer`` (n, s), the response of the normal equations to their
+    transpose; rows from the first dependent one on are dropped."""
     soft = np.asarray(rows @ answer)
     unit = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft)))
     count = len(soft)
-    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > NOTHING:
+    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > DEPENDENCE_TOLERANCE:
         count -= 1
-    # Not made symmetric: so conditions hold to round-off, whatever the answer is worth.
+    # Not symmetrised, so that constraints hold to round-off for any accuracy of the response.
     stiffness = np.linalg.inv(soft[:count, :count])
     return Conditions(sparse.csr_array(rows[:count]), answer[:, :count] @ stiffness, stiffness)
 
 
 def _largest(matrix: sparse.csr_array) -> FloatArray:
-    """The largest entry of every row (s,)."""
+    """Largest modulus in every row (s,)."""
     return np.asarray(abs(matrix).max(axis=1).toarray()).ravel() if matrix.shape[0] else np.zeros(0)

@@ -1,4 +1,4 @@
-"""Derivatives of nodal fields, without the weights that lead to them: a fraction of their work."""
+"""Derivatives of nodal fields without stencil weights, at a fraction of their cost."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.kernels.fits import fit_derivatives
-from mlsanm_cli.operators.cornered import sharp_corners
 from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.singular_functions import singular_corners
 from mlsanm_cli.operators.stencils import build_stencils, sound_fits
 from mlsanm_cli.startup import cKDTree
 
-TOGETHER = 4096
-"""Points whose neighbours are in memory together."""
+BATCH_SIZE = 4096
+"""Points processed at once, to limit memory."""
 
 
 def fitted_derivatives(
@@ -28,11 +28,11 @@ def fitted_derivatives(
     known: IndexArray | None = None,
     tips: Tips | None = None,
 ) -> FloatArray:
-    """Value and derivatives (e, 6, c) of a nodal ``field`` (n, c) at ``targets`` (e, 2), degree 2 at least.
+    """Value and derivatives (e, 6, c) of a nodal ``field`` (n, c) at ``targets`` (e, 2), for degree >= 2.
 
-    They are those of :meth:`Stencils.derivatives` with the same settings but for round-off; ``known`` (e, k)
-    are the targets' nearest nodes by :func:`nearest_nodes`, if they were looked for already.
-    Raises NumericalError where the nodes cannot carry the degree.
+    Equal to :meth:`Stencils.derivatives` with the same settings up to round-off; ``known`` (e, k) are the
+    targets' nearest nodes by :func:`nearest_nodes` if available. Raises NumericalError where the nodes do not
+    determine the polynomial.
     """
     result = np.empty((len(targets), 6, field.shape[1]))
     field = np.ascontiguousarray(field)
@@ -47,12 +47,12 @@ def fitted_derivatives(
         )
         return (found,), ratio
 
-    for first in range(0, len(targets), TOGETHER):
-        some = np.arange(first, min(first + TOGETHER, len(targets)))
+    for first in range(0, len(targets), BATCH_SIZE):
+        some = np.arange(first, min(first + BATCH_SIZE, len(targets)))
         for which, (found,), _ in sound_fits(len(points), targets, some, settings, fit):
             result[which] = found
     near = np.zeros(len(targets), dtype=bool)
-    for corner in sharp_corners(points, tree, settings, sight, tips):
+    for corner in singular_corners(points, tree, settings, sight, tips):
         near |= corner.near(targets)
     if near.any():
         stencils = build_stencils(points, tree, targets[near], 2, settings, sight, tips=tips)

@@ -1,22 +1,22 @@
-"""Weighted linear least squares through the normal equations, with steps on the rows themselves.
+"""Weighted linear least squares by the normal equations, with iterative refinement on the rows themselves.
 
-For rows M u = b with row weights w, and strong ones B u = L b, the solution minimises
-|diag(w) (M u - b)|^2 + |B u - L b|^2. Each strong row sums over many unknowns and would fill the normal
-equations N of the others; so its multiplier z = B u - L b is an unknown of its own::
+For rows M u = b with row weights w, and strong rows B u = L b, the solution minimises ||diag(w) (M u - b)|^2
++ |B u - L b|^2. Each strong row involves many unknowns and would fill the normal equations N of the others;
+so its multiplier z = B u - L b is an additional unknown::
 
     N u + B^T z = M^T W b           B u - z = L b
 
 which is quasi-definite (Vanderbei 1995, doi:10.1137/0805005) and has a factor without pivoting in any order.
-A few sums of strong rows, the forces and the moment on the whole body, hold exactly
-(:mod:`mlsanm_cli.operators.conditions`): were the rows so strong, there would be no digits left for others.
+A few sums of strong rows, forces and moment on the whole body, hold exactly
+(:mod:`mlsanm_cli.operators.conditions`): weights high enough for that would leave no digits for other rows.
 
-The factor alone loses half the digits. Residuals of the rows, not of the normal equations, give them back
-(Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here as conjugate gradients (Bjorck 1996,
-doi:10.1137/1.9781611971484, section 7.4) with the factor for preconditioner: the first step is the corrected
-semi-normal step, and bodies that are almost incompressible get there in a few more. Of bodies a hundred times
-as long as thick the factor has lost some bending to round-off and is not even definite there. So each
-direction is made conjugate to those before themselves, not by the short recurrence, which takes a definite
-preconditioner for granted (Golub and Ye 1999, doi:10.1137/S1064827597323415).
+The factor alone loses half the digits. Residuals of the rows, not of the normal equations, restore them
+(Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here by conjugate gradients (Bjorck 1996,
+doi:10.1137/1.9781611971484, section 7.4) with the factor as preconditioner: the first step is the corrected
+semi-normal step, and nearly incompressible bodies need a few more. For bodies a hundred times as long as
+thick the factor has lost bending modes to round-off and is not even definite. So each direction is made
+conjugate to several previous ones instead of by the short recurrence, which requires a definite
+preconditioner (Golub and Ye 1999, doi:10.1137/S1064827597323415).
 
 Equation (4) of docs/method.md.
 """
@@ -36,12 +36,12 @@ from mlsanm_cli.operators.conditions import Conditions, conditions_of, independe
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
-    CHECKED,
-    KEPT,
-    MOST,
-    PRECISE,
-    QUICK,
+    DIRECTIONS,
+    FULL_TOLERANCE,
+    FUNCTIONAL_TOLERANCE,
+    MAX_UPDATES,
     TINY,
+    VERIFIED_TOLERANCE,
     Progress,
     best_part,
     relative,
@@ -51,10 +51,10 @@ from mlsanm_cli.operators.system import Equations
 
 @dataclass(frozen=True)
 class Strong:
-    """Strong ``rows`` (g, n) as they are scaled, and what right-hand sides do there: ``loads`` (g, r).
+    """Strong ``rows`` (g, n), scaled, and their operator ``loads`` (g, r) on right-hand sides.
 
-    Row i belongs to the place ``owner[i]`` (g,) among ``places`` (k, 2), where its multiplier is eliminated;
-    up to four have one place. What the ``sums`` (s, g) make of them holds exactly.
+    The multiplier of row i belongs to place ``owner[i]`` (g,) among ``places`` (k, 2), at most four to one
+    place, where it is eliminated. The ``sums`` (s, g) of rows hold exactly.
     """
 
     rows: sparse.csr_array
@@ -73,8 +73,7 @@ class Strong:
 @dataclass(frozen=True)
 class LeastSquares:
     """Factorised least-squares problem: ``rows`` (e, n) already multiplied by ``weight`` (e,), and ``strong``
-    ones, of whose sums the ``conditions`` are made. Right-hand sides are r numbers, of which the first e are
-    those of the rows."""
+    rows, whose sums are the ``conditions``. Of the r right-hand sides the first e are those of the rows."""
 
     rows: sparse.csr_array
     weight: FloatArray
@@ -82,8 +81,8 @@ class LeastSquares:
     factor: Factor
     conditions: Conditions
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
-        """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
+        """Solutions (n, c) for right-hand sides ``sources`` (r, c) in the rows' physical units."""
         scaled = self.scaled(sources)
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
         return self.conditions.met(solution, self._sums(scaled))
@@ -91,19 +90,19 @@ class LeastSquares:
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
-        known, and what the last update changed of each, relatively: (c,)."""
+        """Solutions (n, c) for ``sources`` (r, c), from a multiple of ``start`` (n, 1) if given, and the
+        relative change (c,) by the last update."""
         force, misfit = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
         wanted = self._sums(misfit)
         if start is None:
             solution = self.factor.solve(self._gather(misfit))
             misfit = misfit - self._apply(solution)
-            progress = Progress.of(solution, PRECISE, CHECKED)
+            progress = Progress.of(solution, FULL_TOLERANCE, VERIFIED_TOLERANCE)
         else:
             image = self._apply(start)
             part = best_part(image, misfit)
             solution, misfit = start @ part, misfit - image @ part
-            progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
+            progress = Progress.begun(sources.shape[1], FULL_TOLERANCE, VERIFIED_TOLERANCE)
         solution, _, progress = self._further(force, misfit, solution, progress)
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
@@ -113,8 +112,8 @@ class LeastSquares:
         return self._solve_once(scaled, self._sums(scaled))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
-        (r, 1) by the factor alone, (n, 2)."""
+        """A refinement step of a ``solution`` (n, 1) for ``source`` (r, 1), and the unrefined solution for
+        ``more`` (r, 1): (n, 2)."""
         one, other = self.scaled(source), self.scaled(more)
         wanted = [self._sums(one) - self.conditions.rows @ solution, self._sums(other)]
         return self._solve_once(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
@@ -122,8 +121,8 @@ class LeastSquares:
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
-        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, s): (g, s), or for them
-        times the ``mixture`` (s, c): (g, c)."""
+        """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture`` (s,
+        c) if given: (g, s) or (g, c)."""
         weighted = self._weighted(sources)
         mixed = np.eye(sources.shape[1]) if mixture is None else mixture
         count, first = weighted.shape[0], self.rows.shape[0]
@@ -131,11 +130,13 @@ class LeastSquares:
 
         def of_columns(chosen: FloatArray) -> FloatArray:
             misfit = weighted @ (mixed @ chosen)
-            return np.asarray(rows @ self._refined(np.zeros((self.rows.shape[1], 1)), misfit, QUICK)[0])
+            return np.asarray(
+                rows @ self._refined(np.zeros((self.rows.shape[1], 1)), misfit, FUNCTIONAL_TOLERANCE)[0]
+            )
 
         def of_rows(chosen: FloatArray) -> FloatArray:
             misfit = np.zeros((count, chosen.shape[1]))
-            images = -self._refined(np.asarray(rows.T @ chosen), misfit, QUICK)[1]
+            images = -self._refined(np.asarray(rows.T @ chosen), misfit, FUNCTIONAL_TOLERANCE)[1]
             return np.asarray((weighted.T @ images).T @ mixed)
 
         gathered = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
@@ -147,8 +148,8 @@ class LeastSquares:
     def _refined(
         self, force: FloatArray, misfit: FloatArray, tolerance: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) of N x = ``force`` + what ``misfit`` (e + g, c) of the rows gathers to, and the
-        lack that is left.
+        """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
+        misfit.
 
         ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem.
         """
@@ -159,9 +160,9 @@ class LeastSquares:
     def _further(
         self, force: FloatArray, misfit: FloatArray, solution: FloatArray, progress: Progress
     ) -> tuple[FloatArray, FloatArray, Progress]:
-        """The ``solution`` (n, c), which ``misfit`` is left of, refined until there is no more progress."""
-        before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=KEPT)
-        for _ in range(MOST):
+        """The ``solution`` (n, c) with remaining ``misfit``, refined until there is no more progress."""
+        before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
+        for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
             step = self.factor.solve(gradient)
             image = self._apply(step)
@@ -170,7 +171,7 @@ class LeastSquares:
                 step -= share * other
                 image -= share * seen
             size = np.maximum(np.einsum("ij,ij->j", image, image), TINY)
-            # More steps than needed would only add round-off.
+            # Further steps for converged solutions would only add round-off.
             length = np.where(progress.done, 0.0, np.einsum("ij,ij->j", gradient, step) / size)
             solution += length * step
             misfit -= length * image
@@ -181,22 +182,21 @@ class LeastSquares:
         return solution, misfit, progress
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """What one more corrected semi-normal step would change of each of the ``solutions`` (n, c),
-        relatively: (c,)."""
+        """Relative change (c,) of the ``solutions`` (n, c) by one more corrected semi-normal step."""
         scaled = self.scaled(sources)
         wanted = self._sums(scaled) - self.conditions.rows @ solutions
         update = self._solve_once(scaled - self._apply(solutions), wanted)
         return relative(np.linalg.norm(update, axis=0), solutions)
 
     def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows, and what the
-        conditions want (s, c)."""
+        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows and conditions
+        ``wanted`` (s, c)."""
         return self._roughly.met(self.factor.solve(self._gather(misfit)), wanted)
 
     @cached_property
     def _roughly(self) -> Conditions:
-        """The conditions as the factor alone answers to them: what it misses of long thin bodies' bending, it
-        misses of both alike."""
+        """The conditions with the response by the factor alone: its error in the bending of long thin bodies
+        then affects both alike."""
         rows = self.conditions.rows
         if not rows.shape[0]:
             return self.conditions
@@ -205,12 +205,12 @@ class LeastSquares:
         return Conditions(rows, answer @ stiffness, stiffness)
 
     def _sums(self, scaled: FloatArray) -> FloatArray:
-        """What the conditions want (s, c) for right-hand sides (e + g, c) as the rows are scaled."""
+        """Values of the conditions (s, c) for scaled right-hand sides (e + g, c)."""
         return np.asarray(self.strong.sums @ scaled[self.rows.shape[0] :])
 
     @property
     def note(self) -> str:
-        """What users should know of how the equations were factorised, usually nothing."""
+        """Remark on the factorisation for users; usually ""."""
         return self.factor.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
@@ -218,7 +218,8 @@ class LeastSquares:
         return self.factor.solve(vectors)
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
-        """Right-hand sides (r, c) as the rows are scaled, and below them the strong ones': (e + g, c)."""
+        """Right-hand sides (r, c) in the scaling of the rows, followed by those of the strong rows: (e + g,
+        c)."""
         weighted = self._weighted(sources)
         return np.asarray((weighted if strong else weighted[: len(self.weight)]).toarray())
 
@@ -227,13 +228,13 @@ class LeastSquares:
 
     @cached_property
     def _scaling(self) -> sparse.csc_array:
-        """What scales right-hand sides as the rows are, and makes the strong ones' of them (e + g, r)."""
+        """Matrix (e + g, r) that scales right-hand sides and appends those of the strong rows."""
         own = sparse.diags_array(self.weight, shape=(len(self.weight), self.strong.loads.shape[1]))
         return sparse.csc_array(sparse.vstack([own, self.strong.loads], format="csc"))
 
     def equations(self, sources: sparse.csc_array) -> Equations:
-        """The normal equations of all rows, strong ones too, which fill the matrix, with what holds the
-        conditions among their right-hand sides."""
+        """The normal equations of all rows, including strong ones, which fill the matrix, with the forces of
+        the conditions in the right-hand sides."""
         normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
         weighted, first = self._weighted(sources), self.rows.shape[0]
         caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
@@ -242,22 +243,21 @@ class LeastSquares:
         return Equations(sparse.csr_array(normal), sparse.csr_array(caused), definite=True)
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """The gradient (n,) of half the sum of squares, formed from the rows' own residuals, less what holds
-        the conditions."""
+        """Gradient (n,) of half the sum of squares, from the residuals of the rows, minus the forces of the
+        conditions."""
         scaled = np.concatenate([self.weight * source[: len(self.weight)], self.strong.loads @ source])
         turned, holding = self._holding
         return np.asarray(-self._gather(scaled - self._apply(solution)) - turned @ (holding @ scaled))
 
     @cached_property
     def _holding(self) -> tuple[sparse.csr_array, FloatArray]:
-        """What the conditions are held with: C^T (n, s) times what right-hand sides as the rows are scaled
-        ask for (s, e + g)."""
+        """Forces of the conditions: C^T (n, s) times a matrix (s, e + g) for scaled right-hand sides."""
         holding = np.ascontiguousarray(-self._apply(self.conditions.lift).T)
         holding[:, self.rows.shape[0] :] += self.conditions.stiffness @ self.strong.sums
         return sparse.csr_array(self.conditions.rows.T), holding
 
     def _apply(self, solution: FloatArray) -> FloatArray:
-        """Weighted rows and strong ones (e + g, c) of ``solution`` (n, c)."""
+        """Weighted and strong rows (e + g, c) applied to ``solution`` (n, c)."""
         return np.concatenate([self.rows @ solution, self.strong.rows @ solution])
 
     def _gather(self, scaled: FloatArray) -> FloatArray:
@@ -268,7 +268,7 @@ class LeastSquares:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """The ``factor`` of equations for n unknowns and multipliers behind them, as one for the unknowns."""
+    """The ``factor`` of equations for n unknowns followed by multipliers, as a factor for the unknowns."""
 
     factor: Factor
     unknowns: int
@@ -276,7 +276,7 @@ class Eliminated:
 
     @property
     def note(self) -> str:
-        """That of the whole factor."""
+        """Remark of the full factor."""
         return self.factor.note
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
@@ -299,8 +299,8 @@ def factorise(
     solver: DirectSolver,
     strong: Strong | None = None,
 ) -> LeastSquares:
-    """Set up and factorise the equations of ``rows`` (e, n), which their ``weight`` (e,) multiplies already,
-    and of ``strong`` ones, if there are any."""
+    """Set up and factorise the equations of ``rows`` (e, n), already multiplied by ``weight`` (e,), and of
+    ``strong`` ones, if any."""
     if strong is None:
         strong = Strong.none(rows.shape[1], rows.shape[0])
     if not len(strong.owner):
@@ -316,7 +316,7 @@ def factorise(
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
     force, count = kept.T.toarray(), rows.shape[0] + len(strong.owner)
-    answer = without._refined(force, np.zeros((count, len(numbers))), QUICK)[0]
+    answer = without._refined(force, np.zeros((count, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
     conditions = conditions_of(kept, answer)
     sums = sparse.csr_array(strong.sums[numbers[: conditions.rows.shape[0]]])
     return LeastSquares(rows, weight, replace(strong, sums=sums), alone, conditions)

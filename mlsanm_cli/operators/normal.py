@@ -1,4 +1,4 @@
-"""The normal equations of sparse rows, node by node."""
+"""Normal equations of sparse rows, in 2 x 2 blocks per node."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from mlsanm_cli.operators.structure import refuse_too_many, structure
 
 
 def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
-    """M^T M of ``rows`` M (r, 2n), in blocks of a node's two unknowns (2 x 2), which need no sorting.
+    """M^T M of ``rows`` M (r, 2n), in 2 x 2 blocks of a node's two unknowns; columns of a row are not sorted.
 
-    Raises NumericalError where there are too many of them to be counted.
+    Raises NumericalError for more blocks than 32-bit indices can count.
     """
     begin, neighbour, blocks = _squares(rows, np.zeros(rows.shape[1] // 2, dtype=np.int64), 0)
     return sparse.bsr_array((blocks, neighbour, begin.astype(np.int32)), shape=(rows.shape[1],) * 2)
@@ -22,12 +22,10 @@ def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
 def bordered(
     rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
 ) -> sparse.bsr_array:
-    """The matrix [M^T M B^T; B -1] of ``rows`` M (r, 2n) and ``strong`` rows B (g, 2n) in blocks 2 x 2.
+    """The matrix [M^T M, B^T; B, -1] of ``rows`` M (r, 2n) and ``strong`` rows B (g, 2n), in 2 x 2 blocks.
 
-    Row i of these belongs to the vertices 2 ``owner[i]`` (g,) and the one after that; ``vertices`` counts
-    them all. Multipliers that no row has stay nothing.
-
-    Raises NumericalError where there are too many blocks to be counted.
+    The multiplier of strong row i belongs to vertex 2 ``owner[i]`` (g,) or the next one, of ``vertices`` in
+    all; unused multipliers are zero. Raises NumericalError for more blocks than 32-bit indices can count.
     """
     order = np.argsort(owner, kind="stable")
     place = np.empty(len(owner), dtype=np.int64)
@@ -39,12 +37,12 @@ def bordered(
     down = sparse.bsr_array(turned, blocksize=(2, 2))
     up = sparse.bsr_array(sparse.csr_array(turned.T), blocksize=(2, 2))
     count, room, below = rows.shape[1] // 2, np.diff(up.indptr), np.diff(down.indptr)
-    # Behind what the rows make: by far the largest part, it is not to be there twice.
+    # Allocated with room for the border: M^T M is by far the largest part and must not be copied.
     begin, neighbour, blocks = _squares(rows, room, int(below.sum()) + vertices)
     indptr = np.concatenate([begin, begin[-1] + np.cumsum(below + 1)])
 
     def put(part: sparse.bsr_array, first: IntArray, shift: int) -> None:
-        """Set the blocks of a ``part`` whose rows have their first entries at ``first``."""
+        """Set the blocks of a ``part`` whose rows start at ``first``."""
         at = np.repeat(first - part.indptr[:-1], np.diff(part.indptr)) + np.arange(part.indptr[-1])
         neighbour[at], blocks[at] = part.indices + shift, part.data
 
@@ -57,8 +55,8 @@ def bordered(
 
 
 def _squares(rows: sparse.csr_array, room: IntArray, after: int) -> tuple[IntArray, IndexArray, FloatArray]:
-    """Where the blocks of M^T M of every node begin (n + 1,), their columns and the blocks (m, 2, 2), with
-    ``room`` (n,) for more behind those of each node, and for so many ``after`` the last."""
+    """Offsets (n + 1,) of the block rows of M^T M, columns and blocks (m, 2, 2), with ``room`` (n,) for
+    further blocks in each row, and for ``after`` blocks at the end."""
     pairs = _pairs(rows)
     indptr, nodes = structure(pairs)
     count = rows.shape[1] // 2
@@ -82,7 +80,7 @@ def _squares(rows: sparse.csr_array, room: IntArray, after: int) -> tuple[IntArr
 
 
 def _pairs(rows: sparse.csr_array) -> sparse.bsr_array:
-    """The rows in blocks of a node's two unknowns (1 x 2), without copies where all entries are in pairs."""
+    """The rows in 1 x 2 blocks of a node's two unknowns, without a copy if all entries come in pairs."""
     first, second = rows.indices[::2], rows.indices[1::2]
     if (rows.indptr % 2).any() or (first % 2).any() or not np.array_equal(second, first + 1):
         return sparse.bsr_array(rows, blocksize=(1, 2))

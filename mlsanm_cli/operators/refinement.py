@@ -1,4 +1,4 @@
-"""When the refinement of the solutions of a factorised system is done, and the plain way to do it."""
+"""Convergence criteria of iterative refinement for a factorised system, and the basic iteration."""
 
 from __future__ import annotations
 
@@ -9,40 +9,41 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-PRECISE = 1e-11
-"""Refinement ends when the next update is foreseen to change no solution by more, relatively."""
-QUICK = 1e-8
-"""The same for many solutions of which only functionals are wanted.
+FULL_TOLERANCE = 1e-11
+"""Relative tolerance of the predicted next update."""
+FUNCTIONAL_TOLERANCE = 1e-8
+"""The same for many solutions of which only functionals are needed.
 
-On graded clouds round-off in the residual moves solutions by 1e-9 to 2e-8 in every update, for ever.
+On graded clouds round-off in the residual changes solutions by 1e-9 to 2e-8 in every update.
 """
-CHECKED = 1e-7
-"""Where solutions are to estimate their own error, the last update has changed none by more than this."""
-BLOCK = 64
-"""Solutions refined together: enough for dense products, few enough to keep them all."""
-MOST = 15
-KEPT = 6
-"""Directions that the next one is made conjugate to.
+VERIFIED_TOLERANCE = 1e-7
+"""Limit of the last update where it serves as error estimate."""
+BLOCK_COLUMNS = 64
+"""Solutions refined at once: enough for dense products, few enough for memory."""
+MAX_UPDATES = 15
+DIRECTIONS = 6
+"""Number of earlier directions that the next one is made conjugate to.
 
 A ring of radius over thickness 100, eight nodes across, degree 4, is exact to 1e-9 after 6 steps with all of
 them, after 7 with three; with one it is off by 8e-6 after 10, and by the short recurrence 0.3 % after 15.
 """
-STALLED, ROUND_OFF = 0.5, 1e-5
-"""An update so large a part of both before it, and so small a part of the solution, brings nothing any more.
+STALL_RATIO, STALL_CHANGE = 0.5, 1e-5
+"""An update larger than the first fraction of both previous ones, and smaller than the second fraction of the
+solution, means stagnation.
 
-Larger ones do: where the factor has lost modes altogether, as the bending of bodies a hundred times as long
-as thick, conjugate gradients find one after the other in steps of any size, and are there in the next.
+Larger updates do not: where the factor has lost modes altogether, such as bending of bodies a hundred times
+as long as thick, conjugate gradients find one after the other in steps of any size.
 """
 TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far several solutions have come: sizes (c,) of their ``last`` updates and of those ``before``, and
-    which are ``done`` (c,).
+    """Progress of several solutions: sizes (c,) of their ``last`` updates and of those ``before``, and which
+    are ``done`` (c,).
 
-    They are where the next update is foreseen to change them by ``tolerance`` at most, relatively, and the
-    last one changed them by no more than ``limit``.
+    A solution is done when the predicted next update is at most ``tolerance`` and the last one at most
+    ``limit``, relatively.
     """
 
     before: FloatArray
@@ -59,35 +60,36 @@ class Progress:
 
     @classmethod
     def begun(cls, count: int, tolerance: float, limit: float = 1.0) -> Progress:
-        """At ``count`` solutions that come from elsewhere, whatever they are worth."""
+        """At ``count`` starting values of unknown accuracy."""
         unknown = np.full(count, np.inf)
         return cls(unknown, unknown, np.zeros(count, bool), tolerance, limit)
 
     def after(self, update: FloatArray, solution: FloatArray) -> Progress:
-        """After one more ``update`` (n, c), which led to ``solution`` (n, c)."""
+        """After another ``update`` (n, c), which led to ``solution`` (n, c)."""
         change, size = np.linalg.norm(update, axis=0), np.linalg.norm(solution, axis=0)
-        # Nothing is known of what an update does before there are two.
+        # The rate of convergence is unknown before the second update.
         next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
         small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
-        stalled = (change >= STALLED * np.maximum(self.before, self.last)) & (change <= ROUND_OFF * size)
+        small_change = change <= STALL_CHANGE * size
+        stalled = (change >= STALL_RATIO * np.maximum(self.before, self.last)) & small_change
         last = np.where(self.done, self.last, change)
         return Progress(self.last, last, self.done | small | stalled, self.tolerance, self.limit)
 
     @property
     def finished(self) -> bool:
-        """Whether no solution gains any more."""
+        """Whether all solutions are done."""
         return bool(self.done.all())
 
 
 def refine(
     solution: FloatArray, update: Callable[[FloatArray], FloatArray], progress: Progress
 ) -> tuple[FloatArray, Progress]:
-    """``solution`` (n, c) after as many updates as it takes: at least one, as the factor is inexact.
+    """``solution`` (n, c) after as many updates as needed, at least one, as the factor is inexact.
 
-    ``update`` gives what the factor thinks is missing (Higham 2002, doi:10.1137/1.9780898718027). Where the
-    updates do not shrink, they end too, as the size of the last one then shows.
+    ``update`` computes the factor's correction of the residual (Higham 2002, doi:10.1137/1.9780898718027).
+    The iteration also ends where updates stop shrinking; the size of the last one shows that.
     """
-    for _ in range(MOST):
+    for _ in range(MAX_UPDATES):
         step = update(solution)
         solution = solution + step
         progress = progress.after(step, solution)
@@ -97,11 +99,11 @@ def refine(
 
 
 def best_part(image: FloatArray, wanted: FloatArray) -> FloatArray:
-    """How much (1, c) of a start with this ``image`` (r, 1) comes closest to what is ``wanted`` (r, c)."""
+    """Factors (1, c) of a start with the given ``image`` (r, 1) that are optimal for ``wanted`` (r, c)."""
     return np.asarray(image.T @ wanted / max(float((image**2).sum()), TINY))
 
 
 def relative(lengths: FloatArray, solutions: FloatArray) -> FloatArray:
-    """``lengths`` (c,) as parts of those of the ``solutions`` (n, c), which may be zero."""
+    """``lengths`` (c,) relative to the norms of the ``solutions`` (n, c), which may be zero."""
     size = np.linalg.norm(solutions, axis=0)
     return np.asarray(lengths / np.where(size > 0.0, size, 1.0))

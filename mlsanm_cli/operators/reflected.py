@@ -1,4 +1,4 @@
-"""Stencils of a cloud that is its own mirror image: made on one side, and reflected."""
+"""Stencils of a mirror-symmetric cloud, built on one side and reflected."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 
 from mlsanm_cli.arrays import IndexArray
 from mlsanm_cli.cloud.mirror import Mirror
-from mlsanm_cli.operators.stencils import Stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
 
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
     """Stencils of all nodes (n) from those of the mirror's own nodes (h).
 
-    On the mirror they become their own images, by the mean of both: of two nodes equally far one may have
-    been taken alone.
+    Stencils on the line are averaged with their images, as only one of two equidistant nodes may be included.
     """
     times = np.where(mirror.side == 0, 2, 1)
     whole = stencils.take(np.repeat(mirror.place, times))
@@ -24,7 +23,7 @@ def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
     imaged[first[1:][mirror.side == 0] - 1] = True
     length = np.diff(whole.indptr)
     beyond = np.repeat(imaged, length)
-    # In place, kind by kind, as the weights are many.
+    # In place, kind by kind, to save memory.
     share = np.repeat(np.repeat(1.0 / times, times), length)
     for kind, sign in enumerate(mirror.derivative_signs(whole.weights.shape[1])):
         whole.weights[:, kind] *= np.where(beyond, sign, 1.0) * share
@@ -33,7 +32,7 @@ def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
 
 
 def reflected_numbers(numbers: IndexArray, mirror: Mirror) -> IndexArray:
-    """Numbers (n, k) of nodes that belong to all nodes from those (h, k) that belong to the own ones."""
+    """Node numbers (n, k) for all nodes from those (h, k) of the mirror's own nodes."""
     whole, beyond = numbers[mirror.place], mirror.side < 0
     whole[beyond] = mirror.image[whole[beyond]]
     return whole

@@ -1,4 +1,4 @@
-"""What a user may choose about the moving least-squares operators."""
+"""User settings of the moving least-squares operators."""
 
 from __future__ import annotations
 
@@ -8,24 +8,25 @@ from typing import Literal
 Scheme = Literal["least-squares", "collocation", "ghost"]
 
 NEIGHBORS = {1: 9, 2: 16, 3: 24, 4: 34, 5: 46, 6: 60}
-"""Neighbours per stencil by degree: about 2.5 times the polynomial's coefficients."""
+"""Neighbours per stencil by degree: about 2.5 per polynomial coefficient."""
 
-SHARPNESS = 4.0
-"""Rows of a local fit are multiplied by exp(-SHARPNESS r^2), r the distance over the stencil's radius.
+WEIGHT_EXPONENT = 4.0
+"""Rows of a local fit are multiplied by exp(-WEIGHT_EXPONENT r^2), with r the distance over the stencil
+radius.
 
-At 6 the bulk error is a third smaller, but the compliance of Hertz' contact is no longer positive.
+With 6 the bulk error is a third smaller, but the compliance of Hertzian contact is no longer positive.
 """
 
-SQUARE_SHARPNESS = 6.0
-"""The same for the square schemes at degree 4 and above, which blow up more often when flatter."""
+SQUARE_EXPONENT = 6.0
+"""The same for square schemes from degree 4 on, which become unstable more often with flatter weights."""
 
 
 @dataclass(frozen=True)
 class MlsSettings:
-    """``degree`` of the local polynomial (1 to 6), ``neighbors`` per stencil (None: by degree), and how the
-    equations are made of them: "least-squares", "collocation" (one per unknown) or "ghost" (one per unknown,
-    with a node outside every boundary node). Beside sharp inward ``corners`` least squares may know more than
-    polynomials."""
+    """``degree`` of the local polynomial (1 to 6), ``neighbors`` per stencil (None: by degree), and the
+    scheme: "least-squares", "collocation" (one equation per unknown) or "ghost" (the same with a node outside
+    every boundary node). With ``corners`` least squares are enriched by singular functions at reentrant
+    corners."""
 
     degree: int = 2
     neighbors: int | None = None
@@ -49,13 +50,13 @@ class MlsSettings:
 
     @property
     def sharpness(self) -> float:
-        """How fast the weight of a neighbour falls with its distance."""
-        return SQUARE_SHARPNESS if self.square and self.degree >= 4 else SHARPNESS
+        """Decay rate of a neighbour's weight with its squared relative distance."""
+        return SQUARE_EXPONENT if self.square and self.degree >= 4 else WEIGHT_EXPONENT
 
     @property
     def rank_tolerance(self) -> float:
-        """Smallest acceptable ratio of diagonal entries of R; sound stencils lie 20 to 200 times above it.
+        """Smallest accepted ratio of diagonal entries of R; sound stencils lie 20 to 200 times above it.
 
-        Measured on bars 1 to 6 nodes thick: ten times less lets stencils pass that spoil the solution.
+        Measured on bars 1 to 6 nodes thick: with a tenth of it, stencils pass that spoil the solution.
         """
         return 10.0 ** -(self.degree + 1)

@@ -1,4 +1,4 @@
-"""Square systems: as many equations as unknowns, each a sum of a few of the physical rows."""
+"""Square systems: as many equations as unknowns, each a combination of a few physical rows."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 from mlsanm_cli.operators.refinement import (
-    BLOCK,
-    CHECKED,
-    PRECISE,
-    QUICK,
+    BLOCK_COLUMNS,
+    FULL_TOLERANCE,
+    FUNCTIONAL_TOLERANCE,
+    VERIFIED_TOLERANCE,
     Progress,
     best_part,
     refine,
@@ -26,14 +26,14 @@ from mlsanm_cli.operators.system import Equations
 
 @dataclass(frozen=True)
 class Square:
-    """Factorised ``matrix`` (n, n); ``choice`` (n, r) makes its right-hand sides of those of the r rows."""
+    """Factorised ``matrix`` (n, n); ``choice`` (n, r) combines right-hand sides of the r rows to its own."""
 
     matrix: sparse.csr_array
     choice: sparse.csr_array
     factor: Factor
 
-    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
-        """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
+    def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
+        """Solutions (n, c) for right-hand sides ``sources`` (r, c) in the rows' physical units."""
         rhs = self.scaled(sources)
         first = self.factor.solve(rhs)
         return refine(first, self._update(rhs), Progress.of(first, tolerance))[0]
@@ -41,15 +41,15 @@ class Square:
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
-        known, and what the last update changed of each, relatively: (c,)."""
+        """Solutions (n, c) for ``sources`` (r, c), from a multiple of ``start`` (n, 1) if given, and the
+        relative change (c,) by the last update."""
         rhs = self.scaled(sources)
         if start is None:
             first = self.factor.solve(rhs)
-            progress = Progress.of(first, PRECISE, CHECKED)
+            progress = Progress.of(first, FULL_TOLERANCE, VERIFIED_TOLERANCE)
         else:
             first = start @ best_part(self.matrix @ start, rhs)
-            progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
+            progress = Progress.begun(sources.shape[1], FULL_TOLERANCE, VERIFIED_TOLERANCE)
         solution, progress = refine(first, self._update(rhs), progress)
         return solution, relative(progress.last, solution)
 
@@ -58,30 +58,27 @@ class Square:
         return self.factor.solve(self.scaled(sources))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and the solution for ``more``
-        (r, 1) by the factor alone, (n, 2)."""
+        """A refinement step of a ``solution`` (n, 1) for ``source`` (r, 1), and the unrefined solution for
+        ``more`` (r, 1): (n, 2)."""
         rhs = np.hstack([self.scaled(source) - self.matrix @ solution, self.scaled(more)])
         return self.factor.solve(rhs)
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
-        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, s), as a matrix (g, s),
-        or for them times the ``mixture`` (s, c): (g, c).
-
-        They are solved for a block of columns at a time, so that no dense (n, c) array is kept.
-        """
+        """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture`` (s,
+        c) if given: (g, s) or (g, c). Solved in blocks of columns, so that no dense (n, c) array is
+        stored."""
         count = sources.shape[1] if mixture is None else mixture.shape[1]
         result = np.empty((observed.shape[0], count))
-        for first in range(0, count, BLOCK):
-            columns = slice(first, first + BLOCK)
+        for first in range(0, count, BLOCK_COLUMNS):
+            columns = slice(first, first + BLOCK_COLUMNS)
             some = sources[:, columns] if mixture is None else sources @ mixture[:, columns]
-            result[:, columns] = observed @ self.solve(sparse.csc_array(some), QUICK)
+            result[:, columns] = observed @ self.solve(sparse.csc_array(some), FUNCTIONAL_TOLERANCE)
         return result
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """What one more step of refinement would change of each of the ``solutions`` (n, c), relatively:
-        (c,)."""
+        """Relative change (c,) of the ``solutions`` (n, c) by one more refinement."""
         rest = self.scaled(sources) - self.matrix @ solutions
         return relative(np.linalg.norm(self.factor.solve(rest), axis=0), solutions)
 
@@ -90,7 +87,7 @@ class Square:
 
     @property
     def note(self) -> str:
-        """What users should know of how the equations were factorised, usually nothing."""
+        """Remark on the factorisation for users; usually ""."""
         return self.factor.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
@@ -98,23 +95,23 @@ class Square:
         return self.factor.solve(self.factor.solve(vectors, transposed=True))
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
-        """The equations' own right-hand sides (n, c) for those of the rows (r, c)."""
+        """Right-hand sides (n, c) of the equations for those of the rows (r, c)."""
         return np.asarray((self.choice @ sources).toarray())
 
     def equations(self, sources: sparse.csc_array) -> Equations:
-        """The matrix as it is."""
+        """The equations, unchanged."""
         return Equations(self.matrix, sparse.csr_array(self.choice @ sources), definite=False)
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """Left-hand side less right-hand side (n,)."""
+        """Left-hand side minus right-hand side (n,)."""
         return np.asarray(self.matrix @ solution - self.choice @ source)
 
 
 def factorise(rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArray) -> Square:
-    """Set up and factorise the equations ``choice`` (n, r) times ``rows`` (e, n), the first e of the r ones
-    that right-hand sides have.
+    """Factorise the equations ``choice`` (n, r) times ``rows`` (e, n), the first e of the r rows of
+    right-hand sides.
 
-    Equation k should have a large entry for unknown k, so that few rows need to be exchanged.
+    Equation k should have a large entry for unknown k, so that few rows are exchanged in pivoting.
     """
     matrix = sparse.csr_array(choice[:, : rows.shape[0]] @ rows)
     pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)

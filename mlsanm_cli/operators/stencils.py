@@ -6,7 +6,6 @@ Equation (1) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,57 +13,21 @@ from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
-from mlsanm_cli.operators.cornered import sharp_corners, with_corners
+from mlsanm_cli.kernels.stencils import mls_weights
 from mlsanm_cli.operators.neighbors import neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.singular_functions import enriched, singular_corners
+from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.startup import cKDTree
 
-GROWTH = 1.3
-LARGEST = 3.0
-MARGIN, STEEP, PATIENT = 20.0, 3, 1.9
-"""From this degree on fits are first sought so many times above the limit, with up to so many times the
-neighbours. On a structured mesh of an eye 15 of 1,362 were below, and its displacement 19 % off at degree 3
-and 9 % at degree 4; with more neighbours there 5 and 4 %."""
-SLICE = 4096
-"""Stencils that are fitted at once: a tenth of a second at high degrees."""
-
-
-@dataclass(frozen=True)
-class Stencils:
-    """Stencils of ``e`` points in compressed rows.
-
-    ``indptr`` (e + 1,), ``indices`` (nnz,) into the cloud, ``weights`` (nnz, 1 | 3 | 6) of value, d/dx, d/dy,
-    d2/dx2, d2/dxdy, d2/dy2, unless said otherwise. ``enlarged`` counts stencils that needed more neighbours
-    than asked for, ``worst_ratio`` is the smallest ratio of diagonal entries of R that was accepted.
-    """
-
-    indptr: IntArray
-    indices: IntArray
-    weights: FloatArray
-    nodes: int
-    enlarged: int
-    worst_ratio: float
-
-    def take(self, rows: IntArray) -> Stencils:
-        """The stencils of some of the points, in the order given."""
-        count = np.diff(self.indptr)[rows]
-        indptr = np.concatenate([[0], np.cumsum(count)])
-        entry = np.repeat(self.indptr[rows] - indptr[:-1], count) + np.arange(indptr[-1])
-        return Stencils(
-            indptr, self.indices[entry], self.weights[entry], self.nodes, self.enlarged, self.worst_ratio
-        )
-
-    def derivatives(self, field: FloatArray) -> FloatArray:
-        """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c).
-
-        Raises ValueError for a field of another n.
-        """
-        if len(field) != self.nodes:
-            raise ValueError(f"a field of {len(field)} nodes for stencils of {self.nodes}")
-        result = np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1]))
-        apply_weights(self.indptr, self.indices, self.weights, np.ascontiguousarray(field), result)
-        return result
+ENLARGEMENT = 1.3
+MAX_GROWTH = 3.0
+CONDITION_MARGIN, MARGIN_DEGREE, MARGIN_GROWTH = 20.0, 3, 1.9
+"""From degree MARGIN_DEGREE on, fits are first sought CONDITION_MARGIN times above the rank tolerance, with
+up to MARGIN_GROWTH times the neighbours. On a structured mesh of an eye 15 of 1,362 fits were below, and its
+displacement 19 % off at degree 3 and 9 % at degree 4; with more neighbours there 5 and 4 %."""
+BLOCK_SIZE = 4096
+"""Stencils fitted at once: a tenth of a second at high degrees."""
 
 
 def build_stencils(
@@ -79,13 +42,13 @@ def build_stencils(
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
 
-    ``sight`` keeps stencils from reaching across the body's slits, ``known`` (e, k) are the nearest nodes of
-    the targets by :func:`nearest_nodes`, if they were looked for already; near ``tips`` fits know how
-    displacements grow there (:mod:`mlsanm_cli.operators.cornered`).
+    ``sight`` removes neighbours across slits, ``known`` (e, k) are the targets' nearest nodes by
+    :func:`nearest_nodes` if available; near ``tips`` fits are enriched by singular functions
+    (:mod:`mlsanm_cli.operators.singular_functions`).
 
-    Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the
-    local polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose
-    weighted QR is short of rank takes more neighbours; NumericalError names the place where that does not
+    Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; derivatives are those of the local
+    polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose weighted
+    QR is rank-deficient gets more neighbours. Raises NumericalError, naming the place, where that does not
     help.
     """
     return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known, tips)
@@ -102,8 +65,8 @@ def build_gradients(
     tips: Tips | None = None,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
-    ``targets`` (e, t, 2), from one polynomial for all of them; with ``values`` those of the value too, before
-    them: (nnz, 3 t)."""
+    ``targets`` (e, t, 2), from one polynomial per centre; with ``values`` also of the value, first: (nnz, 3
+    t)."""
     return _built(points, tree, centers, targets, (0 if values else 1, 1), settings, sight, None, tips)
 
 
@@ -118,7 +81,7 @@ def _built(
     known: IndexArray | None,
     tips: Tips | None,
 ) -> Stencils:
-    """Stencils at ``centers`` (e, 2) with the derivatives of the least to the highest of ``orders`` at their
+    """Stencils at ``centers`` (e, 2) with the derivatives of ``orders[0]`` to ``orders[1]`` at their
     ``targets`` (e, t, 2)."""
     centers, targets = np.ascontiguousarray(centers), np.ascontiguousarray(targets)
     kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
@@ -144,8 +107,8 @@ def _built(
         enlarged,
         worst,
     )
-    corners = sharp_corners(points, tree, settings, sight, tips)
-    return with_corners(found, corners, points, centers, targets, orders)
+    corners = singular_corners(points, tree, settings, sight, tips)
+    return enriched(found, corners, points, centers, targets, orders)
 
 
 def _fit_in_slices(
@@ -159,10 +122,10 @@ def _fit_in_slices(
     weights: FloatArray,
     ratio: FloatArray,
 ) -> None:
-    """Fill ``weights`` and ``ratio`` a slice of stencils at a time: signals are handled in between."""
+    """Compute ``weights`` and ``ratio`` in slices of stencils, between which signals are handled."""
     size = indices.shape[1]
-    for first in range(0, len(centers), SLICE):
-        here = slice(first, min(first + SLICE, len(centers)))
+    for first in range(0, len(centers), BLOCK_SIZE):
+        here = slice(first, min(first + BLOCK_SIZE, len(centers)))
         indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
         mls_weights(
             *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
@@ -178,11 +141,11 @@ def sound_fits(
     settings: MlsSettings,
     fit: Callable[[IntArray, int], tuple[tuple[AnyArray, ...], FloatArray]],
 ) -> Iterator[tuple[IntArray, tuple[AnyArray, ...], FloatArray]]:
-    """Fits at those of the ``targets`` (e, 2) with the numbers ``which``, with more neighbours where those
-    asked for do not carry the degree.
+    """Fits at the ``targets`` (e, 2) with numbers ``which``, with more neighbours where the rank is
+    deficient.
 
-    ``fit(some, size)`` makes fits with ``size`` neighbours at some of them, by number, arrays with one row
-    for each, and their ratios. Yields the numbers, the arrays and the ratios of those that are sound;
+    ``fit(some, size)`` makes fits with ``size`` neighbours at targets ``some``: arrays with one row each, and
+    their ratios of diagonal entries of R. Yields numbers, arrays and ratios of accepted fits. Raises
     NumericalError where no size is enough.
     """
     if nodes < settings.coefficients:
@@ -194,23 +157,25 @@ def sound_fits(
     while len(pending):
         size = min(size, nodes)
         parts, ratio = fit(pending, size)
-        # Above one it is no ratio: the nodes are so close together that no radius separates them.
-        patient = settings.degree >= STEEP and size < min(nodes, PATIENT * settings.stencil_size)
-        margin = MARGIN if patient else 1.0
+        # A ratio above one (or nan) means nodes too close together to be separated at this radius.
+        patient = settings.degree >= MARGIN_DEGREE and size < min(
+            nodes, MARGIN_GROWTH * settings.stencil_size
+        )
+        margin = CONDITION_MARGIN if patient else 1.0
         sound = (ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0)
         if sound.all():
             yield pending, parts, ratio
             return
         yield pending[sound], tuple(part[sound] for part in parts), ratio[sound]
         pending = pending[~sound]
-        if size == nodes or size >= LARGEST * settings.stencil_size:
+        if size == nodes or size >= MAX_GROWTH * settings.stencil_size:
             x, y = targets[pending[0]]
             raise NumericalError(
                 f"the nodes around ({x:.6g}, {y:.6g}) do not determine polynomials of degree "
                 f"{settings.degree}, not even {size} of them",
                 "use a smaller spacing there, or a lower mls.degree",
             )
-        size = int(np.ceil(GROWTH * size))
+        size = int(np.ceil(ENLARGEMENT * size))
 
 
 def _merge(

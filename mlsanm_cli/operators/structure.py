@@ -1,4 +1,4 @@
-"""The structure of sparse matrices as the kernels take it, counted in 32 bits."""
+"""Structure of sparse matrices with 32-bit indices, as the kernels need it."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import IndexArray
 from mlsanm_cli.errors import NumericalError
 
-MOST = np.iinfo(np.int32).max
-"""Entries that can be counted."""
+MAX_ENTRIES = np.iinfo(np.int32).max
+"""Largest number of entries with 32-bit indices."""
 
 
 def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
-    """Where the rows of a matrix begin, (n + 1,), and the columns of its entries or blocks.
+    """Row offsets (n + 1,) and column indices of a matrix's entries or blocks.
 
-    Raises NumericalError where there are too many of them to be counted in 32 bits.
+    Raises NumericalError for more entries than 32-bit indices can count.
     """
     refuse_too_many(int(matrix.indptr[-1]))
     indptr, indices = (part.astype(np.int32, copy=False) for part in (matrix.indptr, matrix.indices))
@@ -23,18 +23,15 @@ def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, 
 
 
 def compact(matrix: sparse.csr_array) -> sparse.csr_array:
-    """The same matrix, its structure counted in 32 bits.
-
-    Raises NumericalError where that is not enough.
-    """
+    """The same matrix with 32-bit indices. Raises NumericalError if it is too large."""
     indptr, indices = structure(matrix)
     return sparse.csr_array((matrix.data, indices, indptr), shape=matrix.shape)
 
 
 def refuse_too_many(entries: int) -> None:
-    """Raise NumericalError where so many entries cannot be counted in 32 bits, which would wrap around."""
-    if entries > MOST:
+    """Raise NumericalError for more ``entries`` than 32-bit indices can count."""
+    if entries > MAX_ENTRIES:
         raise NumericalError(
-            f"the equations of a body have {entries:.3g} entries, more than {MOST:.3g} cannot be counted",
+            f"the equations of a body have {entries:.3g} entries, more than the limit of {MAX_ENTRIES:.3g}",
             "make its spacing larger, or mls.degree lower",
         )

@@ -1,1 +1,1 @@
-"""From condensed scenes to paths: contact grids, coercivity, states, and the methods that follow loads."""
+"""Load paths of condensed scenes: contact grids, coercivity, states, and path-following methods."""

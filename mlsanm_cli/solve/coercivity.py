@@ -1,4 +1,5 @@
-"""The stability certificate of a scene: contact by contact where surfaces touch, body by body elsewhere."""
+"""Coercivity estimates of a scene: of contacts in the states at the ends of stages, and of bodies without
+contact."""
 
 from __future__ import annotations
 
@@ -19,18 +20,18 @@ from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.memo import Memo, digest
 
 BULK_LIMIT = 0.1
-"""Smallest certificate of a body in a square scheme that passes: of those with errors more than ten times the
-usual, most are below."""
+"""Smallest accepted estimate of a body in a square scheme: most with errors more than ten times the usual are
+below."""
 LEAST_SQUARES_LIMIT = 0.03
-"""The same by least squares. Free faces of nearly incompressible rings have 0.065 to 0.15 at degree 4, with
-errors of 2e-4; 300 random bodies stayed above 0.13."""
+"""The same for least squares. Free faces of nearly incompressible rings have 0.065 to 0.15 at degree 4, with
+errors of 2e-4; 300 random bodies were above 0.13."""
 
 CONTACT_LIMIT = 0.15
-"""Smallest certificate of a contact that passes. In 100 random Hertz scenes, results with 2.4 to 16 times the
-usual error had -0.003 to 0.14, good ones 0.15 to 1.6 but for six below the limit."""
+"""Smallest accepted estimate of a contact. In 100 random Hertz scenes, results with 2.4 to 16 times the usual
+error had -0.003 to 0.14, accurate ones 0.15 to 1.6 with six below the limit."""
 
-ALIKE = 1.5
-"""Facing spacings whose ratio is below this are not what makes a contact unstable."""
+EQUAL_SPACING_RATIO = 1.5
+"""Ratio of facing spacings below which they are not the cause of instability."""
 COARSER = "larger spacings along the contact, which flexible bodies need"
 """A fine surface resists short waves little, and what of them the cloud takes for bending grows past that."""
 
@@ -38,10 +39,11 @@ COARSER = "larger spacings along the contact, which flexible bodies need"
 def check_coercivity(
     case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo
 ) -> float:
-    """The smallest coercivity estimate; UnstableError where one fails, as results would be invalid.
+    """Smallest coercivity estimate of a scene. UnstableError if one is below its limit: results would be
+    invalid.
 
-    Contacts are judged on the nodes that touch in one of the states ``ends``. Bodies without such a
-    contact are judged by themselves, and all bodies where the scheme is square.
+    Contacts are checked on the nodes that touch in one of the states ``ends``, bodies without such a contact
+    by themselves, and all bodies of square schemes.
     """
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     estimates = _estimates(case, scene, condensed, closed, memo)
@@ -66,7 +68,7 @@ def check_coercivity(
 
 
 def stability_limit(case: Case, ends: Sequence[ExactState]) -> float:
-    """Below which :func:`check_coercivity` refuses a scene whose contacts touch as in the states ``ends``."""
+    """Limit of :func:`check_coercivity` for a scene whose contacts touch as in the states ``ends``."""
     return CONTACT_LIMIT if any(state.active.any() for state in ends) else _bulk_limit(case)
 
 
@@ -75,14 +77,15 @@ def _bulk_limit(case: Case) -> float:
 
 
 def check_candidates_coercivity(case: Case, scene: Scene, condensed: Condensed, memo: Memo) -> None:
-    """UnstableError where a contact fails its certificate on all that can touch, as no state is known."""
+    """UnstableError if the estimate of a contact on all its candidates is too small; for scenes without a
+    known state."""
     _estimates(case, scene, condensed, np.ones(len(condensed.weight), dtype=bool), memo)
 
 
 def _estimates(
     case: Case, scene: Scene, condensed: Condensed, closed: BoolArray, memo: Memo
 ) -> dict[str, float]:
-    """The certificates of all contacts with ``closed`` nodes (m,). Raises UnstableError."""
+    """Estimates of all contacts with ``closed`` nodes (m,). UnstableError if one is too small."""
     loose = {constraint.body for constraint in scene.floating}
     numbers = [number for number, name in enumerate(scene.bodies) if name in loose]
     estimates = {
@@ -112,9 +115,9 @@ def _bulk(body: ElasticBody, memo: Memo) -> float:
 
 
 def _bearing(closed: BoolArray, span: slice) -> BoolArray:
-    """The closed nodes (m,) of one contact between two other closed ones; all where there are none such.
+    """Closed nodes (m,) of a contact between two other closed ones, or all if there are none such.
 
-    Modes of the last nodes at a corner of the slave stay there, and spoil neither the patch test nor punches.
+    Modes of the last nodes at a corner of the slave are local, and affect neither the patch test nor punches.
     """
     own = np.zeros_like(closed)
     own[span] = closed[span]
@@ -126,7 +129,7 @@ def _bearing(closed: BoolArray, span: slice) -> BoolArray:
 
 
 def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> str:
-    """What most likely makes the contact resist."""
+    """Hint with the most likely cause of an unstable contact."""
     if case.mls.scheme != "least-squares":
         return 'use mls.scheme = "least-squares"'
     pairing = condensed.pairing_of(name)
@@ -142,7 +145,7 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
     if pairing.master is None:
         return f"use another body.{pairing.slave_body}.seed, a more even cloud (lower growth), or {COARSER}"
     unlike = spacing_ratio(pairing, {body: model.cloud for body, model in models.items()})
-    if unlike < ALIKE:
+    if unlike < EQUAL_SPACING_RATIO:
         return f"use another body.{pairing.slave_body}.seed, or {COARSER}"
     return (
         f"spacings that face each other differ by a factor of {unlike:.3g}: bring those of "

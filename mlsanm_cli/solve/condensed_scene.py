@@ -1,4 +1,4 @@
-"""A scene ready for its load path."""
+"""Condensed scene with all that its load path needs."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from mlsanm_cli.mechanics.scene import Scene
 
 @dataclass(frozen=True)
 class CondensedScene:
-    """A scene ready for its load path.
+    """Condensed scene with all that its load path needs.
 
     ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
-    exact contact states there (none without contact), with friction after one increment per stage: good
-    enough for scales, reach and refinement. A stage whose end cannot be reached and those after it have none,
-    but the last may be that of a part of it.
-    ``stability`` is the certificate, ``weak`` warns of motions that are hardly resisted.
+    exact contact states there (none without contact), with friction from one increment per stage: sufficient
+    for scales, reach and refinement. Stages that cannot be completed have none, but the last state may be
+    that of a part of a stage. ``stability`` is the coercivity estimate, ``weak`` are weakly resisted motions.
     """
 
     case: Case
@@ -34,12 +33,12 @@ class CondensedScene:
 
     @property
     def stays_open(self) -> bool:
-        """Whether no contact carries any pressure at the end of any stage: laws have nothing to smooth."""
+        """Whether no contact carries pressure at the end of any stage."""
         return not self.ends_early and not any(state.pressure.any() for state in self.ends)
 
     @property
     def ends_early(self) -> bool:
-        """Whether there are loads along its stages that contacts cannot carry."""
+        """Whether some loads of the stages exceed a limit load of the contacts."""
         whole = len(self.ends) == len(self.stages) - 1
         return not whole or any(
             not np.array_equal(end.factors, stage)
@@ -48,13 +47,13 @@ class CondensedScene:
 
     @property
     def follows_exactly(self) -> bool:
-        """Whether the path is that of the exact laws, whatever the case says: laws have nothing to smooth, or
-        the smooth one, without friction, follows what comes off its contacts on and on."""
+        """Whether the path uses the exact laws whatever the case says: without pressure a regularised law has
+        no scales, and without friction it would follow a separating body without end."""
         return self.stays_open or (self.ends_early and not len(self.condensed.friction_nodes))
 
     @property
     def is_holonomic(self) -> bool:
-        """Whether friction is to depend on the total slip alone."""
+        """Whether friction depends on the total slip alone."""
         return any(
             contact.friction and contact.regularization.friction_law == "holonomic"
             for contact in self.case.touching

@@ -1,9 +1,9 @@
-"""Which contacts get a grid of their own, over which range, and how fine.
+"""Contact grids: which contacts have one, over which range, and with which resolution.
 
-The range is where surfaces come to touch: found on all that faces, with the few samples that this takes, and
-then narrowed to what does touch in the states at the stages' ends and where fields are wanted. Grids are
-halved where the pressures of these states bend, until what is estimated to be left is below the contact's
-accuracy.
+The range is where surfaces touch: found with a few samples over all facing places, then narrowed to what
+touches in the states at the ends of stages and where fields are requested. Intervals are halved where the
+pressures of these states have large second differences, until the estimated error is below the accuracy of
+the contact.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, overlapping, passed_beyond, ranged
-from mlsanm_cli.solve.grid_refinement import COMPRESSED, DENSE, refined, sampled
+from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
 from mlsanm_cli.solve.rolling import rolls_away
 
-WIDE = 0.05
-"""Half the width of the patches that a search begins with, as a part of the range."""
-ROUNDS = 60
-TURNED, SETTLED, TURNINGS = 1e-3, 3e-4, 4
-"""Directions turn where they are off by the first angle, and then until they are off by less than the second,
-so many times at most, or twice as many where a motion is held that they push along."""
-NOTHING = 1e-9
-"""Smaller parts of the largest pressure of all states are round-off."""
-ACCURACY, FRICTIONAL, SMOOTHED = 0.3, 2.0, 10.0
-"""Grids are refined until their estimated error is this many times the accuracy asked for: without friction,
-which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
-where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
-FEW = 2
-"""Contacts without friction in more places than these are refined to what is asked for only: unknowns of all
-are solved for together."""
+FIRST_HALF_WIDTH = 0.05
+"""Half-width of the patches with which a search starts, relative to the range."""
+MAX_ROUNDS = 60
+TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4
+"""Directions of pressures are rotated if they are off by the first angle, until they are off by less than the
+second, at most so many times, or twice as many if a motion along them is fixed."""
+ZERO_PRESSURE = 1e-9
+"""Pressures below this part of the largest of all states are round-off."""
+EXACT_FACTOR, FRICTION_FACTOR, REGULARIZED_FACTOR = 0.3, 2.0, 10.0
+"""Estimated error of a grid over the requested accuracy at which refinement ends: without friction, at hardly
+any cost; with friction, where every node that starts to slide is an event of the path; and with regularised
+friction, which is 0.6 % off partial slip whatever the grid."""
+MAX_PATCHES = 2
+"""Frictionless contacts with more patches are refined to the requested accuracy only, as their unknowns are
+solved for together."""
 
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
@@ -60,12 +60,12 @@ def find_grids(
     search: Search,
     memo: Memo,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
-    """The scene condensed on grids that are wide and fine enough, and the exact states at the ends of its
-    stages; None where a contact comes too close to a corner, or where it is does not settle."""
+    """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
+    stages; None if a contact is too close to a corner, or its range does not converge."""
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
-    limits = COMPRESSED if exact else DENSE
+    limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
     grids = {name: first_grid(one) for name, one in ranges.items()}
     responses: BodyResponses | None = None
     resolved: BodyResponses | None = None
@@ -74,10 +74,10 @@ def find_grids(
     common: dict[str, float] = {}
     passed = overlapping(ranges)
     looked = False
-    every, turnings = False, TURNINGS * (2 if scene.held_motions else 1)
+    every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
     some = _on_grids(pairings, grids, pairings)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         if responses is None:
             responses = BodyResponses.of(scene, some, memo)
         if condensed is None:
@@ -130,9 +130,9 @@ def find_grids(
 
 
 def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
-    """The states whose pressures are more than round-off of the largest of all: bodies that are relieved."""
+    """States with pressures above round-off of the largest of all."""
     largest = max((float(state.pressure.max(initial=0.0)) for state in states), default=0.0)
-    return [state for state in states if state.pressure.max(initial=0.0) > NOTHING * largest]
+    return [state for state in states if state.pressure.max(initial=0.0) > ZERO_PRESSURE * largest]
 
 
 def _turned(
@@ -142,15 +142,13 @@ def _turned(
     grids: Mapping[str, ContactGrid],
     common: dict[str, float],
 ) -> dict[str, ContactGrid] | None:
-    """The grids with directions as the bodies have turned in the last states where they touch, but for the
-    angles ``common`` that would push along held motions, which are brought up to date; None where these
-    are so already."""
+    """Grids with directions rotated with the bodies in the last states with contact, less the ``common``
+    angles that would do work along held motions, which are updated; None if they are converged."""
     now: dict[str, float] = {}
     held = scene.held_motions
     for state in reversed(states):
         if rolls_away(scene, condensed, state):
             continue
-        # Bodies are solved for in every state that is looked at.
         now = turns(scene, condensed, state) | now
         if len(now) == len(grids):
             break
@@ -159,13 +157,15 @@ def _turned(
     for name, turn in before.items():
         was = turn - common.get(name, 0.0)
         angle = now.get(name, was)
-        after[name] = (angle if abs(angle - was) > (SETTLED if was else TURNED) else was) + turn - was
+        after[name] = (
+            (angle if abs(angle - was) > (TURN_TOLERANCE if was else TURN_ABOVE) else was) + turn - was
+        )
     if held:
         last = states[-1]
         for name, angle in unturned(condensed, last, after, held).items():
             common[name] = common.get(name, 0.0) + angle
             after[name] += angle
-        settled = all(abs(after[name] - turn) <= SETTLED for name, turn in before.items())
+        settled = all(abs(after[name] - turn) <= TURN_TOLERANCE for name, turn in before.items())
         if settled and not unturned(condensed, last, before, held):
             return None
     result = dict(grids)
@@ -176,11 +176,11 @@ def _turned(
 
 
 def _effort(contact: Contact, count: int) -> float:
-    """How many times a contact's accuracy its grid is refined to, where surfaces touch in so many places."""
+    """Estimated error up to which a contact's grid is refined, over its accuracy."""
     if not contact.friction:
-        return ACCURACY if count <= FEW else 1.0
+        return EXACT_FACTOR if count <= MAX_PATCHES else 1.0
     law = contact.regularization
-    return SMOOTHED if law.law == "hyperbolic" and law.friction_law == "memory" else FRICTIONAL
+    return REGULARIZED_FACTOR if law.law == "hyperbolic" and law.friction_law == "memory" else FRICTION_FACTOR
 
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
@@ -188,7 +188,7 @@ def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> b
 
 
 def _whole(grids: Mapping[str, ContactGrid], ranges: Mapping[str, ContactRange]) -> bool:
-    """Whether there is nothing beyond the grids."""
+    """Whether grids cover all facing places."""
     return all(
         grids[name].first <= room.first and room.last <= grids[name].last for name, room in ranges.items()
     )
@@ -197,8 +197,7 @@ def _whole(grids: Mapping[str, ContactGrid], ranges: Mapping[str, ContactRange])
 def _on_grids(
     pairings: Sequence[Pairing], grids: Mapping[str, ContactGrid], before: Sequence[Pairing]
 ) -> tuple[Pairing, ...]:
-    """The contacts of nodes ``pairings`` with pressures on their ``grids``; those that have them ``before``
-    stay."""
+    """Contacts ``pairings`` with pressures on their ``grids``; those on grids ``before`` are kept."""
     return tuple(
         old if old.grid is grids.get(new.name) else on_grid(new, grids[new.name])
         for new, old in zip(pairings, before, strict=True)
@@ -206,8 +205,8 @@ def _on_grids(
 
 
 def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
-    """Sets to begin a search with: wide patches about where surfaces are nearest. Searches from
-    few places may roll a body out of its contact."""
+    """Initial sets of a search: wide patches around the places of closest approach. Searches from few nodes
+    may roll a body out of its contact."""
     found = [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
@@ -215,7 +214,7 @@ def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
             found.append(gap <= gap.min())
             continue
         place, least = pairing.grid.hats.place, int(np.argmin(gap))
-        close = np.abs(place - place[least]) <= WIDE * (pairing.grid.last - pairing.grid.first)
+        close = np.abs(place - place[least]) <= FIRST_HALF_WIDTH * (pairing.grid.last - pairing.grid.first)
         found.append(gap <= gap[close].max())
     stuck = [closed for closed, pairing in zip(found[1:], pairings, strict=True) if pairing.friction]
     sticking = np.concatenate([np.zeros(0, dtype=bool), *stuck])
@@ -223,7 +222,7 @@ def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
 
 
 def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) -> ContactStatus:
-    """The sets of a state on other grids."""
+    """Sets of a state interpolated to other grids."""
     closed, stuck, slip_sign = ([np.zeros(0)] for _ in range(3))
     for old, new in zip(condensed.pairings, after, strict=True):
         span = condensed.spans[old.name]

@@ -1,16 +1,15 @@
-"""By how much bodies that move turn the directions in which contacts press, to first order.
+"""First-order rotation of the directions of contact pressures with the bodies.
 
-Directions vary along a contact as the normals of the flatter surface do, which the other one is pressed to.
-As bodies turn and move along each other the patch moves to where both normals are alike: its direction is the
-base's normal, as drawn, turned by as much as the base is there. Where a round base is free to roll, it is as
-drawn but for what bends it: the moment about its middle decides how far it rolls, and is right in a frame
-that rolls with it. A straight side of a rigid obstacle has one normal, to which a body turns that rolls on
-it: nothing turns there.
+Directions vary along a contact as the normals of the flatter surface, the base. As bodies rotate and move
+along each other the patch moves to where both normals agree: its direction is the initial normal of the base
+rotated with the base there. A round base that is free to roll keeps its initial normal apart from its
+bending: the moment about its centre decides how far it rolls, and is right in a frame that rolls with it. A
+straight side of a rigid obstacle has one normal, and its direction does not rotate.
 
-A body that nothing resists in a direction, as a plate that may slide on two round posts, is held there. Where
-it bends, the posts press on it along normals that have turned, and at first order nothing but the hold could
-balance what these pushes differ by: no place nearby would. What the directions have in common is taken off
-them, so that the hold carries nothing.
+A body without stiffness in a direction, as a plate that may slide on two round posts, is held there. If it
+bends, the posts press on it along rotated normals, and at first order only the hold could balance the
+difference of their forces. The common part of the rotations is therefore removed, so that the hold carries no
+force.
 """
 
 from __future__ import annotations
@@ -28,18 +27,18 @@ from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
-CARRIED = 1e-8
-"""What holds carry of all that presses is no more than this part of it."""
-ASIDE = 0.01
-"""Curvatures are looked at over this part of the range on both sides."""
-STRAIGHT = 1e-6
-"""Sides that bend by no more than this part of the other one are straight, but for round-off."""
-BESIDE = 1.0
-"""How a surface turns is seen from places so many widths of the patch beside its middle."""
+MAX_CARRIED = 1e-8
+"""Largest force of fixed motions relative to the contact force."""
+CURVATURE_RANGE = 0.01
+"""Part of the range on both sides over which curvatures are evaluated."""
+STRAIGHTNESS = 1e-6
+"""Sides that bend by no more than this part of the other one are straight, apart from round-off."""
+SIDE_WIDTHS = 1.0
+"""Distance from the middle of a patch, in its widths, at which the rotation of a surface is evaluated."""
 
 
 def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, float]:
-    """Angles in radian, counter-clockwise, by which directions turn of contacts that touch in one patch."""
+    """Rotation (radian, counter-clockwise) of the directions of contacts that touch in one patch, by name."""
     found: dict[str, float] = {}
     solved: dict[str, FloatArray] = {}
     unknowns = state.factors, state.motion, state.pressure, state.traction
@@ -53,21 +52,21 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
             continue
         middle = float(share @ place / share.sum())
         drawn, bends = _seen(grid, middle)
-        straight = bends[1] <= STRAIGHT * bends[0]
+        straight = bends[1] <= STRAIGHTNESS * bends[0]
         if straight and (grid.facing.other is None or not bends[0]):
             found[pairing.name] = 0.0
             continue
         base = grid.facing.slave_first
         body = pairing.slave_body if base else pairing.master_body
-        # Obstacles do not turn. Where both are curved and one may slide, what bends them would move it on at
-        # every look.
-        if body is None or (min(bends) > STRAIGHT * max(bends) and _moves(scene, pairing.bodies)):
+        # Obstacles do not rotate. If both surfaces are curved and one may slide, their bending would move it
+        # further in every update.
+        if body is None or (min(bends) > STRAIGHTNESS * max(bends) and _moves(scene, pairing.bodies)):
             found[pairing.name] = drawn
             continue
         if body not in solved:
             rest = condensed.solution(scene, body, unknowns)[0][:, 0]
             solved[body] = rest + scene.floating_patterns(body) @ state.motion
-        aside = BESIDE * float(place[closed[-1]] - place[closed[0]] + grid.hats.weight[closed].max())
+        aside = SIDE_WIDTHS * float(place[closed[-1]] - place[closed[0]] + grid.hats.weight[closed].max())
         ends = np.clip([middle - aside, middle + aside], grid.first, grid.last)
         points = as_real(grid.facing.side(ends, base)[0])
         moved = condensed.contact_fields(scene, body, unknowns, points)[0]
@@ -78,7 +77,7 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
 
 
 def _moves(scene: Scene, bodies: Sequence[str | None]) -> bool:
-    """Whether one of some bodies has unknown motions."""
+    """Whether one of the bodies has unknown rigid motions."""
     return any(
         name in constraint.bodies
         for constraint, _ in scene.unknown_motions
@@ -88,8 +87,7 @@ def _moves(scene: Scene, bodies: Sequence[str | None]) -> bool:
 
 
 def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
-    """The angle by which a body that may turn, or its plate, does so in a state with the unknown motions
-    ``motion`` (k,)."""
+    """Rotation of a free body or its plate in a state with the unknown motions ``motion`` (k,)."""
     return sum(
         float(value)
         for (constraint, one), value in zip(scene.unknown_motions, motion, strict=True)
@@ -98,9 +96,9 @@ def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
 
 
 def _seen(grid: ContactGrid, middle: float) -> tuple[float, list[float]]:
-    """The angle at the ``middle`` of a patch from the other surface's normal to the base's, both as drawn,
-    and the curvatures of the base and of the other one."""
-    offset = ASIDE * (grid.last - grid.first)
+    """Initial angle at the ``middle`` of a patch from the normal of the other surface to that of the base,
+    and the curvatures of the base and the other surface."""
+    offset = CURVATURE_RANGE * (grid.last - grid.first)
     base = grid.facing.slave_first
     s = np.array([middle, middle - offset, middle + offset])
     place, inward = grid.facing.side(s, base)
@@ -111,8 +109,8 @@ def _seen(grid: ContactGrid, middle: float) -> tuple[float, list[float]]:
 
 
 def _rotation(model: BodyModel, points: FloatArray, rest: FloatArray, moved: FloatArray) -> float:
-    """The angle by which the chord between two ``points`` (2, 2) of a body turns, which have ``moved`` (2, 2)
-    beyond what its nodes' displacements ``rest`` (2N,) say: what presses in its middle does not turn it."""
+    """Rotation of the chord between two ``points`` (2, 2) of a body, which have ``moved`` (2, 2) in addition
+    to its nodal displacements ``rest`` (2N,): a pressure in its middle does not rotate it."""
     chord = points[1] - points[0]
     across = np.array([-chord[1], chord[0]])
     along = model.values_along(points, np.tile(across, (2, 1))) @ rest + moved @ across
@@ -125,11 +123,11 @@ def unturned(
     turned: Mapping[str, float],
     held: Sequence[Mapping[str, FloatArray]],
 ) -> dict[str, float]:
-    """By which angles the directions of contacts on grids have to turn beyond those to which they are
-    ``turned``, so that what they exert in a state does no work along motions that are ``held``, as rigid
-    motions (3,) of bodies about the origin; those that do none already are left out.
+    """Angles by which the directions of contact grids, now ``turned``, must rotate so that the contact forces
+    of a state do no work along the ``held`` rigid motions (3,) of bodies about the origin; contacts that do
+    none are omitted.
 
-    Bodies held against turning feel a moment, and no force: directions do not matter to it.
+    Held rotations carry a moment, which does not depend on directions.
     """
     held = [motion for motion in held if not any(way[2] for way in motion.values())]
     if not held:
@@ -145,7 +143,7 @@ def unturned(
         middle = condensed.weight[span] * state.pressure[span] @ pairing.grid.hats.place / size
         places = pairing.grid.facing.side(np.array([middle]), True)[0][0]
         more = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn
-        # As the force turns about the middle of its patch.
+        # The force rotates about the middle of its patch.
         push = complex(force[0], force[1]) * np.exp(1j * more)
         moment = force[2] + (np.conj(places) * (push - complex(force[0], force[1]))).imag
         quarter = 1j * push
@@ -155,17 +153,17 @@ def unturned(
             way = ways[0] - ways[1]
             work[number] += way @ np.array([push.real, push.imag, moment])
             own[number] = way @ np.array([quarter.real, quarter.imag, (np.conj(places) * quarter).imag])
-        if np.abs(own).max(initial=0.0) > ASIDE * size * _reach(held):
+        if np.abs(own).max(initial=0.0) > CURVATURE_RANGE * size * _reach(held):
             along.append(own / np.sqrt(size))
             names.append(pairing.name)
         pressed += size
-    if not along or np.abs(work).max() <= CARRIED * pressed * _reach(held):
+    if not along or np.abs(work).max() <= MAX_CARRIED * pressed * _reach(held):
         return {}
     sizes = [float(condensed.weight[condensed.spans[n]] @ state.pressure[condensed.spans[n]]) for n in names]
-    least = np.linalg.lstsq(np.stack(along, axis=1), -work, rcond=ASIDE)[0] / np.sqrt(sizes)
+    least = np.linalg.lstsq(np.stack(along, axis=1), -work, rcond=CURVATURE_RANGE)[0] / np.sqrt(sizes)
     return {name: float(angle) for name, angle in zip(names, least, strict=True)}
 
 
 def _reach(held: Sequence[Mapping[str, FloatArray]]) -> float:
-    """The size of the held motions."""
+    """Largest magnitude of the held motions."""
     return max(float(np.hypot(*way[:2])) for motion in held for way in motion.values())

@@ -1,4 +1,4 @@
-"""The load path of exact contact with Coulomb friction: its states, from event to event."""
+"""Load path of exact contact with Coulomb friction, from event to event."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State, output_positions, stops
 
-ROWS = 40
-"""Of the events of a stage with friction so many are stored as steps, evenly along it."""
+MAX_ROWS = 40
+"""Largest number of events of a stage with friction that are stored as steps, evenly distributed."""
 
 
 def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """Exact contact with Coulomb friction, followed from event to event."""
+    """Path of exact contact with Coulomb friction, from event to event."""
     wanted, condensed = output_positions(built), built.condensed
     if start is None:
         event = first_event(condensed, built.stages[0])
@@ -51,7 +51,7 @@ def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Ite
 
 
 class _Rows:
-    """Makes steps of one stage's events: all wanted ones, and of the others as many as are worth storing."""
+    """Steps of the events of a stage: all requested states, and a limited number of others."""
 
     def __init__(
         self, built: CondensedScene, stage: int, reached: float, halts: set[float], wanted: tuple[float, ...]
@@ -62,7 +62,7 @@ class _Rows:
         self._pending: Event | None = None
 
     def add(self, event: Event) -> Iterator[PathStep]:
-        """The step that ends at an event, if it is worth one."""
+        """Step that ends at an event, if it is to be stored."""
         self._solves += event.solves
         self._pending = event
         if event.jumped:
@@ -70,11 +70,11 @@ class _Rows:
                 f"the contact snaps to another state before position {self._stage + event.fraction:.6g}: "
                 f"there is no continuous path"
             )
-        if event.fraction in self._halts or event.fraction >= self._before + 1.0 / ROWS or event.jumped:
+        if event.fraction in self._halts or event.fraction >= self._before + 1.0 / MAX_ROWS or event.jumped:
             yield from self.last()
 
     def last(self) -> Iterator[PathStep]:
-        """The step that ends at the last event."""
+        """Step that ends at the last event."""
         if self._pending is None:
             return
         position = self._stage + self._pending.fraction
@@ -96,7 +96,7 @@ def _checkpoint(state: State, exact: CoulombState) -> Checkpoint:
 
 
 def _restored(start: Checkpoint) -> CoulombState:
-    """The exact state of a checkpoint."""
+    """Exact state of a checkpoint."""
     state, history = start.state, start.history
     assert history is not None
     values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
@@ -104,7 +104,7 @@ def _restored(start: Checkpoint) -> CoulombState:
 
 
 def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -> State:
-    """An exact state with friction at a path position."""
+    """Exact state with friction as a state of the path at a position."""
     values, sets = state.values, state.sets
     return State(
         position,

@@ -15,7 +15,7 @@ from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
-TOGETHER = 4
+MAX_STATES = 4
 """States solved for together: twice the work of one; more would only take more memory."""
 
 
@@ -24,9 +24,9 @@ NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Fields:
-    """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,),
-    strain (n, 3) as xx, yy, xy, heat included; what its elastic system gives of the displacement, ``rest``
-    (N, 2), ghosts last, and what contacts add in closed form to the stress, ``near`` (n, 3)."""
+    """Fields of a body in a state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,), strain
+    (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the displacement of its elastic system,
+    ghosts last, and ``near`` (n, 3), the stress of the near fields of contacts."""
 
     displacement: FloatArray
     stress: FloatArray
@@ -40,17 +40,17 @@ class Fields:
 def fields_of(
     built: CondensedScene, states: Sequence[State], stress: bool, starts: Mapping[str, FloatArray] = NO_STARTS
 ) -> list[tuple[dict[str, Fields], float]]:
-    """Of each state the fields of all bodies, stresses only if asked for, and how well its linear systems are
-    solved.
+    """Fields of all bodies in each state, stresses only if requested, and the largest relative error of the
+    linear solutions.
 
-    States are solved for together. ``starts`` are solutions (2N, 1) that may be near, by body.
+    States are solved together. ``starts`` are approximate solutions (2N, 1) by body.
     """
     found: list[tuple[dict[str, Fields], float]] = []
-    for first in range(0, len(states), TOGETHER):
-        some = states[first : first + TOGETHER]
+    for first in range(0, len(states), MAX_STATES):
+        some = states[first : first + MAX_STATES]
         bodies = {name: _displacements(built, name, some, starts.get(name)) for name in built.scene.bodies}
         for number, state in enumerate(some):
-            # Unlike max of Python, that of numpy loses no nan.
+            # Unlike the built-in max, np.max propagates nan.
             worst = float(np.max([worth[number] for _, worth in bodies.values()]))
             fields = {
                 name: _fields(built, name, state, displacements[number], stress)
@@ -61,13 +61,13 @@ def fields_of(
 
 
 def _fields(built: CondensedScene, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
-    """Fields of one body by the ``displacement`` (N, 2) of its elastic system, ghosts last."""
+    """Fields of a body from the ``displacement`` (N, 2) of its elastic system, ghosts last."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
     sigma, degrees, near = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
     if stress:
         degrees = built.scene.degrees(name, state.factors)
-        # Ghosts move, but stresses are reported at the points of the cloud only.
+        # Stresses are reported at the nodes, not at ghosts.
         near = stressed[: len(model.cloud.points)]
         sigma = model.stress(displacement) + near
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
@@ -80,8 +80,8 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
 def _displacements(
     built: CondensedScene, name: str, states: Sequence[State], start: FloatArray | None
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Displacements (N, 2) of a body in each state, ghosts last, and what solving its elastic system once
-    more is worth (c,)."""
+    """Displacements (N, 2) of a body in each state, ghosts last, and the relative change (c,) by iterative
+    refinement."""
     condensed = built.condensed
     if not len(states[0].displacement):
         unknowns = [state.unknowns for state in states]

@@ -1,4 +1,4 @@
-"""What a state of the path says of plates, probes and contact nodes."""
+"""Results of a state at plates, probes and contact nodes."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def slave_arc(pairing: Pairing) -> FloatArray:
     arc = pairing.arc[pairing.candidate]
     if pairing.grid is None or pairing.grid.facing.slave_first:
         return arc
-    # The places of the grid are those of the master, against its direction.
+    # Grid places run in the direction of the master, opposite to the slave.
     curve = pairing.slave.curve
     found = curve.closest(pairing.points[pairing.candidate])
     return np.maximum.accumulate(np.unwrap(found, period=curve.length) if curve.closed else found)
 
 
 def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
-    """Displacement (2,) of the platen or obstacle that each load moves, in one state or before any."""
+    """Displacement (2,) of the platen or obstacle that each load moves, in a state or initially."""
     found: dict[str, FloatArray] = {}
     unknown = 0
     for constraint in built.scene.rigid_constraints:
@@ -49,7 +49,7 @@ def platen_displacements(built: CondensedScene, state: State | None = None) -> d
 
 
 def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, float]]:
-    """``rotation`` (radian) and ``moment`` on its bodies about its hinge, of every plate that turns."""
+    """``rotation`` (radian) and ``moment`` on the bodies about the hinge, of every plate that rotates."""
     found, unknown = {}, 0
     for constraint in built.scene.rigid_constraints:
         for motion in constraint.motions:
@@ -63,7 +63,7 @@ def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, fl
 
 
 def probe_record(built: CondensedScene, name: str, state: State) -> ProbeRecord:
-    """What a probe observes in one state."""
+    """Values at a probe in a state."""
     values = built.condensed.probes[name](*state.unknowns)
     body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
     stress, material = values[2:], built.scene.bodies[body].model.material

@@ -1,4 +1,4 @@
-"""The range of a contact grid: where surfaces come to touch, found coarsely and then narrowed."""
+"""Range of a contact grid: found on a coarse grid and then narrowed to the contact."""
 
 from __future__ import annotations
 
@@ -13,53 +13,53 @@ from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 
-FIRST = 24
-"""Intervals of an even grid over all that faces."""
-PER_PLACE = 10
-"""Intervals of even grids for each place where surfaces come close, or means over them would not see it."""
-FINEST, GROWTH = 1e-3, 1.3
-"""The first grid has intervals so much finer where surfaces are nearest, growing by this factor: where bodies
-roll on each other, a few places alone cannot balance their loads."""
-SAMPLES = 12
-"""Samples of a range at first."""
-LEAST = 8
-"""Intervals in contact that are enough to locate it."""
-ENDING = 2e-3
-"""Intervals at the end of a range that something touches are halved down to this part of the range."""
-MARGIN = 0.3
-"""The range continues past the outermost contact by this part of the width between."""
-NARROWED = 0.6
-"""Ranges that would become narrower than this part of themselves are narrowed."""
-FLAT = 1e-9
-"""Surfaces whose gap varies by less than this part of the range are parallel."""
-NOTHING = 1e-10
+FIRST_INTERVALS = 24
+"""Intervals of the even grid over all facing surfaces."""
+INTERVALS_PER_MINIMUM = 10
+"""Intervals of even grids for each minimum of the gap, so that means over them represent it."""
+FINEST_INTERVAL, INTERVAL_GROWTH = 1e-3, 1.3
+"""Length of the intervals of the first grid where surfaces are nearest, relative to the others, and its
+growth: if bodies roll on each other, a few nodes alone cannot balance their loads."""
+FIRST_SAMPLES = 12
+"""Initial number of samples of a range."""
+MIN_CLOSED = 8
+"""Number of intervals in contact that suffices to locate it."""
+MIN_END_INTERVAL = 2e-3
+"""Intervals at the end of a range in contact are halved down to this part of the range."""
+RANGE_MARGIN = 0.3
+"""Extension of the range beyond the outermost contact, relative to the width of the contact."""
+MIN_NARROWING = 0.6
+"""Ranges are narrowed if the new width is below this part of the old one."""
+PARALLEL_TOLERANCE = 1e-9
+"""Variation of the gap, relative to the range, below which surfaces are parallel."""
+ZERO_PRESSURE = 1e-10
 """Pressures below this part of the largest of all contacts are round-off."""
-OPEN = 0.1
-"""Surfaces that stay open over a larger part of a range that goes all around do not touch all around."""
-UNSEEN = 1e-3
-"""Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
+MAX_OPEN_SHARE = 0.1
+"""Open part of a closed surface above which it is not in contact all around."""
+MIN_OVERLAP = 1e-3
+"""Overlap between grid nodes, relative to the largest approach, above which it is examined."""
 
 
 def first_grid(limits: ContactRange) -> ContactGrid:
-    """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
-    all along."""
-    gaps = limits.facing.gap(np.linspace(limits.first, limits.last, FIRST + 1))
-    # Waves might be looked at in their troughs alone.
-    if limits.places == 1 and float(np.ptp(gaps)) <= FLAT * (limits.last - limits.first):
-        even = limits.hats(np.linspace(limits.first, limits.last, FIRST + 1))
+    """Coarse grid over all facing places, finer towards the closest approach; uniform for parallel
+    surfaces."""
+    gaps = limits.facing.gap(np.linspace(limits.first, limits.last, FIRST_INTERVALS + 1))
+    # A uniform grid might sample waves at their troughs only.
+    if limits.places == 1 and float(np.ptp(gaps)) <= PARALLEL_TOLERANCE * (limits.last - limits.first):
+        even = limits.hats(np.linspace(limits.first, limits.last, FIRST_INTERVALS + 1))
         return ContactGrid(
-            limits.facing, limits.first, limits.last, SAMPLES, even, limits.centers, limits.corners
+            limits.facing, limits.first, limits.last, FIRST_SAMPLES, even, limits.centers, limits.corners
         )
-    widest = (limits.last - limits.first) / max(FIRST, PER_PLACE * limits.places)
+    widest = (limits.last - limits.first) / max(FIRST_INTERVALS, INTERVALS_PER_MINIMUM * limits.places)
     parts = [np.array([limits.first, limits.nearest, limits.last])]
     for sign, room in ((-1.0, limits.nearest - limits.first), (1.0, limits.last - limits.nearest)):
-        parts.append(limits.nearest + sign * _growing(room, FINEST * widest, widest))
-    hats = limits.hats(spaced_apart(np.concatenate(parts), 0.5 * FINEST * widest))
+        parts.append(limits.nearest + sign * _growing(room, FINEST_INTERVAL * widest, widest))
+    hats = limits.hats(spaced_apart(np.concatenate(parts), 0.5 * FINEST_INTERVAL * widest))
     return ContactGrid(
         limits.facing,
         limits.first,
         limits.last,
-        SAMPLES,
+        FIRST_SAMPLES,
         hats,
         limits.centers,
         limits.corners,
@@ -68,29 +68,29 @@ def first_grid(limits: ContactRange) -> ContactGrid:
 
 
 def overlapping(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
-    """Places where surfaces overlap as drawn, as curves through points of an arc do by a trace: they touch
-    there before any load, wherever they do under it."""
+    """Places where surfaces overlap initially, as curves through points of an arc do slightly: they touch
+    there before any load."""
     found = {}
     for name, room in ranges.items():
         places, gaps = (values[1:-1] for values in room.drawn_gaps)
-        found[name] = places[gaps < -FLAT * (room.last - room.first)]
+        found[name] = places[gaps < -PARALLEL_TOLERANCE * (room.last - room.first)]
     return {name: places for name, places in found.items() if len(places)}
 
 
 def _growing(room: float, step: float, widest: float) -> FloatArray:
-    """Places between 0 and ``room``, the first intervals as long as ``step``, the last ones ``widest``."""
+    """Places between 0 and ``room`` with intervals growing from ``step`` to at most ``widest``."""
     if room <= 0.0:
         return np.zeros(0)
     steps = [step]
     while sum(steps) < room:
-        steps.append(min(GROWTH * steps[-1], widest))
+        steps.append(min(INTERVAL_GROWTH * steps[-1], widest))
     away = np.cumsum(steps)
     return np.asarray(away[:-1] * room / away[-1])
 
 
 def spaced_apart(nodes: FloatArray, least: float) -> FloatArray:
-    """The ``nodes``, sorted, without those inside that are nearer than ``least`` to the one before or to the
-    last: round-off would make intervals of no length, next to which halving would go on down to such."""
+    """Sorted ``nodes`` without inner ones closer than ``least`` to the one before or to the last: intervals
+    of round-off length would be refined without end."""
     nodes = np.unique(nodes)
     kept = np.diff(nodes, prepend=-np.inf) >= least
     kept &= nodes <= nodes[-1] - least
@@ -105,11 +105,11 @@ def ranged(
     states: Sequence[ExactState],
     passed: dict[str, FloatArray],
 ) -> dict[str, ContactGrid] | None:
-    """The grids with ranges that suit what touches, and where it ``passed`` on its way; None where that comes
-    to the end of the range that it may have.
+    """Grids with ranges fitted to the contact, and where it ``passed`` on its way; None if it comes to the
+    end of the available range.
 
-    Nodes beyond a grid that touch stay within its range from then on: far from each other they meet others
-    than the grid's places do, and may not touch on it.
+    Nodes beyond a grid that touch are included in its range from then on: they are paired in directions other
+    than those of the grid, and may be open on it.
     """
     touched = [
         condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in states
@@ -146,16 +146,18 @@ def ranged(
                 return None
             result[name] = replace(grid, hats=grid.hats.halved(coarse))
             continue
-        first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
+        first, last = max(room.first, low - RANGE_MARGIN * width), min(room.last, high + RANGE_MARGIN * width)
         if room.around and (first == room.first or last == room.last):
             first, last = room.first, room.last
         outgrown = room.first < grid.first >= low or room.last > grid.last <= high
         if outgrown or len(beyond):
             inner = nodes[(nodes > grid.first) & (nodes < grid.last)]
             first, last = min(first, grid.first), max(last, grid.last)
-            # Not as fine as where something touches at last: it may have come a long way.
-            steps = max(float(np.median(grid.hats.steps)), width / FIRST)
-            widest = max(steps, (room.last - room.first) / max(FIRST, PER_PLACE * room.places))
+            # Coarser than at the final contact: the contact may have moved far.
+            steps = max(float(np.median(grid.hats.steps)), width / FIRST_INTERVALS)
+            widest = max(
+                steps, (room.last - room.first) / max(FIRST_INTERVALS, INTERVALS_PER_MINIMUM * room.places)
+            )
             more = [
                 grid.first - _growing(grid.first - first, steps, widest),
                 grid.last + _growing(last - grid.last, steps, widest),
@@ -164,18 +166,20 @@ def ranged(
             finest = float(grid.hats.steps[grid.hats.steps > 0.0].min())
             wider = room.hats(spaced_apart(nodes, 0.5 * finest))
             result[name] = replace(grid, first=first, last=last, hats=wider)
-        elif len(places) < LEAST:
+        elif len(places) < MIN_CLOSED:
             result[name] = replace(grid, hats=grid.hats.halved(_beside(places, len(grid.hats.steps))))
-        elif grid.provisional or last - first < NARROWED * (grid.last - grid.first):
-            share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
-            even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
-            result[name] = replace(grid, first=first, last=last, count=SAMPLES, hats=even, provisional=False)
+        elif grid.provisional or last - first < MIN_NARROWING * (grid.last - grid.first):
+            share = INTERVALS_PER_MINIMUM * room.places * (last - first) / (room.last - room.first)
+            even = room.hats(np.linspace(first, last, max(FIRST_INTERVALS, round(share)) + 1))
+            result[name] = replace(
+                grid, first=first, last=last, count=FIRST_SAMPLES, hats=even, provisional=False
+            )
     return result
 
 
 def _beside(places: IntArray, count: int) -> BoolArray:
-    """Which of ``count`` intervals are next to closed ``places``, two on either side; not those between: two
-    crests would halve all of a sheet."""
+    """Mask of ``count`` intervals within two of closed ``places``; intervals between contacts are not
+    refined."""
     near = np.zeros(count, dtype=bool)
     near[np.clip(places[:, None] + np.arange(-1, 3), 0, count - 1)] = True
     return near
@@ -187,11 +191,11 @@ def begun_open(
     ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
 ) -> dict[str, ContactRange]:
-    """The ranges that go all around and begin where something touches, begun in the middle of what stays open
-    in all states instead; none of those that touch all around.
+    """Grids of closed curves that begin inside a contact, with ranges that begin in the middle of the part
+    open in all states; none of those in contact all around.
 
-    Where a pin is drawn in the middle of its hole nothing tells where it will be pressed to. Pressures are
-    independent of each other on both sides of where a range begins.
+    Where a pin will be pressed in its hole is not known initially, and pressures on both sides of the
+    beginning of a range are independent.
     """
     found = {}
     for name, grid in grids.items():
@@ -206,7 +210,7 @@ def begun_open(
         after = np.roll(at, -1)
         after[-1] += long
         widest = int(np.argmax(after - at))
-        if after[widest] - at[widest] > OPEN * long:
+        if after[widest] - at[widest] > MAX_OPEN_SHARE * long:
             middle = 0.5 * float(at[widest] + after[widest])
             first = middle if widest < len(at) - 1 else middle - long
             nearest = first + np.mod(room.nearest - first, long)
@@ -215,20 +219,22 @@ def begun_open(
 
 
 def _pressed(state: ExactState, span: slice) -> BoolArray:
-    """Which places (m,) of a contact touch in a state; none where only round-off presses, as under a body
-    that no load acts on, which touches at one place however fine the grid is."""
-    nothing = float(state.pressure[span].max(initial=0.0)) <= NOTHING * float(state.pressure.max(initial=0.0))
+    """Mask (m,) of closed places with pressures above round-off; a body without loads touches at one place
+    however fine the grid is."""
+    nothing = float(state.pressure[span].max(initial=0.0)) <= ZERO_PRESSURE * float(
+        state.pressure.max(initial=0.0)
+    )
     return np.zeros_like(state.active[span]) if nothing else state.active[span]
 
 
 def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
-    """Which intervals (m + 1,) at an end of the range that closed ``places`` reach are too long to
-    show whether they do."""
+    """Mask (m + 1,) of intervals at a closed end of the range that are too long to tell whether the contact
+    reaches it."""
     steps = grid.hats.steps
     ends = np.zeros(len(steps), dtype=bool)
     ends[:2] |= places[0] == 0
     ends[-2:] |= places[-1] == len(steps) - 2
-    return ends & (steps > ENDING * (grid.last - grid.first))
+    return ends & (steps > MIN_END_INTERVAL * (grid.last - grid.first))
 
 
 def passed_beyond(
@@ -237,8 +243,8 @@ def passed_beyond(
     states: Sequence[ExactState],
     passed: dict[str, FloatArray],
 ) -> bool:
-    """Whether surfaces touch in some states beyond the ranges of their grids: ``passed`` then has the first
-    and the last of all places."""
+    """Whether surfaces touch in some states beyond the ranges of their grids; ``passed`` is then extended to
+    the first and last of these places."""
     beyond = False
     for pairing in condensed.pairings:
         grid, span = pairing.grid, condensed.spans[pairing.name]
@@ -268,8 +274,8 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     places, drawn = room.drawn_gaps
     own = pairing.grid.gap
     beyond_grid = pairing.arc[~pairing.candidate]
-    # Not from the nodes' own gaps: these are measured towards the closest place, not along the directions of
-    # pressures, which is not the same where surfaces come a long way.
+    # Nodal gaps are measured to the closest place instead of along the directions of pressures, which differs
+    # after large motions.
     others = pairing.grid.facing.gap(beyond_grid) if len(beyond_grid) else beyond_grid
     at = np.concatenate([hats.place, beyond_grid])
     order = np.argsort(at)
@@ -282,9 +288,9 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
         closed = state.active[span]
         touching = np.pad(closed, 2)
         apart = ~(touching[:-3] | touching[1:-2] | touching[2:-1] | touching[3:])
-        shallow = UNSEEN * float(np.abs(moved[: len(own)][closed]).max(initial=0.0))
+        shallow = MIN_OVERLAP * float(np.abs(moved[: len(own)][closed]).max(initial=0.0))
         way = moved[order]
-        # Between nodes far apart a body that turns moves along a curve.
+        # Between distant nodes a rotating body moves along a curve.
         between = np.clip(np.searchsorted(at[order], places) - 1, 0, len(way) - 2)
         unsure = _bends(at[order], way)[between]
         overlap = drawn + np.interp(places, at[order], way) < np.where(beyond, -unsure, unsure) - shallow
@@ -293,8 +299,8 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
 
 
 def _bends(at: FloatArray, values: FloatArray) -> FloatArray:
-    """How far (n - 1,) ``values`` (n,) may be off the straight lines between their places ``at`` (n,),
-    increasing, by the second differences at both ends of each."""
+    """Estimated error (n - 1,) of linear interpolation of ``values`` (n,) between increasing places ``at``
+    (n,), from second differences."""
     steps = np.maximum(np.diff(at), np.finfo(float).tiny)
     second = np.zeros(len(at))
     second[1:-1] = np.abs(np.diff(np.diff(values) / steps)) / (at[2:] - at[:-2])

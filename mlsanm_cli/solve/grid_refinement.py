@@ -1,4 +1,4 @@
-"""How fine a contact grid is: samples of the bodies' answers, and intervals halved where pressures bend."""
+"""Refinement of contact grids: samples of the responses of the bodies, and halving of intervals."""
 
 from __future__ import annotations
 
@@ -11,52 +11,53 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.compressed import MANY
+from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
 from mlsanm_cli.contact.response.condensation import BodyResponses
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.grid_ranges import summits
 
-MOST_SAMPLES = 96
-SMOOTH = 1e-4
-"""Samples are doubled until the last coefficients of the answer are below this part of the factor of its
-logarithm. Its variation says nothing: rigid motions and bending make it a hundred times as much in layers."""
-SHORTEST = 1e-5
-"""Intervals below this part of the range are not halved any more: pressures under corners of obstacles have
-no bound."""
-BY_CLAMPED = 0.25
-"""Beside clamped sides intervals are no shorter than this part of the reach of their corner: stresses are
-singular there but for the contact, and clouds resolve that no further."""
-DENSE, COMPRESSED = (300, 2000), (5000, 20_000)
-"""Grids of more intervals are refined to less, by the cube of how many more, and of how many more they are
-not refined at all: obstacles of many corners, or of many patches, would cost minutes otherwise. The first
-two numbers are those of paths that need dense matrices, the others of paths that do not."""
-NOTHING = 1e-6
-"""Pressures below this part of the largest in the scene are those of contacts that carry nothing."""
-AT_ENDS = 0.3
-"""Intervals at a grid's ends with this part of the largest error are halved once more at once; two and
-three more save nothing further."""
-SHARE, WORST, WORST_OF_MANY = 0.7, 0.1, 0.02
-"""Intervals are halved that have more than this part of an equal share of the error, and of the largest: of
-grids with many intervals more at once, as each round takes long."""
-FREE, TWICE = 0.05, 4.0
-"""Without friction, where rounds take longer than what more intervals do, this part of the largest; and those
-that have so many times the least error of halved ones are quartered: halves have a sixth."""
+MAX_SAMPLES = 96
+SAMPLE_TOLERANCE = 1e-4
+"""Samples are doubled until the last coefficients of the response are below this part of the factor of its
+logarithm. Its variation is no criterion: rigid motions and bending make it a hundred times as large in
+layers."""
+MIN_INTERVAL = 1e-5
+"""Intervals below this part of the range are not halved: pressures under corners of obstacles are
+unbounded."""
+MIN_CLAMPED_INTERVAL = 0.25
+"""Least interval beside clamped sides, relative to the reach of their corner: stresses are singular there
+without contact, and clouds do not resolve more."""
+DENSE_LIMITS, COMPRESSED_LIMITS = (300, 2000), (5000, 20_000)
+"""Numbers of intervals above which grids are refined to a lower accuracy, by the cube of the ratio, and above
+which they are not refined: obstacles of many corners, or of many patches, would take minutes otherwise. The
+first are those of paths that need dense matrices, the second of others."""
+ZERO_PRESSURE = 1e-6
+"""Pressures below this part of the largest in the scene are those of unloaded contacts."""
+END_ERROR_SHARE = 0.3
+"""Intervals at the ends of a grid with this part of the largest error are halved twice at once; further
+halvings save nothing."""
+EQUAL_SHARE, WORST_SHARE, WORST_SHARE_OF_MANY = 0.7, 0.1, 0.02
+"""Intervals are halved whose error is above this part of an equal share, and of the largest: more at once in
+grids with many intervals, as each round takes long."""
+WORST_SHARE_WITHOUT_FRICTION, QUARTER_RATIO = 0.05, 4.0
+"""Part of the largest error without friction, where rounds take longer than more intervals do; and intervals
+with more than this multiple of the least error of halved ones are quartered, as halving leaves a sixth."""
 
 
 def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
-    """The grids with as many samples as the bodies' answers need."""
+    """Grids with as many samples as the responses of the bodies require."""
     result = dict(grids)
     for pairing in answers.observation.pairings:
         grid = pairing.grid
-        if grid is None or grid.count >= MOST_SAMPLES:
+        if grid is None or grid.count >= MAX_SAMPLES:
             continue
         log = sum(
             np.abs(grid.singular(scene.bodies[body].model.kernel, slave)[0]).max()
             for body, slave, _ in pairing.sides
         )
         kernel = answers.smooth(pairing)
-        if grid.last_coefficients(kernel) > SMOOTH * float(log):
+        if grid.last_coefficients(kernel) > SAMPLE_TOLERANCE * float(log):
             result[pairing.name] = replace(grids[pairing.name], count=2 * grid.count)
     return result
 
@@ -68,12 +69,12 @@ def refined(
     states: Sequence[ExactState],
     accuracy: Mapping[str, float],
     tractions: bool,
-    limits: tuple[int, int] = DENSE,
+    limits: tuple[int, int] = DENSE_LIMITS,
 ) -> dict[str, ContactGrid]:
-    """The grids halved where the pressures, and ``tractions`` if they count, of the states need it, up to
+    """Grids halved where the pressures of the states, and ``tractions`` if they count, require it, up to
     ``limits``.
 
-    Between the ends of stages tractions do not: every level on the way has its own edges of sticking, and a
+    Tractions count at the ends of stages only: every level between them has other edges of stick zones, and a
     grid fine at all of them would be fine everywhere.
     """
     result = dict(grids)
@@ -87,10 +88,16 @@ def refined(
         quartered = np.zeros_like(chosen)
         if float(np.sqrt((errors**2).sum())) > aim:
             free = condensed.pairing_of(name).friction == 0.0
-            part = WORST_OF_MANY if len(errors) > MANY else FREE if free else WORST
-            least = max(SHARE * aim / np.sqrt(len(errors)), part * float(errors.max()))
+            part = (
+                WORST_SHARE_OF_MANY
+                if len(errors) > COMPRESSED_CONTACT
+                else WORST_SHARE_WITHOUT_FRICTION
+                if free
+                else WORST_SHARE
+            )
+            least = max(EQUAL_SHARE * aim / np.sqrt(len(errors)), part * float(errors.max()))
             chosen |= errors > least
-            quartered = free & (errors > TWICE * least)
+            quartered = free & (errors > QUARTER_RATIO * least)
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
             result[name] = _halved(grid, chosen, quartered, errors)
@@ -98,11 +105,11 @@ def refined(
 
 
 def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: FloatArray) -> ContactGrid:
-    """The grid with ``chosen`` intervals (e,) halved, and those of them that are to be ``quartered`` once
-    more; those at its ends that have the largest ``errors`` once more towards the end, as errors fall slowly
-    where pressures have no bound."""
+    """Grid with ``chosen`` intervals (e,) halved, and those of them to be ``quartered`` halved twice; those
+    at its ends with the largest ``errors`` are halved once more towards the end, where errors of unbounded
+    pressures decrease slowly."""
     first, last = np.flatnonzero(grid.hats.steps > 0.0)[[0, -1]]
-    large = chosen & (errors >= AT_ENDS * errors.max())
+    large = chosen & (errors >= END_ERROR_SHARE * errors.max())
     at_ends = bool(large[first]), bool(large[last])
     hats = grid.hats.halved(chosen)
     within = np.searchsorted(grid.hats.nodes, 0.5 * (hats.nodes[1:] + hats.nodes[:-1])) - 1
@@ -116,15 +123,16 @@ def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: 
 def grid_errors(
     condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool = True
 ) -> FloatArray:
-    """What every interval of a contact's grid has of the relative L2 error of its pressures, and of tractions
-    if these count, in the worst of some states; but for the shortest, where pressures have no bound."""
+    """Contribution of every interval of a contact grid to the relative L2 error of its pressures (and
+    tractions, if they count) in the worst of the states; 0 for the shortest, where pressures are unbounded.
+    """
     pairing = condensed.pairing_of(name)
     assert pairing.grid is not None
     hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
     for state in states:
         pressure = state.pressure[condensed.spans[name]]
         size = hats.norm(pressure)
-        if np.abs(pressure).max(initial=0.0) <= NOTHING * np.abs(state.pressure).max(initial=0.0):
+        if np.abs(pressure).max(initial=0.0) <= ZERO_PRESSURE * np.abs(state.pressure).max(initial=0.0):
             continue
         parts = [hats.errors(pressure)]
         if pairing.friction and tractions:
@@ -135,12 +143,14 @@ def grid_errors(
 
 
 def _shortest(grid: ContactGrid) -> FloatArray:
-    """Lengths (e,) below which a grid's intervals are not halved any more."""
-    least = np.full(len(grid.hats.steps), SHORTEST * (grid.last - grid.first))
+    """Lengths (e,) below which intervals are not halved."""
+    least = np.full(len(grid.hats.steps), MIN_INTERVAL * (grid.last - grid.first))
     for slave in (True, False):
         for corner in grid.corners_of(slave):
             if corner.wedge.clamped:
                 away = corner.distance(grid.facing.side(grid.hats.nodes, slave)[0])
                 away = np.minimum(away[:-1], away[1:])
-                least = np.where(away < corner.reach, np.maximum(least, BY_CLAMPED * corner.reach), least)
+                least = np.where(
+                    away < corner.reach, np.maximum(least, MIN_CLAMPED_INTERVAL * corner.reach), least
+                )
     return least

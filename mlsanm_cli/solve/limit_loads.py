@@ -1,4 +1,5 @@
-"""Paths that end at a limit load, by name: what slides, tips or comes off, and at which part of the loads."""
+"""Error messages of paths that end at a limit load: what slides, tips or separates, and at which part of the
+loads."""
 
 from __future__ import annotations
 
@@ -15,25 +16,25 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
-CLOSE = 0.85
-"""A path that comes so far towards a limit load, and no further, ends there."""
-NEAR = 0.9
-"""The last state that scales and refines a path towards a limit load is at this part of it."""
-TAKES_PART = 1e-3
-"""Bodies take part in a motion by at least this part of what moves most."""
-NOTHING = 1e-6
-"""Smaller parts of a stage, or of a motion, are none."""
+MIN_REACHED = 0.85
+"""Part of a limit load at which a path that ends is reported as having reached it."""
+LAST_LEVEL = 0.9
+"""Part of a limit load of the last state that scales and refines the path."""
+MIN_MOTION = 1e-3
+"""Least motion of a body, relative to the largest, in a mechanism."""
+NEGLIGIBLE = 1e-6
+"""Parts of a stage, or of a motion, below this are zero."""
 SLIDES = "slide"
 """What messages call it."""
-RUBBED = 0.5
-"""What slides takes up more than this part of the loads' work by friction."""
+MIN_FRICTION_WORK = 0.5
+"""Part of the work of the loads dissipated by friction above which the mechanism is sliding."""
 
 
 def at_limit(
     scene: Scene, condensed: Condensed, stages: FloatArray, last: float, error: NumericalError
 ) -> NumericalError:
-    """The error that ended a path along ``stages`` (T + 1, L) at the position ``last``, in words of the limit
-    load if it came close to one; else, and where the error says already what slides, the error itself."""
+    """The error that ended a path along ``stages`` (T + 1, L) at position ``last``, or the limit load that it
+    came close to."""
     stage = min(int(last), len(stages) - 2)
     named = _limit(scene, condensed, stages, stage, last - stage)
     if named is None:
@@ -47,7 +48,7 @@ def at_limit(
 def beyond_limit(
     scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError | NoStateError
 ) -> UnbalancedError | NoStateError:
-    """The error that no state balances the loads at the end of some stage, in words of the limit load."""
+    """The error that no state balances the loads at the end of a stage, or the limit load."""
     for stage in range(len(stages) - 1):
         named = _limit(scene, condensed, stages, stage, None)
         if named is not None:
@@ -56,30 +57,30 @@ def beyond_limit(
 
 
 def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:
-    """Load factors (L,) short of the first limit load of ``stages`` (T + 1, L), and its position; None where
-    there is none, or loads cannot be carried at all."""
+    """Load factors (L,) just below the first limit load of ``stages`` (T + 1, L), and their position; None
+    without a limit load, or if loads cannot be carried at all."""
     for stage, (begin, end) in enumerate(itertools.pairwise(stages)):
         limit = limit_load(condensed, begin, end - begin)
-        if limit is None or limit.part <= NOTHING:
+        if limit is None or limit.part <= NEGLIGIBLE:
             return None
         if not limit.whole:
-            return begin + NEAR * limit.part * (end - begin), stage + limit.part
+            return begin + LAST_LEVEL * limit.part * (end - begin), stage + limit.part
     return None
 
 
 def _limit(
     scene: Scene, condensed: Condensed, stages: FloatArray, stage: int, came: float | None
 ) -> tuple[str, str] | None:
-    """Message and hint of a limit load within a stage; None if it has none, or a path ``came`` to another
-    part of it."""
+    """Message and hint of a limit load within a stage; None if there is none, or if a path ``came`` to
+    another part of the stage."""
     begin, end = stages[stage], stages[stage + 1]
     limit = limit_load(condensed, begin, end - begin)
-    if limit is None or limit.whole or (came is not None and not CLOSE * limit.part <= came):
+    if limit is None or limit.whole or (came is not None and not MIN_REACHED * limit.part <= came):
         return None
     names, how = _mechanism(scene, condensed, limit)
-    if limit.part <= NOTHING:
+    if limit.part <= NEGLIGIBLE:
         hint = f"fix {names} with a [[support]]"
-        if limit.rubbed > RUBBED:
+        if limit.rubbed > MIN_FRICTION_WORK:
             hint += ", or raise friction"
         return f"{names} {how}: the contacts cannot carry any load added in stage {stage + 1}", hint
     moved = [name for name, a, b in zip(scene.loads, begin, end, strict=True) if a != b]
@@ -92,7 +93,7 @@ def _limit(
 
 
 def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[str, str]:
-    """Who moves, and what that is called."""
+    """Names of the moving bodies, and the kind of their motion."""
     sizes: dict[str, float] = {}
     turns = np.zeros(len(limit.motion), dtype=bool)
     for number, (constraint, motion) in enumerate(scene.unknown_motions):
@@ -107,10 +108,10 @@ def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[st
             sizes[name] = max(sizes.get(name, 0.0), moved)
             turns[number] |= motion.component == ROTATION and moved > 0.0
     largest = max(sizes.values())
-    names = [name for name, size in sizes.items() if size > TAKES_PART * largest]
+    names = [name for name, size in sizes.items() if size > MIN_MOTION * largest]
     text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
     several = len(names) > 1
-    if limit.rubbed > RUBBED:
+    if limit.rubbed > MIN_FRICTION_WORK:
         how = SLIDES if several else f"{SLIDES}s"
     elif turns.any() and (limit.pressed or _pushed(condensed, limit.motion, turns)):
         how = "tip over" if several else "tips over"
@@ -120,8 +121,7 @@ def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[st
 
 
 def _pushed(condensed: Condensed, motion: FloatArray, turns: BoolArray) -> bool:
-    """Whether a motion (k,) that lets go of the contacts would press on some but for the part of it that
-    ``turns`` (k,)."""
+    """Whether a motion (k,) that opens contacts would close others without its part ``turns`` (k,)."""
     opening = condensed.gap.motion @ motion
     moved = condensed.gap.motion @ np.where(turns, 0.0, motion) * np.sign(opening.sum())
-    return bool(moved.min(initial=0.0) < -NOTHING * np.abs(opening).max(initial=0.0))
+    return bool(moved.min(initial=0.0) < -NEGLIGIBLE * np.abs(opening).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""The load factors that a case's stages move to."""
+"""Load factors of the stages of a case."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from mlsanm_cli.case import Case
 
 
 def stage_factors(case: Case) -> FloatArray:
-    """Load factors (T + 1, L): zero at first, then the values every stage moves to; the others stay."""
+    """Load factors (T + 1, L): zero initially, then the values at the end of every stage; factors not named
+    are kept."""
     factors = [np.zeros(len(case.moved))]
     for stage in case.stage:
         factors.append(np.array([stage.get(n, old) for n, old in zip(case.moved, factors[-1], strict=True)]))

@@ -1,4 +1,4 @@
-"""The load path: states at its start, after every step, and at the positions where fields are wanted."""
+"""Load path: initial state, steps, and requested states."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from mlsanm_cli.solve.limit_loads import near_limit
 from mlsanm_cli.solve.load_factors import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions, stops
 
-TOWARDS = (0.5, 0.9, 0.99, 0.999)
-"""Parts of a limit load at which the path towards it has states."""
-ROWS = 20
-"""A path without friction has at least so many states, evenly between those that are asked for."""
-FEW_ROWS = 1
-"""The same of contacts with many unknowns, whose states take seconds each."""
+LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)
+"""Parts of a limit load at which the path has states."""
+MIN_ROWS = 20
+"""Least number of states of a path without friction, even between the requested ones."""
+MIN_ROWS_OF_MANY = 1
+"""The same for contacts with many unknowns, whose states take seconds each."""
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """The path of the scene, or what of it is left, polished where the case asks for it."""
+    """The path of the scene, or its remaining part, polished if requested."""
     if not built.case.polished or built.follows_exactly:
         return path_of(built, start)
     from mlsanm_cli.solve.polish import polished
@@ -36,10 +36,10 @@ def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterato
 
 
 def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """The path of the scene, or what of it is left, by the method its contact law asks for."""
+    """The path of the scene, or its remaining part, by the method of its contact law."""
     if not built.case.touching:
         return linear_path(built, start)
-    # The methods of the other laws are imported where a case asks for them: each brings a package along.
+    # Imported when needed, as each method imports another package.
     if built.case.touching[0].regularization.law != "exact" and not built.follows_exactly:
         from mlsanm_cli.solve.regularized import regularized_path
 
@@ -52,7 +52,7 @@ def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[
 
 
 def _limited(built: CondensedScene, start: Checkpoint | None, path: Iterator[PathStep]) -> Iterator[PathStep]:
-    """The path as long as it takes no more steps than it may, whatever pieces it is made of."""
+    """The path with NumericalError beyond the allowed number of steps."""
     most = built.case.solver.max_steps
     for count, step in enumerate(path, start.steps if start else 0):
         if count > most:
@@ -63,7 +63,7 @@ def _limited(built: CondensedScene, start: Checkpoint | None, path: Iterator[Pat
 
 
 def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """A scene without contact: every state is a combination of the loads' own solutions."""
+    """Path without contact: every state is a linear combination of the solutions of the loads."""
     wanted = output_positions(built)
     condensed = built.condensed
     for position in stops(built):
@@ -88,8 +88,8 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """Exact contact at the stages' ends, which are known, wherever fields are wanted and evenly in between,
-    each from the set before; on the way to a limit load as near to it as there are states."""
+    """Exact contact at the known ends of stages, at requested positions and evenly between them, each from
+    the previous set; on the way to a limit load as close to it as states exist."""
     wanted, positions = output_positions(built), stops(built)
     ends = {
         float(number): one
@@ -97,8 +97,8 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
         if np.array_equal(one.factors, built.stages[number])
     }
     near = near_limit(built.condensed, built.stages) if built.ends_early else None
-    towards = [] if near is None else [_part_of(near[1], share) for share in TOWARDS]
-    rows = ROWS if compressed(built.condensed.gap.pressure) is None else FEW_ROWS
+    towards = [] if near is None else [_part_of(near[1], share) for share in LIMIT_LEVELS]
+    rows = MIN_ROWS if compressed(built.condensed.gap.pressure) is None else MIN_ROWS_OF_MANY
     state = unloaded_state(built) if start is None else start.state
     if start is None:
         yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
@@ -119,20 +119,20 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
 
 
 def _between(positions: Sequence[float], rows: int) -> Iterator[float]:
-    """Places that divide the ways between ``positions``, so that all have so many ``rows`` or a few more."""
+    """Positions that divide the intervals of ``positions`` into at least ``rows`` in total."""
     for begin, end in itertools.pairwise(positions):
         parts = int(np.ceil(rows * (end - begin) / positions[-1]))
         yield from (begin + part / parts * (end - begin) for part in range(1, parts))
 
 
 def _part_of(position: float, share: float) -> float:
-    """A ``share`` of what a ``position`` is into its stage."""
+    """The position at a ``share`` of the way from the beginning of its stage to ``position``."""
     stage = np.ceil(position) - 1.0
     return float(stage + share * (position - stage))
 
 
 def exact_step(exact: ExactState, position: float) -> PathStep:
-    """An exact state without friction as a step with nothing saved."""
+    """Exact state without friction as a step without saved states."""
     return PathStep(
         _exact_state(exact, position),
         (),
@@ -143,7 +143,7 @@ def exact_step(exact: ExactState, position: float) -> PathStep:
 
 
 def unloaded_state(built: CondensedScene) -> State:
-    """The start of the path: as drawn, unless the surfaces overlap there."""
+    """Initial state of the path, deformed only if surfaces overlap."""
     gap, factors = built.condensed.gap, built.stages[0]
     if built.condensed.overlap(gap.constant):
         return _exact_state(solve_exact(built.condensed, factors), 0.0)

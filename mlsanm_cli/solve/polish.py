@@ -1,10 +1,9 @@
-"""``solver.polish``: the saved levels of a smooth path end with the exact laws.
+"""``solver.polish``: replaces saved states of a regularised path by those of the exact laws.
 
-Without memory an exact state depends on its load alone: it is found from the sets of nodes that the smooth
-state leaves, in one to three dense solves. So it is for friction that knows the total slip only, whose exact
-state is one increment from the unloaded scene. Friction with memory depends on the whole history, of which
-the smooth path keeps a slightly different one: there the exact history is followed alongside, from event to
-event.
+Without friction an exact state depends on its load alone: it is found from the sets of the regularised state
+in one to three dense solves. The same holds for holonomic friction, whose exact state is one increment from
+the unloaded scene. Friction with memory depends on the whole path: the exact path is followed in parallel
+from event to event.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ from mlsanm_cli.solve.paths import exact_step, path_of, unloaded_state
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
 
 Polisher = Callable[[State], PathStep]
-"""The exact state at a smooth one's position as a row of its own, with what it cost."""
+"""Returns the exact state at the position of a regularised one as a row of its own, with its counters."""
 
 
 def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """Every saved state and the last one as the exact laws have them, each in a row of its own.
+    """The path with every saved state and the last one replaced by exact ones, each in a row of its own.
 
-    A saved level inside a step gets the step's series too, for the part of the path before it.
+    A saved level inside a step also gets the part of the step's series before it.
     """
     behind = max(start.position, start.told) if start else -1.0
     polish, end = _polisher(built, behind), float(len(built.case.stage))
@@ -39,7 +38,7 @@ def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathSt
         for state in step.saved:
             if behind < state.position != step.state.position:
                 better = _improved(built, polish, state)
-                # Without a first step there is no place before this one to continue from.
+                # Without a first step there is no state to continue from.
                 start = replace(start, told=state.position) if start else None
                 better = replace(better, series=step.series, series_attributes=step.series_attributes)
                 yield replace(better, checkpoint=start)
@@ -61,13 +60,13 @@ def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathSt
 
 
 def _improved(built: CondensedScene, polish: Polisher, state: State) -> PathStep:
-    """A row with the exact state, which takes the smooth one's place; the smooth one if polishing was not
-    asked for and there is no other."""
+    """Row with the exact state instead of the regularised one, which is kept if polishing is not requested
+    and there is no other."""
     try:
         row = polish(state)
     except NumericalError as error:
         if built.case.solver.polish == "auto":
-            # A body may float where only the smooth law holds it.
+            # A body may be held by the regularised law only.
             return PathStep(state, (state,))
         where = f"at position {state.position:.9g} the exact laws have no state"
         raise NumericalError(
@@ -85,8 +84,8 @@ def _improved(built: CondensedScene, polish: Polisher, state: State) -> PathStep
 
 
 def _overall(built: CondensedScene, pressure: FloatArray, traction: FloatArray) -> float:
-    """Changes of pressures (m,) and tractions (n,) over the largest pressures at the ends of the stages, as
-    norms over the surfaces: at edges of contacts single places mean little."""
+    """Changes of pressures (m,) and tractions (n,) in L2 norms over the surfaces, relative to the largest
+    pressures at the ends of stages: at contact edges changes of single nodes are irrelevant."""
     weight, friction_nodes = built.condensed.weight, built.condensed.friction_nodes
     whole = max(float(weight @ end.pressure**2) for end in built.ends)
     changed = max(float(weight @ pressure**2), float(weight[friction_nodes] @ traction**2))
@@ -109,7 +108,7 @@ def _frictionless(built: CondensedScene) -> Polisher:
 
 
 def _holonomic(built: CondensedScene) -> Polisher:
-    """Coulomb's law for the total slip: one increment from the unloaded scene, whatever the load."""
+    """Coulomb's law for the total slip: one increment from the unloaded scene."""
     c = built.condensed
 
     def polish(state: State) -> PathStep:
@@ -118,7 +117,7 @@ def _holonomic(built: CondensedScene) -> Polisher:
         sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
         start = replace(unloaded(c, built.stages[0]), sets=sets)
         found, systems = increment(c, start, state.factors)
-        # Dissipation is a matter of history, which this law does not know.
+        # The holonomic law does not define dissipation.
         exact = replace(coulomb_state(built, found, state.position), work=state.work)
         return PathStep(exact, (), factorizations=systems, solves=2 * systems)
 
@@ -126,7 +125,7 @@ def _holonomic(built: CondensedScene) -> Polisher:
 
 
 def _alongside(built: CondensedScene, behind: float) -> Polisher:
-    """The exact history, followed from one level asked for to the next, behind what is ``behind``."""
+    """The exact path from one requested level to the next, after the state ``behind``."""
     exact = friction_path(built)
 
     def polish(state: State) -> PathStep:
@@ -136,7 +135,7 @@ def _alongside(built: CondensedScene, behind: float) -> Polisher:
                 passed.append(step)
             if step.state.position == state.position:
                 break
-        # Both paths halt at the same levels.
+        # Both paths stop at the same levels.
         assert passed[-1].state.position == state.position
         return replace(
             passed[-1],

@@ -1,4 +1,4 @@
-"""The load path of the regularised contact laws; with friction that has a memory from event to event."""
+"""Load path of the regularised contact laws; friction with memory from event to event."""
 
 from __future__ import annotations
 
@@ -58,21 +58,22 @@ from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
-SOFT, SOFTEST = 1e3, 1e9
-"""Before the first load asperities are so many times as soft as the bodies at first, and at most."""
-LITTLE, SOME = 0.01, 0.3
-"""They are put at rest again until they carry no more than the first part of what friction could, or the
-second if that does not take a half of it away."""
-FREE = 1e-3
-"""Before the first load nodes stick whose tension is below this part of the law's."""
+FIRST_SOFTNESS, MAX_SOFTNESS = 1e3, 1e9
+"""Compliance of asperities before the first load over that of the bodies, initially and at most."""
+CARRIED_TARGET, CARRIED_ACCEPTED = 0.01, 0.3
+"""They are reset until they carry less than the first part of the possible friction, or the second if a reset
+does not halve it."""
+MIN_TENSION = 1e-3
+"""Tension, relative to that of the law, below which nodes stick before the first load."""
 APART = "friction cannot hold a body held by contact only before the first load: the surfaces are drawn apart"
 APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
 
 def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """States of the regularised laws. Wanted ones come from the series of their step, or end one of Newton's.
+    """Path of the regularised laws. Requested states are evaluated from the series of their step, or are ends
+    of Newton steps.
 
-    Raises NumericalError where the path cannot continue.
+    NumericalError if the path cannot be continued.
     """
     wanted, options = output_positions(built), replace(path_options(built), direction=1)
     if start is None:
@@ -106,15 +107,15 @@ def _slides(stage: int, lam: float) -> SlidingError:
 
 
 def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) -> tuple[PathPoint, PathStep]:
-    """The point before the first load and the path's first row. Raises NumericalError where nothing holds a
-    body or platen."""
+    """Initial point before the first load, and the first row of the path. NumericalError if a body or platen
+    is not held."""
     if len(built.condensed.friction_nodes) and not built.is_holonomic:
         point = _first(built, options)
         assert point.friction is not None
-        return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.taken())
+        return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.reset())
     problem = problem_of(built, coupling_of(built, regularization(built)), 0)
     found = correct(problem, start_point(built, problem), 0.0, options)
-    # Dissipation is a matter of history, which the holonomic law does not know.
+    # The holonomic law does not define dissipation.
     point = PathPoint(problem, found.x, 0.0, np.full(problem.n, np.nan))
     return point, PathStep(_at_rest(point), (), 0.0, 0, found.updates, found.factorizations, found.solves)
 
@@ -124,17 +125,16 @@ def _at_rest(point: PathPoint) -> State:
 
 
 def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPoint:
-    """The state before the first load: normals carry what the law's small pressures need.
+    """State before the first load, in which normals carry the small pressures of the law.
 
-    Very soft asperities keep motions as drawn that normals hardly resist, as a disk in a groove that would
-    turn to where errors of the grid drive it; they are put at rest again until they carry next to nothing.
-    Pressed nodes stick from the very start; friction of the others begins when they reach the law's
-    threshold. Raises NumericalError where nothing holds a body or platen.
+    Very soft asperities prevent weakly resisted motions, as the rotation of a disk in a groove by errors of
+    the grid; their slips are reset until they carry nearly nothing. Pressed nodes stick initially; friction
+    of the others begins at the threshold of the law. NumericalError if a body or platen is not held.
     """
     c, bare = built.condensed, coupling_of(built, regularization(built))
     law, begin, tally = bare.law, built.stages[0], FactorisationCount()
     rubbing, nothing = c.friction_nodes, np.zeros(len(c.friction_nodes))
-    least = FREE * law.eta[rubbing] / np.maximum(c.friction, 1.0)
+    least = MIN_TENSION * law.eta[rubbing] / np.maximum(c.friction, 1.0)
     elastic = law.slip / (c.friction * law.pressure)
 
     def sticking(
@@ -144,7 +144,7 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPo
         closed = np.zeros(len(c.weight), dtype=bool)
         own = x[rubbing]
         closed[rubbing] = stuck = own > -least
-        # Faces that are parallel float without pressures: next to nothing would hold them in any case.
+        # Parallel faces float without pressures and are not held by friction.
         unpressed = np.ones(len(own), dtype=bool)
         for span in c.tangential.values():
             unpressed[span] = (own <= 2.0 * least)[span].all()
@@ -153,8 +153,8 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPo
         base = base.with_thresholds(threshold)
         return RegularizedFriction(base, begin, begin, ContactStatus(closed, stuck, nothing), rest, tally)
 
-    x, rest, carried, times = np.concatenate([drawn(built, bare), nothing]), nothing, np.inf, SOFT
-    while times <= SOFTEST:
+    x, rest, carried, times = np.concatenate([drawn(built, bare), nothing]), nothing, np.inf, FIRST_SOFTNESS
+    while times <= MAX_SOFTNESS:
         soft = replace(bare, law=replace(law, stick_compliance=times * elastic)).with_stick_compliance()
         problem = sticking(soft, x, rest)
         try:
@@ -167,10 +167,10 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPo
         before, carried = carried, float(c.weight[rubbing] @ np.abs(traction))
         most = float(c.weight[rubbing] @ (c.friction * (np.maximum(pressure[rubbing], 0.0) + least)))
         slow = carried > 0.5 * before
-        if carried <= (SOME if slow else LITTLE) * most:
+        if carried <= (CARRIED_ACCEPTED if slow else CARRIED_TARGET) * most:
             break
         times *= 10.0 if slow else 1.0
-        # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
+        # Condensed slips already exclude the tractions; displacements among the unknowns do not.
         rest = c.slip(begin, bare.split_motions(motion)[0], pressure, nothing)
         traction[:] = 0.0
     problem = sticking(bare.with_stick_compliance(), x, nothing)
@@ -178,7 +178,7 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPo
 
 
 class _StagePath:
-    """One stage: one piece of path, or, where friction has a memory, pieces between events."""
+    """Path of one stage: one piece, or with friction with memory pieces between events."""
 
     def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
         self.point: PathPoint
@@ -189,7 +189,7 @@ class _StagePath:
         self._previous: Branch | None = None
 
     def steps(self, point: PathPoint) -> Iterator[PathStep]:
-        """Steps from the start of the stage to its end. Raises NoStateError, NumericalError."""
+        """Steps from the beginning of the stage to its end. NoStateError, NumericalError."""
         self.point = point
         if not point.problem.change.any():
             yield from self._waiting()
@@ -199,8 +199,8 @@ class _StagePath:
         yield from self._pieces()
 
     def continue_stage(self, point: PathPoint, previous: Branch | None) -> Iterator[PathStep]:
-        """Steps from a point within the stage to its end, the first ones of the ``previous`` piece of path if
-        no event has ended that. Raises as `steps` does."""
+        """Steps from a point within the stage to its end, first those of the ``previous`` piece unless an
+        event ended it. Errors as `steps`."""
         self.point, self._began = point, point.lam
         if previous is not None:
             self._previous = previous
@@ -215,7 +215,7 @@ class _StagePath:
             yield from self._piece()
 
     def _piece(self, options: AnmOptions | NewtonOptions | None = None) -> Iterator[PathStep]:
-        """Steps to the next event, or to the end of the stage."""
+        """Steps to the next event or the end of the stage."""
         begin, friction = self.point, self.point.friction
         locator = None if friction is None else EventLocator(friction)
         follower = follow(
@@ -241,7 +241,7 @@ class _StagePath:
         self._count()
 
     def _count(self) -> None:
-        """See that the path moves on from event to event. Raises NoStateError."""
+        """NoStateError if events no longer advance the path."""
         self._standing = self._standing + 1 if self.point.lam - self._began < STANDSTILL else 0
         if self._standing > 4 * self.point.problem.n + 50:
             raise NoStateError(sliding=False)
@@ -266,7 +266,7 @@ class _StagePath:
     def _put_on(self, point: PathPoint, problem: RegularizedFriction, hits: EventFlags) -> None:
         """Put the path on the sets that hold beyond a point."""
         problem, x = continued(problem.by_pressure_alone(point.x), point.x, point.lam, hits)
-        # The event's place, known to the series' tolerance, and the new sets disagree by a little.
+        # The place of the event has the tolerance of the series, and the new sets differ slightly.
         self.point = inside(replace(point, problem=problem, x=x), self._options.goal)
 
     def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
@@ -289,13 +289,13 @@ class _StagePath:
         stage = self._stage
         end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
-        # A copy keeps the tangent at hand, which those of the wanted states would take the place of.
+        # A copy keeps the factorised tangent, which those of the requested states would replace.
         step, states = states_in(copy(before.problem), step, stage, places)
         saved = [state_of(between(before, x, lam), stage, residual) for x, lam, residual in states]
         series = series_of(before.problem, step.branch, stage)
         if self.point.friction is not None:
-            # Points share tangents, of which the followers know nothing.
-            step = replace(step, factorizations=self.point.friction.tally.taken())
+            # Points share tangents, which followers do not count.
+            step = replace(step, factorizations=self.point.friction.tally.reset())
         finished = path_step(step, end, stage, at(places, saved, end), series)
         return replace(finished, checkpoint=checkpoint_at(self.point, end, follower))
 

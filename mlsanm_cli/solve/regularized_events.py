@@ -1,4 +1,5 @@
-"""Events on the path of the regularised contact with friction: where sets stop to hold, and what follows."""
+"""Events on the path of regularised contact with friction, where the sets cease to hold, and the sets that
+follow."""
 
 from __future__ import annotations
 
@@ -16,21 +17,21 @@ from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.continuation.roots import root
 
-SAMPLES = 17
-"""A piece of path is looked at in so many places."""
-NEAR = 1e-9
-"""A condition is at its limit where it is this close to it, relative to the reference pressure."""
-SLACK = 1e-9
-"""What begins at its limit may go past it by this much before it counts, relative to the reference pressure:
-states are known to no more, and a node that hardly leaves its limit would come to it again and again."""
-SMALL = 1e-6
-"""Friction limits below this part of the reference pressure are not distinguished."""
+EVENT_SAMPLES = 17
+"""Points of a piece of path at which events are searched."""
+LIMIT_TOLERANCE = 1e-9
+"""Distance from its limit, relative to the reference pressure, at which a condition is at the limit."""
+LIMIT_SLACK = 1e-9
+"""A condition that starts at its limit may exceed it by this much, relative to the reference pressure: states
+are not known better, and a node that hardly leaves its limit would return to it repeatedly."""
+MIN_LIMIT = 1e-6
+"""Friction limits below this part of the reference pressure are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class EventFlags:
-    """Which nodes with friction (n,) an event is about: pressure at zero, friction limit reached on one side
-    (1, -1; else 0), slip come to rest."""
+    """Friction nodes (n,) of an event: zero pressure, friction limit reached on one side (1 or -1, else 0),
+    and zero slip rate."""
 
     bare: BoolArray
     limit: FloatArray
@@ -45,7 +46,7 @@ class EventFlags:
 class EventLocator:
     """Finds the first event on a piece of path.
 
-    Afterwards ``reached`` says whether there was one, ``hits`` what it was.
+    Afterwards ``reached`` tells whether there was one, ``hits`` its nodes.
     """
 
     def __init__(self, problem: RegularizedFriction) -> None:
@@ -58,14 +59,16 @@ class EventLocator:
         self.reached = False
 
     def __call__(self, piece: Branch) -> float:
-        """The parameter of the first event, or inf."""
+        """Path parameter of the first event, or inf."""
         self.reached = False
         values, rates = self._conditions(piece)
-        grid = np.linspace(0.0, piece.length, SAMPLES)
+        grid = np.linspace(0.0, piece.length, EVENT_SAMPLES)
         levels = np.hstack([piece.weights(grid) @ values, piece.derivative_weights(grid) @ rates])
         scale = self._scales(levels[:, values.shape[1] :], values[0])
         most = np.where(np.arange(len(scale)) < values.shape[1], 1.0, scale)
-        slack = np.where(levels[0] <= NEAR * scale, np.maximum(-levels[0], 0.0) + SLACK * most, 0.0)
+        slack = np.where(
+            levels[0] <= LIMIT_TOLERANCE * scale, np.maximum(-levels[0], 0.0) + LIMIT_SLACK * most, 0.0
+        )
         past = (levels[1:] + slack < 0.0).any(axis=1)
         if not past.any():
             return np.inf
@@ -98,7 +101,7 @@ class EventLocator:
     def _scales(self, rates: FloatArray, first: FloatArray) -> FloatArray:
         """What the conditions are small against: pressures of the scene, every node's own limit, rates."""
         n, held = self._problem.n, len(self._stuck)
-        limit = np.maximum(0.5 * (first[n : n + held] + first[n + held :]), SMALL)
+        limit = np.maximum(0.5 * (first[n : n + held] + first[n + held :]), MIN_LIMIT)
         largest = np.full(rates.shape[1], np.abs(rates).max(initial=0.0) + np.finfo(float).tiny)
         return np.concatenate([np.ones(n), limit, limit, largest])
 
@@ -150,14 +153,14 @@ def _expected(problem: RegularizedFriction, x: FloatArray, lam: float, hits: Eve
 def continued(
     problem: RegularizedFriction, x: FloatArray, lam: float, hits: EventFlags
 ) -> tuple[RegularizedFriction, FloatArray]:
-    """The problem with the sets that hold beyond (x, lam), and the state with the event's values made exact.
+    """The problem with the sets that hold beyond (x, lam), and the state with exact values of the event.
 
-    Raises NoStateError.
+    NoStateError if there are none.
     """
     c, before = problem.condensed, problem.sets
     x = x.copy()
     p, _, _, t = problem.split(x)
-    pressure, force = problem.pressed(p), NEAR * problem.law.pressure
+    pressure, force = problem.pressed(p), LIMIT_TOLERANCE * problem.law.pressure
     t[hits.limit != 0.0] = (hits.limit * c.friction * pressure)[hits.limit != 0.0]
     bare = hits.bare | (np.abs(pressure) <= force)
     slack = {side: c.friction * pressure - side * t <= force for side in (1.0, -1.0)}

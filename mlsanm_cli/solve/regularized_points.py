@@ -1,4 +1,4 @@
-"""A point on the path of regularised contact: the first one, those of checkpoints, and states there."""
+"""Points on the path of regularised contact, their checkpoints and states."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from mlsanm_cli.solve.series import (
 )
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
 
-UPDATES = 3
-"""Behind an event so many updates are made at most."""
+MAX_UPDATES = 3
+"""Largest number of updates after an event."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathPoint:
-    """Where the path is: its problem, unknowns, fraction of the stage, work dissipated (n,) so far."""
+    """Point on the path: problem, unknowns, fraction of the stage, and dissipated work (n,)."""
 
     problem: ContactProblem
     x: FloatArray
@@ -38,14 +38,13 @@ class PathPoint:
 
     @property
     def friction(self) -> RegularizedFriction | None:
-        """The problem, where friction has a memory."""
+        """The problem, if friction has a memory."""
         problem = self.problem
         return problem if isinstance(problem, RegularizedFriction) and problem.n else None
 
 
 def checkpoint_at(point: PathPoint, state: State, follower: Follower | None = None) -> Checkpoint:
-    """What the path continues from at a point, whose state is given; a piece begins anew without a
-    follower."""
+    """Checkpoint at a point with its state; without a follower a new piece begins."""
     checkpoint = Checkpoint(state) if follower is None else checkpoint_of(state, follower)
     problem = point.friction
     if problem is None:
@@ -55,7 +54,7 @@ def checkpoint_at(point: PathPoint, state: State, follower: Follower | None = No
 
 
 def restored(built: CondensedScene, start: Checkpoint) -> PathPoint:
-    """The point where a checkpoint was made."""
+    """The point of a checkpoint."""
     stage = min(start.stage, len(built.stages) - 2)
     coupling = coupling_of(built, regularization(built))
     x, lam = unknowns_of(start.state), start.position - stage
@@ -72,8 +71,8 @@ def restored(built: CondensedScene, start: Checkpoint) -> PathPoint:
 
 
 def inside(point: PathPoint, goal: float) -> PathPoint:
-    """The point with a residual below ``goal``, if updates bring it there, and no sticking node beyond its
-    limit: such nodes stay at their limits while all others are updated, then rest where they have come to."""
+    """The point with a residual below ``goal``, if updates reach it, and no sticking node beyond its limit:
+    such nodes are held at their limits while the others are updated, then stick where they are."""
     problem = point.friction
     assert problem is not None
     x, limited = _updated(problem, point.x, point.lam, goal), problem
@@ -86,9 +85,9 @@ def inside(point: PathPoint, goal: float) -> PathPoint:
 
 
 def _updated(problem: RegularizedFriction, x: FloatArray, lam: float, goal: float) -> FloatArray:
-    """The unknowns after a few of Newton's updates, as long as these reduce the residual."""
+    """Unknowns after a few Newton updates, as long as these reduce the residual."""
     residual = problem.residual(x, lam)
-    for _ in range(UPDATES):
+    for _ in range(MAX_UPDATES):
         if np.abs(residual).max() <= goal:
             break
         try:
@@ -103,7 +102,7 @@ def _updated(problem: RegularizedFriction, x: FloatArray, lam: float, goal: floa
 
 
 def moved(point: PathPoint, x: FloatArray, lam: float) -> PathPoint:
-    """A later point of the same piece of path; slipping nodes have dissipated the work of their tractions."""
+    """A later point of the same piece, with the work dissipated by slipping nodes."""
     problem = point.friction
     if problem is None:
         return replace(point, x=x, lam=lam)
@@ -114,12 +113,12 @@ def moved(point: PathPoint, x: FloatArray, lam: float) -> PathPoint:
 
 
 def between(point: PathPoint, x: FloatArray, lam: float) -> PathPoint:
-    """The same within a step, where the series may leave the friction cone by its residual."""
+    """A point within a step, where the series may exceed the friction limits by its residual."""
     return moved(point, x if point.friction is None else point.friction.within_cone(x), lam)
 
 
 def series_of(problem: ContactProblem, branch: Branch, stage: int) -> dict[str, FloatArray]:
-    """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Padé form holds."""
+    """Coefficients in the path parameter a, 0 <= a <= length; with ``denominator`` of the Padé form."""
     pressure, gap, motion, traction, *_ = problem.split(branch.x)
     parts = {"pressure": pressure, "gap": gap, "motion": problem.coupling.split_motions(motion)[0]}
     return series_arrays(branch, stage, parts | {"traction": traction} if problem.n else parts)

@@ -1,9 +1,9 @@
-"""Whether bodies that contacts alone keep from turning are in balance where they have turned to.
+"""Equilibrium of bodies whose rotation is resisted by contacts alone in their rotated position.
 
-Contacts at small strain press where bodies are drawn. As a round body turns, its contact moves along its
-surface while it stays below its centre in truth: the moment that seems to turn it back does not exist. It is
-the same with all forces F that contacts exert at arms r: where a body turns by an angle q their moment
-changes by -q sum(r F), which small displacements leave out. It is compared with what turns the body by q.
+Contacts at small strain act in the initial positions. As a round body rotates, its contact moves along its
+surface but stays below its centre, so that the apparent restoring moment does not exist. In general, forces F
+of contacts at arms r have a moment that changes by -q sum(r F) with a rotation q, a second-order term that
+small displacements omit. It is compared with the stiffness against q.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, Scene
 
-ROLLS = 0.8
-"""Where moments that small displacements leave out are this part of those that turn a body, or more, nothing
-resists it."""
-MOVED, TURNED = 0.1, 1e-3
-"""Turning that moves contacts by less than this part of their width, or moments by less than this part of the
-forces' arms, need not be driven by loads."""
+INSTABILITY_RATIO = 0.8
+"""Ratio of the moments neglected by small displacements to those that turn a body above which it is
+unstable."""
+MIN_SHIFT, MIN_MOMENT_SHARE = 0.1, 1e-3
+"""Rotations that move contacts by less than this part of their width, or moments by less than this part of
+the arms of the forces, need not be caused by loads."""
 
 
 class RollingError(NoStateError):
-    """Loads turn bodies, and nothing resists that."""
+    """Loads rotate bodies without resistance."""
 
     def __init__(self, turned: Turned) -> None:
         how, what = ("roll or tip", "them") if len(turned.bodies) > 1 else ("rolls or tips", "it")
@@ -43,8 +43,8 @@ class RollingError(NoStateError):
 
 @dataclass(frozen=True)
 class Turned:
-    """The body, or bodies on one plate, of which the largest ``share`` of the moment that turns it is left
-    out, and its ``angle``."""
+    """Body, or bodies on one plate, with the largest ``share`` of omitted moment in the stiffness against its
+    rotation, and its ``angle``."""
 
     bodies: tuple[str, ...]
     angle: float
@@ -56,19 +56,19 @@ class Turned:
 
     @property
     def hint(self) -> str:
-        """What to do about it."""
+        """Hint for the user."""
         return (
             f'hold {self.names} with a [[support]], take away what turns it, or use model.strain = "finite"'
         )
 
     @property
     def error(self) -> RollingError | None:
-        """None where something resists it."""
-        return RollingError(self) if self.share >= ROLLS else None
+        """The error, None if the rotation is resisted."""
+        return RollingError(self) if self.share >= INSTABILITY_RATIO else None
 
 
 def rolls_away(scene: Scene, condensed: Condensed, state: ExactState) -> bool:
-    """Whether loads turn a body in a state that nothing holds: it is on no path."""
+    """Whether loads rotate a body without resistance in a state, which then is not on any path."""
     nodes = condensed.friction_nodes
     stuck, closed = state.stuck[nodes], state.active[nodes]
     sets = ContactStatus(state.active, stuck, np.where(closed & ~stuck, np.sign(state.traction), 0.0))
@@ -82,12 +82,16 @@ def turned_by_loads(
     unknowns: tuple[FloatArray, FloatArray, FloatArray],
     sets: ContactStatus,
 ) -> Turned | None:
-    """What loads have turned whose moment is left out the most, in a state of motions (k,), pressures (m,)
-    and tractions (n,) with its ``sets``; None where none have."""
+    """The body rotated by loads with the largest omitted moment, in a state of motions (k,), pressures (m,)
+    and tractions (n,) with its ``sets``; None if there is none."""
     motion, pressure, traction = unknowns
     turning: list[tuple[int, RigidConstraint, list[tuple[FloatArray, FloatArray]]]] = []
     for number, (constraint, one) in enumerate(scene.unknown_motions):
-        if one.component != ROTATION or isinstance(constraint, Obstacle) or abs(motion[number]) <= TURNED:
+        if (
+            one.component != ROTATION
+            or isinstance(constraint, Obstacle)
+            or abs(motion[number]) <= MIN_MOMENT_SHARE
+        ):
             continue
         forces = _forces(condensed, constraint.bodies, pressure, traction)
         if any(_moved(*each, constraint.center, abs(float(motion[number]))) for each in forces):
@@ -99,14 +103,14 @@ def turned_by_loads(
     except SingularSystemError:
         return None
     numbers = [number for number, *_ in turning]
-    answers = np.zeros((len(numbers), len(numbers)))
+    rotations = np.zeros((len(numbers), len(numbers)))
     for column, (number, constraint, forces) in enumerate(turning):
         moment = np.zeros(len(motion))
         moment[number] = sum(float(((at - constraint.center) * force).sum()) for at, force in forces)
-        answers[:, column] = system.response(np.zeros(len(pressure)), np.zeros(len(traction)), moment).motion[
-            numbers
-        ]
-    shares, ways = np.linalg.eig(answers)
+        rotations[:, column] = system.response(
+            np.zeros(len(pressure)), np.zeros(len(traction)), moment
+        ).motion[numbers]
+    shares, ways = np.linalg.eig(rotations)
     worst = int(np.argmax(shares.real))
     number, constraint, _ = turning[int(np.argmax(np.abs(ways[:, worst])))]
     assert not isinstance(constraint, Obstacle)
@@ -116,7 +120,7 @@ def turned_by_loads(
 def _forces(
     condensed: Condensed, bodies: Sequence[str], pressure: FloatArray, traction: FloatArray
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Of each contact that presses on the bodies its points (c, 2) and the forces (c, 2) there."""
+    """Points (c, 2) and forces (c, 2) of each contact on the bodies."""
     found = []
     for pairing in condensed.pairings:
         span, chosen = condensed.spans[pairing.name], pairing.candidate
@@ -131,8 +135,8 @@ def _forces(
 
 
 def _moved(points: FloatArray, force: FloatArray, center: tuple[float, float], angle: float) -> bool:
-    """Whether a contact moves along the surface as its body turns by an angle."""
+    """Whether a contact moves along the surface as its body rotates by an angle."""
     pressed = np.hypot(*force.T)
     width = np.hypot(*np.ptp(points[pressed > 0.0], axis=0))
     arm = np.hypot(*(np.average(points, axis=0, weights=pressed) - center))
-    return bool(angle * arm > MOVED * width)
+    return bool(angle * arm > MIN_SHIFT * width)

@@ -1,4 +1,4 @@
-"""Problems of the regularised contact laws, and states from the steps of their paths."""
+"""Equations of the regularised contact laws, and states from the series of their steps."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ContactProblem = RegularizedFriction | HolonomicContact
 
 
 def checkpoint_of(state: State, follower: Follower) -> Checkpoint:
-    """What a path that is taken up again at a state has to know of the step before."""
+    """Checkpoint with the direction of the last step."""
     piece = follower.outcome.piece
     if piece is None:
         return Checkpoint(state)
@@ -46,8 +46,7 @@ def checkpoint_of(state: State, follower: Follower) -> Checkpoint:
 
 
 def previous_piece(start: Checkpoint, x: FloatArray) -> Branch | None:
-    """The piece of path behind a checkpoint whose unknowns are x (size,), as far as the next one asks for
-    it; None where a piece begins anew."""
+    """The linear piece of path before a checkpoint with unknowns x (size,); None if a piece begins anew."""
     if start.fraction == 0.0 or not len(start.heading):
         return None
     ends = np.array([x, start.heading[:-1]]), np.array([start.fraction, start.heading[-1]])
@@ -55,12 +54,12 @@ def previous_piece(start: Checkpoint, x: FloatArray) -> Branch | None:
 
 
 def unknowns_of(state: State) -> FloatArray:
-    """Pressures, gaps, motions, displacements where the path has them, and tractions of a state."""
+    """Pressures, gaps, motions, displacements (if unknowns) and tractions of a state as one vector."""
     return np.concatenate([state.pressure, state.gap, state.motion, state.displacement, state.traction])
 
 
 def regularization(built: CondensedScene) -> Regularization:
-    """The case's smooth law with the scene's scales."""
+    """The regularised law of the case with the scales of the scene."""
     condensed = built.condensed
     eta, stick = np.empty(len(condensed.weight)), np.empty(len(condensed.friction_nodes))
     for contact in built.case.touching:
@@ -71,20 +70,20 @@ def regularization(built: CondensedScene) -> Regularization:
 
 
 def coupling_of(built: CondensedScene, law: Regularization) -> DenseCoupling | SparseCoupling:
-    """What the bodies answer with, in the scales of a law."""
+    """Responses of the bodies in the scales of a law."""
     if built.case.solver.formulation == "monolithic":
         return sparse_coupling(built.scene, built.condensed, law)
     return DenseCoupling.of(built.condensed, law)
 
 
 def problem_of(built: CondensedScene, coupling: Coupling, stage: int) -> ContactProblem:
-    """The equations of a stage under a law without memory."""
+    """Equations of a stage under a law without memory."""
     make = HolonomicContact if len(built.condensed.friction_nodes) else RegularizedFriction.frictionless
     return make(coupling, built.stages[stage], built.stages[stage + 1])
 
 
 def path_options(built: CondensedScene) -> AnmOptions | NewtonOptions:
-    """The case's method and its options; steps are counted over the whole path, not by those of a stage."""
+    """Method and options of the case; steps are counted over the whole path, not per stage."""
     solver = built.case.solver
     if solver.method == "newton":
         return NewtonOptions(tolerance=solver.tolerance, max_steps=UNLIMITED)
@@ -92,12 +91,12 @@ def path_options(built: CondensedScene) -> AnmOptions | NewtonOptions:
 
 
 def levels_in(wanted: tuple[float, ...], stage: int) -> list[float]:
-    """The wanted positions within a stage, as fractions of it."""
+    """Requested positions within a stage, as fractions of it."""
     return [position - stage for position in wanted if stage < position < stage + 1]
 
 
 def stopped(stage: int, outcome: Outcome) -> NumericalError:
-    """What to say of a path that did not reach the end of its stage."""
+    """Error of a path that did not reach the end of its stage."""
     return NumericalError(
         f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value} ({outcome.message})",
         BRANCH_HINT,
@@ -105,9 +104,9 @@ def stopped(stage: int, outcome: Outcome) -> NumericalError:
 
 
 def sharpened(problem: Problem, x: FloatArray, lam: float) -> tuple[FloatArray, float]:
-    """Unknowns of a state from a series with one more Newton update, and their residual.
+    """Unknowns of a state from a series after one Newton update, and their residual.
 
-    A series only keeps the tolerance, where users compare figures to the last digit.
+    Series only satisfy the tolerance, while results are compared to the last digit.
     """
     defect = problem.residual(x, lam)
     before = float(np.abs(defect).max())
@@ -120,7 +119,7 @@ def sharpened(problem: Problem, x: FloatArray, lam: float) -> tuple[FloatArray, 
 
 
 def at_target(problem: Problem, step: Step) -> Step:
-    """The last step of a stage, its end sharpened unless Newton's method has done that."""
+    """Last step of a stage with its end corrected, unless Newton's method has done that."""
     if not step.order:
         return step
     x, residual = sharpened(problem, step.x, step.lam)
@@ -137,7 +136,7 @@ def _with_updates(step: Step, count: int) -> Step:
 
 
 def start_point(built: CondensedScene, problem: ContactProblem) -> FloatArray:
-    """Gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
+    """Initial gaps, those closed or negative opened slightly, and the corresponding pressures."""
     x = drawn(built, problem.coupling)
     if isinstance(problem, HolonomicContact):
         return problem.with_auxiliary(np.concatenate([x, np.zeros(problem.n)]), 0.0)
@@ -145,7 +144,7 @@ def start_point(built: CondensedScene, problem: ContactProblem) -> FloatArray:
 
 
 def drawn(built: CondensedScene, coupling: Coupling) -> FloatArray:
-    """Pressures (m,), gaps (m,) and motions (k,) of the smooth law near the scene as drawn."""
+    """Pressures (m,), gaps (m,) and motions (k,) of the regularised law near the initial state."""
     law, motion = coupling.law, np.zeros(len(coupling.motion))
     gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
     return np.concatenate([law.eta * (law.delta / gap - 1.0), gap, motion])
@@ -154,9 +153,9 @@ def drawn(built: CondensedScene, coupling: Coupling) -> FloatArray:
 def states_in(
     problem: Problem, step: Step, stage: int, places: list[float]
 ) -> tuple[Step, list[tuple[FloatArray, float, float]]]:
-    """The step with what its ``places`` took, and there unknowns, fractions and residuals.
+    """The step with unknowns, fractions and residuals at its ``places``.
 
-    Those inside come from its series, sharpened; a step without a series has such a place at its end only.
+    Inner ones are corrected values of its series; a step without a series has a place at its end only.
     """
     states, sharp = [], 0
     for position in places:
@@ -181,7 +180,7 @@ def at(places: list[float], states: list[State], end: State) -> tuple[State, ...
 def path_step(
     step: Step, end: State, stage: int, saved: tuple[State, ...], series: dict[str, FloatArray]
 ) -> PathStep:
-    """A finished step as the recorder takes it; what is only a guess between two states is not stored."""
+    """A finished step for the recorder; predictors between states are not stored."""
     return PathStep(
         state=end,
         saved=saved,
@@ -196,7 +195,7 @@ def path_step(
 
 
 def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """What is stored of a step's series: position, the named parts of the unknowns, denominator."""
+    """Stored series of a step: position, named parts of the unknowns, denominator."""
     position = branch.lam.copy()
     position[0] += stage
     arrays = {"position": position, **parts}
@@ -206,9 +205,9 @@ def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> d
 def smooth_status(
     law: Regularization, pressure: FloatArray, gap: FloatArray, held: IntArray
 ) -> NDArray[np.int8]:
-    """Status (m,) of the candidates under the smooth law; those in ``held`` stick where they are closed.
+    """Status (m,) of the candidates under the regularised law; those in ``held`` stick where closed.
 
-    A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
+    A node is closed if its pressure, in units of the scene, exceeds its gap.
     """
     closed = pressure / law.pressure > gap / law.gap
     status = np.where(closed, SLIP, OPEN).astype(np.int8)

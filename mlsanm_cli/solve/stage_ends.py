@@ -1,4 +1,5 @@
-"""Exact contact states at the ends of the stages, which scale, refine and judge a path before it begins."""
+"""Exact contact states at the ends of the stages, for scales, refinement and checks before the path
+begins."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.laws.active_set import FEW, ExactState, solve_exact
+from mlsanm_cli.contact.laws.active_set import FEW_PASSES, ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
@@ -21,17 +22,17 @@ from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
 from mlsanm_cli.solve.load_factors import factors_at
 from mlsanm_cli.solve.rolling import RollingError, turned_by_loads
 
-MOST_LEVELS = 40
-"""Of more levels with fields some decide how fine contact grids have to be."""
-FEW_LEVELS = 8
-"""Of more stages some decide how fine grids are at first; those that are fine enough for these are looked at
-in all of them."""
+MAX_LEVELS = 40
+"""Largest number of levels of output that determine contact grids."""
+MAX_FIRST_LEVELS = 8
+"""Largest number of stages that determine the first grids; these are then checked at all stages."""
 
 
-STRAIGHT = 1e-9
-"""Loads go on in the same direction where the cosine of the angle between two stages is less below 1."""
-ASTRAY = 0.25
-"""Angle (radian) by which normals turn over slips that no contact at small strain can follow."""
+PROPORTIONAL_TOLERANCE = 1e-9
+"""Loads continue in the same direction if the cosine of the angle between two stages is closer to 1 than
+this."""
+MAX_NORMAL_TURN = 0.25
+"""Rotation (radian) of normals over slips above which contact at small strain is not valid."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
@@ -45,30 +46,29 @@ def searched_ends(
     which: Wanted,
     known: Sequence[ExactState] = (),
 ) -> tuple[ExactState, ...]:
-    """Exact states at the ends of the stages, with friction only of the ``starts``, without it of some, if no
-    more are to be ``known``, or every state that counts with those where fields are wanted;
-    or some between the ends, but for friction, whose path would have to be followed. Without friction those
-    ``known`` at the same load factors are taken as they are. Where a stage cannot be carried to its end the
+    """Exact states at the ends of the stages: with friction only of the ``starts``; without it of some, if no
+    more are to be ``known``, of all that count with the requested states, or of some between the ends.
+    Without friction states ``known`` at equal load factors are reused. If a stage cannot be completed the
     last state is one near its limit load."""
     factors, every = stages, which not in ("ends", "known")
     rubbing = len(condensed.friction_nodes) > 0
     if which == "between":
         if rubbing:
             return ()
-        most = max(2, min(BETWEEN, MOST_LEVELS // (len(stages) - 1)))
+        most = max(2, min(LEVELS_BETWEEN, MAX_LEVELS // (len(stages) - 1)))
         parts = np.maximum(1, -(-most // _in_line(stages)))
         inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
         factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
     elif every:
-        every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
+        every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
-    elif which == "known" and not rubbing and len(stages) - 1 > FEW_LEVELS:
-        chosen = np.unique(np.linspace(0, len(stages) - 1, FEW_LEVELS + 1).round().astype(int))
+    elif which == "known" and not rubbing and len(stages) - 1 > MAX_FIRST_LEVELS:
+        chosen = np.unique(np.linspace(0, len(stages) - 1, MAX_FIRST_LEVELS + 1).round().astype(int))
         factors = stages[chosen]
         starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if rubbing:
-        # Where friction let go at a stage's end, it takes all guesses to find that out anew.
+        # After a separation at the end of a stage all guesses are needed again.
         followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
             held = _friction_ends(scene, condensed, followed, starts)
@@ -100,7 +100,7 @@ def searched_ends(
                     break
                 return (*ends, _solved_exactly(scene, condensed, near[0], last))
         except NumericalError as error:
-            # A body that floats on its way has no exact state there.
+            # A body not in contact has no exact state there.
             lost = lost or error
             if not every:
                 break
@@ -110,18 +110,18 @@ def searched_ends(
 
 
 def _in_line(stages: FloatArray) -> IntArray:
-    """Of how many stages (s,) in a row the loads go on in the same direction, at each of the ``stages``
-    (s + 1, L)."""
+    """Number of consecutive stages (s,) with the same direction of loads, from each of the ``stages`` (s + 1,
+    L)."""
     way = np.diff(stages, axis=0)
     size = np.sqrt((way**2).sum(axis=1))
-    turns = (way[1:] * way[:-1]).sum(axis=1) < (1.0 - STRAIGHT) * size[1:] * size[:-1]
+    turns = (way[1:] * way[:-1]).sum(axis=1) < (1.0 - PROPORTIONAL_TOLERANCE) * size[1:] * size[:-1]
     row = np.concatenate([[0], np.cumsum(turns)])
     return np.asarray(np.bincount(row)[row])
 
 
 def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
-    """UnbalancedError where forces drive round bodies along each other until their normals have turned: where
-    they come to rest is unknown to contacts whose pairs are those drawn."""
+    """UnbalancedError if forces move round bodies along each other until their normals have rotated: contacts
+    with initial pairs do not know where they come to rest."""
     if not len(condensed.balance.constant):
         return
     for name, tangential in condensed.tangential.items():
@@ -134,9 +134,9 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
         for end in ends:
             slip = condensed.slip(end.factors, end.motion, end.pressure, end.traction)[tangential]
             largest = float(np.abs(slip[end.pressure[span] > 0.0]).max(initial=0.0))
-            # As that of the line between the centers of two disks.
+            # As the line between the centres of two disks.
             turn = largest / sum(1.0 / one for one in curvature)
-            if turn > ASTRAY:
+            if turn > MAX_NORMAL_TURN:
                 raise UnbalancedError(
                     f"contact {name}: friction does not hold the bodies in their drawn position: they slide "
                     f"by {largest:.3g} before the loads are balanced, and normals rotate by "
@@ -148,8 +148,8 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
 def _solved_exactly(
     scene: Scene, condensed: Condensed, factors: FloatArray, first: BoolArray | None
 ) -> ExactState:
-    """The exact state, searched from a ``first`` set, or where that lets go of a body from the closest.
-    UnbalancedError where loads roll bodies away in it."""
+    """Exact state, searched from a ``first`` set, or from the closest node if that loses a body.
+    UnbalancedError if loads roll bodies away."""
     try:
         found = solve_exact(condensed, factors, first)
     except NumericalError:
@@ -174,8 +174,8 @@ def exact_ends(scene: Scene, condensed: Condensed, stages: FloatArray) -> tuple[
 def _friction_ends(
     scene: Scene, condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
 ) -> tuple[ExactState, ...]:
-    """One increment per stage as far as the loads can be carried; of the first at least a part that rolls
-    nothing away."""
+    """One increment per stage as far as loads can be carried; of the first stage at least a part without
+    rolling."""
     ends: list[ExactState] = []
     state = unloaded(condensed, stages[0])
     for number, factors in enumerate(stages[1:]):
@@ -191,7 +191,7 @@ def _friction_ends(
 
 
 def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> RollingError | None:
-    """The error that loads roll bodies away, None where they do not."""
+    """The error that loads roll bodies away, or None."""
     v = state.values
     turned = turned_by_loads(scene, condensed, (v.motion, v.pressure, v.traction), state.sets)
     return turned.error if turned else None
@@ -206,9 +206,9 @@ def _incremented(
     try:
         return increment(condensed, state, factors)
     except NoStateError as lost:
-        # What touches without friction is near to what does with it, if loads balance without it.
+        # Without friction nearly the same nodes touch, if loads balance without it.
         try:
-            free = solve_exact(condensed, factors, passes=FEW)
+            free = solve_exact(condensed, factors, passes=FEW_PASSES)
         except NumericalError:
             raise lost from None
         closed, none = free.active, np.zeros(len(condensed.friction_nodes))
@@ -221,7 +221,7 @@ def _incremented(
 
 
 def _first_end(scene: Scene, condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
-    """The state after a part of a stage whose end cannot be reached."""
+    """State after a part of a stage that cannot be completed."""
     failure: NoStateError
     for part in FIRST_PARTS:
         try:
@@ -246,13 +246,13 @@ def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
 
 
 def touched_nodes(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
-    """Per contact, which paired nodes (w,) are no candidates and yet overlap in one of the states."""
+    """Mask (w,) of paired nodes that are no candidates but overlap in one of the states, by contact."""
     found = [condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in ends]
     return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}
 
 
 def reach_error(contact: str, gap: float) -> NumericalError:
-    """A node that was left out of a contact overlaps the other surface."""
+    """Error of a node excluded from a contact that overlaps the other surface."""
     return NumericalError(
         f"contact {contact}: a node left out because of its initial gap has come into contact",
         f'set contact.{contact}.reach above {gap:.3g}, or to "auto"'
@@ -261,6 +261,6 @@ def reach_error(contact: str, gap: float) -> NumericalError:
     )
 
 
-BETWEEN = 8
-"""Between the ends of a stage contacts are looked at so many times less one, or less often where there are
-many stages, whether they pass beyond the ranges of their grids."""
+LEVELS_BETWEEN = 8
+"""Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
+stages."""

@@ -18,10 +18,10 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 @dataclass(frozen=True)
 class State:
-    """One state: load factors (L,), pressures and gaps (m,), unknown motions (k,), and of every node what it
-    does (m,): OPEN, STICK or SLIP. Of the contacts with friction tractions, slips and the work dissipated per
-    length of surface so far (n,). ``displacement`` (2N,) has the unknowns of all bodies if the path has them,
-    else nothing."""
+    """State of the path: load factors (L,), pressures and gaps (m,), unknown motions (k,), and the status
+    OPEN, STICK or SLIP of every node (m,); of contacts with friction tractions, slips and dissipated work per
+    length of surface (n,). ``displacement`` (2N,) of all bodies if they are unknowns of the path, else empty.
+    """
 
     position: float
     factors: FloatArray
@@ -37,25 +37,24 @@ class State:
 
     @property
     def closed(self) -> BoolArray:
-        """Which nodes (m,) are closed."""
+        """Mask (m,) of closed nodes."""
         return np.asarray(self.status != 0)
 
     @property
     def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Load factors, motions, pressures and tractions, as linear maps take them."""
+        """Load factors, motions, pressures and tractions as arguments of linear maps."""
         return self.factors, self.motion, self.pressure, self.traction
 
     @property
     def is_finite(self) -> bool:
-        """Whether all its unknowns are numbers."""
+        """Whether all unknowns are finite."""
         return all(np.isfinite(values).all() for values in (*self.unknowns, self.gap))
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionHistory:
-    """What friction remembers: the ``sets`` of nodes that stick and slip, the slips (n,) at which sticking
-    nodes rest, less their asperities' give, and of the smooth law the pressures (n,) from which friction
-    acts."""
+    """History variables of friction: the stick and slip ``sets``, the slips (n,) of sticking nodes at rest
+    without their elastic part, and for the regularised law the pressures (n,) at which friction begins."""
 
     sets: ContactStatus
     stick_reference: FloatArray
@@ -64,13 +63,13 @@ class FrictionHistory:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """What a path continues from: a state, and how friction came there.
+    """State with the history of friction from which a path is continued.
 
-    ``heading`` (size + 1,), of power series and Newton's method, is the way in unknowns and load parameter
-    that the last step set out on, per its parameter, which went as far as ``pace``. ``steps`` rows of the
-    path are behind it, and saved levels up to ``told`` have rows of their own. Of the case's stops ``armed``
-    (k,) are those that have been out of reach before; the one numbered ``ended_by`` has ended the path.
-    The path continues to the same states within the solver's tolerance.
+    ``heading`` (size + 1,), of power series and Newton's method, is the direction of the last step in
+    unknowns and load parameter per path parameter, and ``pace`` its length. ``steps`` is the number of rows
+    so far, and saved levels up to ``told`` have rows of their own. ``armed`` (k,) are the stops of the case
+    that have been off their limits before; the one numbered ``ended_by`` has ended the path. A continued path
+    has the same states within the solver's tolerance.
     """
 
     state: State
@@ -84,25 +83,24 @@ class Checkpoint:
 
     @property
     def position(self) -> float:
-        """Where on the path it is."""
+        """Position on the path."""
         return self.state.position
 
     @property
     def stage(self) -> int:
-        """The stage in progress."""
+        """Current stage."""
         return int(self.position)
 
     @property
     def fraction(self) -> float:
-        """How much of that stage is behind."""
+        """Fraction of the current stage."""
         return self.position - self.stage
 
 
 @dataclass(frozen=True)
 class Polish:
-    """What polishing a state with the exact laws changed of pressures and tractions, at most, over the
-    largest exact pressure at the ends of the stages; the dense systems it took; and the change ``overall``,
-    as a norm."""
+    """Largest changes of pressures and tractions by polishing, over the largest exact pressure at the ends of
+    stages; the number of dense systems; and the change ``overall`` in L2 norm."""
 
     pressure: float
     traction: float
@@ -112,12 +110,12 @@ class Polish:
 
 @dataclass(frozen=True)
 class PathStep:
-    """A finished step: the state at its end, the wanted states in it (its end included), what it cost.
+    """A finished step: the state at its end, the requested states within it (including its end), and its
+    counters.
 
-    ``series`` holds the arrays from which any state of the step can be had again (ANM only), ``order`` is the
-    series' and 0 without one; ``iterations`` are updates of the nonlinear solution; ``warning`` is what the
-    user should know about the step, ``polish`` what the exact laws changed at its end; ``checkpoint`` is what
-    the path continues from behind this step.
+    ``series`` holds the arrays from which any state of the step can be evaluated (ANM only), ``order`` that
+    of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is a message for the
+    user, ``polish`` the change by the exact laws at its end, ``checkpoint`` the one at its end.
     """
 
     state: State
@@ -135,11 +133,11 @@ class PathStep:
 
 
 def output_positions(built: CondensedScene) -> tuple[float, ...]:
-    """Where fields are asked for, in order; the end of the path where nothing is said."""
+    """Positions with fields in order; the end of the path by default."""
     return tuple(sorted(set(built.case.output.at))) or (float(len(built.case.stage)),)
 
 
 def stops(built: CondensedScene) -> list[float]:
-    """The start, the stages' ends and the wanted positions, in order."""
+    """The start, the ends of the stages and the requested positions, in order."""
     ends = np.arange(0.0, len(built.case.stage) + 1.0).tolist()
     return sorted({*ends, *output_positions(built)})

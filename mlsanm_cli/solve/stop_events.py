@@ -1,8 +1,8 @@
-"""Paths that end early, where a ``[[stop]]`` of the case is reached.
+"""Paths that end where a ``[[stop]]`` of the case is reached.
 
-Every method can be taken up behind any of its steps and asked for states at any position of the next one. So
-the step in which a limit is passed is taken again, each time with the position that a search for the root
-asks for among those that are saved; of power series that is a look at the series, sharpened.
+Every method can continue after any of its steps, and save states at any position of the next one. The step in
+which a limit is passed is therefore repeated with the positions of a root search among the saved ones; for
+power series that is an evaluation of the series with a correction.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
-CLOSE = 1e-12
-"""Positions are known to this, per stage."""
-NEAR = 1e-10
-"""Limits are reached within this part of them."""
+POSITION_TOLERANCE = 1e-12
+"""Accuracy of positions, per stage."""
+LIMIT_TOLERANCE = 1e-10
+"""Relative accuracy with which limits are reached."""
 SAMPLES = 65
 AXES = {"x": 0, "y": 1}
 Follow = Callable[[CondensedScene, Checkpoint | None], Iterator[PathStep]]
-"""A path, or what of it is left."""
+"""Returns the path of a scene, or the part after a checkpoint."""
 
 
-class _Unknown(Exception):
-    """A path passes by a position that was asked for."""
+class _NotSaved(Exception):
+    """A path saves no state at a requested position."""
 
 
-class Stoppable:
-    """The path of a scene, or what of it is left, step by step until a stop of the case is reached.
+class StoppedPath:
+    """The path of a scene, or its remaining part, up to a stop of the case.
 
-    ``reached`` is that stop, once the path has ended at it.
+    ``reached`` is that stop once the path has ended at it.
     """
 
     def __init__(
         self, built: CondensedScene, start: Checkpoint | None, last: State | None, follow: Follow
     ) -> None:
-        """``follow`` gives the path, of which a ``last`` row is there behind a ``start``. Raises RunError
-        where a stop asks for what the scene does not know."""
+        """``follow`` returns the path; ``last`` is the row of its ``start``, if there is one. RunError if a
+        stop refers to an unknown quantity."""
         self._built, self._start, self._last, self._follow = built, start, last, follow
         self.reached: Stop | None = None
         for stop in built.case.stop:
@@ -57,7 +57,7 @@ class Stoppable:
                 )
 
     def steps(self) -> Iterator[PathStep]:
-        """The steps; the last one ends at the stop, whose state is among the saved ones."""
+        """The steps; the last one ends at the stop and saves its state."""
         stops = self._built.case.stop
         if not stops:
             yield from self._follow(self._built, self._start)
@@ -84,12 +84,12 @@ class Stoppable:
             yield step
 
     def _end(self, number: int, begin: Checkpoint | None, before: State | None, step: PathStep) -> PathStep:
-        """The ``step`` on from ``begin``, whose row was ``before``, with its end where a stop is reached."""
+        """The ``step`` from ``begin``, whose row was ``before``, ended where a stop is reached."""
         stop, last = self._built.case.stop[number], step.state.position
         if stop.what == "fold":
             highest = turning(step)
             assert highest is not None
-            return self._to(begin, highest - CLOSE * max(1.0, highest)) or _ended(step)
+            return self._to(begin, highest - POSITION_TOLERANCE * max(1.0, highest)) or _ended(step)
         value = excess(self._built, stop, step.state)
         found = {last: (value, step)}
         first = last if before is None else before.position
@@ -99,23 +99,23 @@ class Stoppable:
                 return excess(self._built, stop, before) if before and place == first else value
             end = self._to(begin, place)
             if end is None:
-                raise _Unknown
+                raise _NotSaved
             found[place] = excess(self._built, stop, end.state), end
             return found[place][0]
 
-        if last - first > CLOSE * max(1.0, last) and value > 0.0:
-            with suppress(_Unknown):
-                root(beyond, first, last, CLOSE * max(1.0, last))
-        slack = NEAR * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
+        if last - first > POSITION_TOLERANCE * max(1.0, last) and value > 0.0:
+            with suppress(_NotSaved):
+                root(beyond, first, last, POSITION_TOLERANCE * max(1.0, last))
+        slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
         return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
 
     def _to(self, begin: Checkpoint | None, place: float) -> PathStep | None:
-        """The step that leads to a position, which ends there; None if the path passes it by."""
+        """The step that ends at a position, None if the path saves no state there."""
         case = self._built.case
         at = tuple(sorted({*output_positions(self._built), place}))
         output = case.output.model_copy(update={"at": at})
         built = replace(self._built, case=case.model_copy(update={"output": output}))
-        near = CLOSE * max(1.0, place)
+        near = POSITION_TOLERANCE * max(1.0, place)
         for step in self._follow(built, begin):
             for state in (*step.saved, step.state):
                 if abs(state.position - place) <= near:
@@ -138,7 +138,7 @@ def excess(built: CondensedScene, stop: Stop, state: State) -> float:
 
 
 def value_of(built: CondensedScene, stop: Stop, state: State) -> float:
-    """What a stop watches, in one state."""
+    """Value of the quantity of a stop in a state."""
     condensed = built.condensed
     if stop.what == "force":
         return _along(stop, _forces(built)[stop.of](*state.unknowns))
@@ -156,14 +156,14 @@ def value_of(built: CondensedScene, stop: Stop, state: State) -> float:
         own = condensed.tangential.get(stop.of)
         if own is None:
             return 0.0
-        # Open nodes, of which there are as many as the grid goes beyond the contact, do not slip.
+        # Open nodes do not slip; their number depends on the range of the grid.
         closed = state.closed[condensed.friction_nodes[own]]
         return float(np.abs(state.slip[own][closed]).max(initial=0.0))
     return float(state.pressure[span].max(initial=0.0))
 
 
 def turning(step: PathStep) -> float | None:
-    """The highest position within a step at which the load turns back; None where it does not."""
+    """Position of the maximum of the load within a step, None if it does not turn back."""
     if "position" not in step.series:
         return None
     from mlsanm_cli.continuation import Branch
@@ -179,11 +179,11 @@ def turning(step: PathStep) -> float | None:
         low, high = places[max(best - 1, 0)], places[min(best + 1, SAMPLES - 1)]
     highest = float(values[best])
     end = branch.evaluate(length)[1]
-    return highest if highest > end + NEAR * max(1.0, abs(end)) else None
+    return highest if highest > end + LIMIT_TOLERANCE * max(1.0, abs(end)) else None
 
 
 def _ended(step: PathStep) -> PathStep:
-    """A step whose own end is the path's: it is saved, as the end of a path is."""
+    """A step whose end is that of the path, and is saved."""
     if any(state.position == step.state.position for state in step.saved):
         return step
     return replace(step, saved=(*step.saved, step.state))

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from mlsanm_cli.app.scene import assemble as scene
-from mlsanm_cli.cli.settings import THREAD_VARIABLES
 from mlsanm_cli.io.plots import figures
+from mlsanm_cli.system import THREAD_VARIABLES
 from tests.app.scenes import AS_SERIES, BAR, PATCH, PUNCHES, hertz, solve
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.formulas.lame import LameRing
 from mlsanm_cli.app.assessment import refinement as adapt
-from mlsanm_cli.app.assessment.refinement import ROUGH
+from mlsanm_cli.app.assessment.refinement import LOW_DEGREE_RULE
 from mlsanm_cli.app.scene import assemble as scene
 from mlsanm_cli.app.scene import build
 from mlsanm_cli.app.scene.assemble import SceneModel
@@ -116,8 +116,8 @@ def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path) -> None:
     data = read_run(tmp_path / "fine").contacts["interface"]
     closed = data.weight[data.status[-1] > 0]
     width = fine["contacts"]["interface"]["half_width"]
-    assert closed.max() <= 1.2 * width / ROUGH.across
-    assert closed.min() <= 2.0 * width / ROUGH.at_edge
+    assert closed.max() <= 1.2 * width / LOW_DEGREE_RULE.across
+    assert closed.min() <= 2.0 * width / LOW_DEGREE_RULE.at_edge
     assert fine["quality"]["spacing_ratio"]["interface"] < 1.3
 
 

@@ -266,7 +266,7 @@ def test_check_and_faults(tmp_path: Path) -> None:
         with pytest.raises(CaseError, match=words):
             check(case, console=Quiet())
     case.write_text(text.replace("y = [0.0, 1.0]", "y = [0.1, 1.0]"))
-    with pytest.raises(CaseError, match=r"contact.glue.friction.*drawn 0.1 apart"):
+    with pytest.raises(CaseError, match=r"contact.glue.friction.*at least 0.1 apart"):
         run(case, out=tmp_path / "run", console=Quiet())
     case.write_text(text + "[adapt]\npasses = 1\n")
     with pytest.raises(CaseError, match=r"adapt.passes.*bonded"):

@@ -32,7 +32,7 @@ OBSTACLE = contact(
 
 def test_surfaces_that_look_the_wrong_way(tmp_path: Path) -> None:
     text = starter("hertz").partition("[reference]")[0]
-    with pytest.raises(CaseError, match=r"cylinder\.arc faces up and block\.top faces up, 1 apart"):
+    with pytest.raises(CaseError, match=r"cylinder\.arc faces up and block\.top faces up, at least 1 apart"):
         solve(text, tmp_path / "run", 'body.cylinder.shape.side="upper"')
     text = text.partition("[[contact]]")[0] + OBSTACLE
     with pytest.raises(CaseError, match="reverse the order"):
@@ -42,7 +42,7 @@ def test_surfaces_that_look_the_wrong_way(tmp_path: Path) -> None:
 def test_bodies_far_apart_and_mixed_units_are_warned_of(tmp_path: Path) -> None:
     text = hertz()
     apart = solve(text, tmp_path / "apart", "body.cylinder.shape.center=[0.0, 2.0]", EXACT)
-    assert any("drawn 1 apart, 0.5 times the size" in warning for warning in apart["warnings"])
+    assert any("gap of 1 is 0.5 times the size" in warning for warning in apart["warnings"])
     soft = solve(text, tmp_path / "soft", "material.steel.E=10.0", EXACT)
     (strained, *_) = [warning for warning in soft["warnings"] if "strained or rotated by" in warning]
     assert "check the units of material.steel" in strained

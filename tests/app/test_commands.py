@@ -42,7 +42,7 @@ def test_check_agrees_with_the_run(hertz_run: Path, tmp_path: Path) -> None:
         assert found[key] == summary[key]
     # A grid is found by the run.
     assert found["contact_unknowns"] is None
-    assert any("a grid of their own" in note for note in found["notes"])
+    assert any("use a contact grid" in note for note in found["notes"])
     assert 0.0 <= found["contacts"]["interface"]["smallest_gap"] <= 2e-5
     for name, body in summary["quality"]["bodies"].items():
         assert found["bodies"][name]["hole"] == body["hole"]

@@ -14,7 +14,7 @@ import pytest
 from mlsanm_cli.app.comparison import compare as compare_module
 from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
-from mlsanm_cli.app.comparison.differences import AMPLIFIED, Difference, other_law_limit
+from mlsanm_cli.app.comparison.differences import SAME_LAW_FACTOR, Difference, other_law_limit
 from mlsanm_cli.app.comparison.methods import chosen_methods, law_of
 from mlsanm_cli.case import Case, Solver, load_case
 from mlsanm_cli.case.starters import starter
@@ -128,7 +128,7 @@ def test_polished_states_are_the_exact_ones(tmp_path: Path) -> None:
     exact = found["methods"][2]
     assert exact["against"] == "anm polished"
     assert Difference(**exact["difference"]).within(1e-9)
-    assert exact["limit"] == found["limits"]["same_law"] == AMPLIFIED * 1e-8
+    assert exact["limit"] == found["limits"]["same_law"] == SAME_LAW_FACTOR * 1e-8
 
 
 def test_friction_without_memory_has_an_exact_law_of_its_own(tmp_path: Path) -> None:
@@ -218,8 +218,8 @@ def test_exit_codes_and_table(
 
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     for text, wishes, overrides, words in (
-        (BAR, QUICK, (), "no [[contact]]"),
-        (hertz(), CompareOptions(), (ANM,), "nothing to compare"),
+        (BAR, QUICK, (), "no unilateral [[contact]]"),
+        (hertz(), CompareOptions(), (ANM,), "no method to compare"),
         (SHEARED, CompareOptions(("active-set",), analytic=True), (), "--analytic"),
     ):
         with pytest.raises(RunError) as refused:

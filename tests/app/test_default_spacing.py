@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.narrow_parts import narrow_zones
 from mlsanm_cli.case.reading.read import parse_case
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, rectangle
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.mechanics.body_model import known_tips
+from mlsanm_cli.mechanics.body_model import enriched_tips
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.operators.settings import MlsSettings
 from tests.app.scenes import Quiet
@@ -170,7 +170,7 @@ def test_fits_know_both_corners_at_the_root_of_a_tooth() -> None:
     text += table("body.shape", kind="polygon", points=[*tooth, [0.0, 10.0]])
     text += support("rack.side1", ux=0.0, uy=0.0) + load("push", "rack.side5", "pressure", pressure=1.0)
     cloud = clouds(parse_case(text, Path("case.toml")).case)["rack"]
-    known = known_tips(cloud.tips, isotropic(210e3, 0.3, "strain"), MlsSettings(4))
+    known = enriched_tips(cloud.tips, isotropic(210e3, 0.3, "strain"), MlsSettings(4))
     assert known is not None
     assert len(known.place) == 2
 

@@ -14,7 +14,7 @@ from click import Context
 
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
-from mlsanm_cli.app.comparison.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
+from mlsanm_cli.app.comparison.differences import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import animate
 from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.cli import main
@@ -140,5 +140,5 @@ def test_comparisons_are_documented(tmp_path: Path) -> None:
     section = RUN_DIRECTORY[RUN_DIRECTORY.index("## `comparison.json`") :]
     for key in {*found, *(key for row in found["methods"] for key in row)} - {"directory"}:
         assert f"`{key}`" in section, key
-    assert f"| {AMPLIFIED:g} `solver.tolerance`" in COMPARED
-    assert f"| {ROUNDED_EDGE:g} √eta + {SOFT_STICK:g} `stick`" in COMPARED
+    assert f"| {SAME_LAW_FACTOR:g} `solver.tolerance`" in COMPARED
+    assert f"| {ETA_FACTOR:g} √eta + {STICK_FACTOR:g} `stick`" in COMPARED

@@ -104,7 +104,7 @@ def weaken(strength: float, monkeypatch: pytest.MonkeyPatch) -> None:
     of their force on the way to the support; with less than 10 they bend the other way."""
     proper = pieces.Pieces.sums
     monkeypatch.setattr(pieces.Pieces, "sums", lambda *given: proper(*given)[:0])
-    monkeypatch.setattr(pieces, "STRENGTH", strength)
+    monkeypatch.setattr(pieces, "EQUILIBRIUM_WEIGHT", strength)
 
 
 @pytest.fixture
@@ -178,7 +178,7 @@ def test_a_beam_too_stiff_fails(tmp_path: Path) -> None:
 
 def test_a_beam_whose_forces_are_not_looked_at_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # On single nodes there is no reaction to compare: a beam that bent by 0.4 of what it should had passed.
-    monkeypatch.setattr(pieces, "STRENGTH", 10.0)
+    monkeypatch.setattr(pieces, "EQUILIBRIUM_WEIGHT", 10.0)
     (tmp_path / "beam.toml").write_text(beam(0.1, 8.0) + ON_NODES)
     assert run_beam(tmp_path) == 3
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())

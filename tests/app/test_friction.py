@@ -48,7 +48,7 @@ def test_a_percentage_is_no_coefficient() -> None:
         return list(case_warnings(parse_case(text, Path("case.toml")).case))
 
     assert not told(0.9)
-    assert "per cent it is 0.4" in told(40.0)[0]
+    assert "if it is a percentage, use 0.4" in told(40.0)[0]
 
 
 @pytest.fixture(scope="module", params=["exact", "hyperbolic"])

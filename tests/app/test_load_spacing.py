@@ -46,8 +46,8 @@ def test_a_pressure_that_an_expression_ends(tmp_path: Path) -> None:
 
 
 def test_nodes_by_the_body_alone_are_not_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(load_spacing, "ALONG", 1.0)
-    monkeypatch.setattr(load_spacing, "AT_EDGE", 2.0)
+    monkeypatch.setattr(load_spacing, "PER_LENGTH", 1.0)
+    monkeypatch.setattr(load_spacing, "PER_LENGTH_AT_ENDS", 2.0)
     with pytest.raises(AssertionError):
         assert off(tmp_path, from_=[-HALF, 0.0], to=[HALF, 0.0]) < 0.03
 

@@ -128,14 +128,14 @@ def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
 
 def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # A fault put in on purpose: the points of the grid nearby.
-    monkeypatch.setattr(contact_fields, "FAR", 0.0)
+    monkeypatch.setattr(contact_fields, "GRID_POINT_DISTANCE", 0.0)
     assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 1.5e-4
 
 
 def test_samples_of_parts_of_a_grid_stand_for_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     one = stresses_off(tmp_path / "parts")
-    monkeypatch.setattr(contact_fields, "BEYOND", np.inf)
-    monkeypatch.setattr(contact_fields, "UNDIVIDED", 10_000)
+    monkeypatch.setattr(contact_fields, "FAR_DISTANCE", np.inf)
+    monkeypatch.setattr(contact_fields, "MAX_INTERVALS", 10_000)
     assert np.abs(stresses_off(tmp_path / "all") - one).max() < 1e-8
 
 
@@ -246,7 +246,7 @@ def test_compressed_compliances_change_no_result(tmp_path: Path, monkeypatch: py
     for number, text in enumerate((waves, pressed(0.05)[0])):
         found = []
         for many in (20, 10_000):
-            monkeypatch.setattr(condensation, "MANY", many)
+            monkeypatch.setattr(condensation, "COMPRESSED_CONTACT", many)
             done(text, tmp_path / f"{number}-{many}", "contact.interface.accuracy=0.01", "output.fields=[]")
             found.append(pressures(tmp_path / f"{number}-{many}")[1])
         assert len(found[0]) == len(found[1])

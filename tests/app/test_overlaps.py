@@ -178,4 +178,4 @@ def test_what_from_and_to_leave_out_is_named(tmp_path: Path) -> None:
     text = sharp + BLOCK.replace("regularization", ends)
     summary = solve(text, tmp_path / "run")
     assert summary["stop_reason"].startswith("pad.face lies inside block.top")
-    assert summary["hint"].startswith("contact.face.from and to leave it out: take them away")
+    assert summary["hint"].startswith("contact.face.from and to exclude it: remove them")

@@ -83,7 +83,8 @@ def test_a_second_run_is_refused_and_a_signal_leaves_a_readable_one(tmp_path: Pa
 def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
     solve(SHEARED, tmp_path / "case")
     # Files of a run as short as this one would be written at its beginning and its end only.
-    eager = "import sys; from mlsanm_cli.io import run_file; run_file.EVERY = run_file.SHARE = 0.0; "
+    always = "run_file.SAVE_INTERVAL = run_file.MIN_INTERVAL_RATIO = 0.0; "
+    eager = "import sys; from mlsanm_cli.io import run_file; " + always
     process = start(
         tmp_path, SHEARED, "--quiet", program=("-c", eager + "from mlsanm_cli.cli import main; main()")
     )

@@ -205,14 +205,14 @@ def test_a_support_holds_the_point_that_it_names(point: list[float]) -> None:
     ((node, component),) = found.held_nodes["base"]
     assert component == 0
     assert np.hypot(*(found.models["base"].cloud.points[node] - point)) <= 1e-12
-    assert not [note for note in found.notes if "holds its node" in note]
+    assert not [note for note in found.notes if "fixes the node" in note]
 
 
 def test_a_support_beside_all_nodes_tells_where_it_is() -> None:
     pinned = '[[support]]\nbody = "base"\nnear = [0.0, 2.64]\nux = 0.0\n'
     text = SQUEEZED.replace('boundary = "base.bottom"\nux = 0.0\n', 'boundary = "base.bottom"\n')
-    (told,) = (note for note in prepared(text + pinned).notes if "holds its node" in note)
-    assert told.startswith("the support of base near (0, 2.64) holds its node at (")
+    (told,) = (note for note in prepared(text + pinned).notes if "fixes the node" in note)
+    assert told.startswith("the support of base near (0, 2.64) fixes the node at (")
     assert told.endswith("0.0174 away")
 
 

@@ -249,8 +249,8 @@ def test_a_kill_loses_what_was_not_written_yet(
             kept.append((cut / "run.h5").read_bytes())
 
     with monkeypatch.context() as patch:
-        patch.setattr("mlsanm_cli.io.run_file.EVERY", 0.0)
-        patch.setattr("mlsanm_cli.io.run_file.SHARE", 0.0)
+        patch.setattr("mlsanm_cli.io.run_file.SAVE_INTERVAL", 0.0)
+        patch.setattr("mlsanm_cli.io.run_file.MIN_INTERVAL_RATIO", 0.0)
         again(whole, cut, Behind())
     for rows in (0, len(kept) // 2):
         (cut / "summary.json").unlink()

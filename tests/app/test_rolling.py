@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray
-from mlsanm_cli.solve.direction_updates import STRAIGHT, _seen
+from mlsanm_cli.solve.direction_updates import STRAIGHTNESS, _seen
 from tests.app.scenes import solve
 from tests.case_text import body, contact, disk, half_disk, head, item, material, plane
 
@@ -45,7 +45,7 @@ def test_how_far_a_rocker_turns_is_told(tmp_path: Path) -> None:
     """A half-disk turns back by its weight at the radius less the height of its middle, not at the radius."""
     summary = solve(weighed(half_disk([0.0, 5.0], 5.0), 0.02), tmp_path / "run")
     assert summary["status"] == "done"
-    told = re.search(r"would turn ([0-9.]+) times as far", " ".join(summary["warnings"]))
+    told = re.search(r"would rotate ([0-9.]+) times as far", " ".join(summary["warnings"]))
     assert told
     assert float(told[1]) == pytest.approx(3.0 * np.pi / 4.0, rel=0.05)
 
@@ -65,4 +65,4 @@ def test_a_straight_side_has_one_normal_in_any_frame(noise: float) -> None:
     facing: Any = SimpleNamespace(slave_first=True, obstacle=object(), side=side)
     grid: Any = SimpleNamespace(first=-0.5, last=0.5, facing=facing)
     _, (round_, flat) = _seen(grid, 0.2)
-    assert flat <= STRAIGHT * round_
+    assert flat <= STRAIGHTNESS * round_

@@ -188,7 +188,7 @@ def test_a_point_that_kills_its_process_is_given_up(
     tmp_path: Path, case: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engines, "solve_point", _dies)
-    monkeypatch.setattr(engines, "ATTEMPTS", 2)
+    monkeypatch.setattr(engines, "MAX_ATTEMPTS", 2)
     deadly = SweepPoint(case, (), tmp_path / "x", "x", 1, 0, (), False)
     with engines.PoolEngine(1) as engine:
         engine.submit(deadly)

@@ -124,7 +124,7 @@ def test_directories_of_a_container_may_belong_to_its_host(
 
     monkeypatch.setattr(Path, "stat", stat)
     assert "belongs to another user" in system.who_else_may_write(place / "file")
-    monkeypatch.setattr(system, "_outsider", lambda: 65534)
+    monkeypatch.setattr(system, "_overflow_user", lambda: 65534)
     assert system.who_else_may_write(place / "file") == ""
     # What lies nearest must be this user's own all the same.
     owned[place] = 65534

@@ -83,7 +83,7 @@ def test_progress_fits_the_terminal(tmp_path: Path) -> None:
 
 
 def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
-    afterwards.setattr(recorder, "NOTICED", 0.0)
+    afterwards.setattr(recorder, "ESTIMATE_AFTER", 0.0)
     (tmp_path / "case.toml").write_text(BAR)
     console = Quiet()
     texts: list[tuple[float, str]] = []

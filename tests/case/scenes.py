@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app.scene.imported import inspect_geometry_file
+from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import CaseError, CaseProblem
 
@@ -85,7 +85,7 @@ CLAMP = '[[support]]\nboundary = "square.left"\nux = 0\nuy = 0\n'
 
 def parse(text: str, overrides: Sequence[str] = ()) -> LoadedCase:
     """The case of a text; problems name the file "case.toml"."""
-    return parse_case(text, Path("case.toml"), overrides, inspect_geometry_file)
+    return parse_case(text, Path("case.toml"), overrides, geometry_inspector)
 
 
 def problems(text: str, overrides: Sequence[str] = ()) -> tuple[CaseProblem, ...]:

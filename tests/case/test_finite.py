@@ -106,7 +106,7 @@ def test_exact_contact_with_a_rigid_obstacle_is_accepted() -> None:
 
 def test_obstacles_turn_about_a_point_at_finite_strain() -> None:
     turn = '[[load]]\nname = "turn"\nkind = "obstacle"\nobstacle = "c"\nrotation = 1.0\n'
-    assert "no point" in problems(BLOCK + CONTACT + OBSTACLE + turn)["load.turn.rotation"]
+    assert "pivot" in problems(BLOCK + CONTACT + OBSTACLE + turn)["load.turn.rotation"]
     assert not problems(BLOCK + CONTACT + OBSTACLE + turn + "pivot = [0.0, 0.0]\n")
     small = (BLOCK + CONTACT + OBSTACLE + turn).replace('strain = "finite"\n', "")
     assert "finite strain" in problems(small)["load.turn.rotation"]

@@ -304,7 +304,7 @@ def test_syntax_errors_have_their_line(text: str, line: int) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("[load]\n[load]\n", "[load] is declared twice (each of several is headed [[load]])"),
+        ("[load]\n[load]\n", "[load] is declared twice (write [[load]] above each one)"),
         ("[shape]\n[shape]\n", "[shape] is declared twice ([body.shape] belongs to the item above)"),
         ("[material.a]\n[material.a]\n", "[material.a] is declared twice"),
         ("title = “half”\n", 'write straight quotes: "'),

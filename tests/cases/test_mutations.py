@@ -23,7 +23,8 @@ from mlsanm_cli.mechanics.near_field import PointForceField
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.springs import Held
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.solve.regularized_events import EventLocator
 from tests.app.scenes import Quiet
 

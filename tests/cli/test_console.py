@@ -172,7 +172,7 @@ def test_a_signal_that_is_obeyed_later_is_told(monkeypatch: pytest.MonkeyPatch) 
     with Stopper() as stopper:
         stopper.gentle = True
         os.kill(os.getpid(), signal.SIGINT)
-        console._still(3.0)
+        console._show_elapsed(3.0)
         assert stream.screen()[-1] == "stopping after this step; Ctrl-C again stops at once  3 s"
-    console._still(4.0)
+    console._show_elapsed(4.0)
     assert stream.screen()[-1].startswith("step   67")

@@ -72,7 +72,7 @@ def test_a_missing_face_leaves_cells_open() -> None:
     cloud = cloud_of("disk")
     faces = cloud.faces
     kept = np.arange(len(faces.one)) != 40
-    cells = measure(cloud.points, faces.taken(kept), cloud.surfaces, np.arange(len(cloud.points)))
+    cells = measure(cloud.points, faces.select(kept), cloud.surfaces, np.arange(len(cloud.points)))
     assert set(np.flatnonzero(~cells.closed)) == {faces.one[40], faces.other[40]}
 
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.search import PIECE, listening, nearest
+from mlsanm_cli.cloud.search import BATCH_SIZE, nearest, run_interruptible
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
@@ -173,22 +173,22 @@ def test_a_signal_is_heard_while_nodes_are_placed() -> None:
 
 
 def test_a_call_beside_hears_signals_and_hands_on_what_it_raises() -> None:
-    assert listening(lambda: 7) == 7
+    assert run_interruptible(lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
-        listening(lambda: 1 // 0)
+        run_interruptible(lambda: 1 // 0)
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     begun = time.monotonic()
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.1)
         with pytest.raises(KeyboardInterrupt):
-            listening(lambda: time.sleep(2.0))
+            run_interruptible(lambda: time.sleep(2.0))
     finally:
         signal.signal(signal.SIGALRM, before)
     assert time.monotonic() - begun < 1.5
 
 
 def test_searches_in_pieces_are_searches() -> None:
-    points = np.random.default_rng(1).random((3 * PIECE // 2, 2))
+    points = np.random.default_rng(1).random((3 * BATCH_SIZE // 2, 2))
     tree = cKDTree(points)
     for k in (1, 2, np.arange(2, 4)):
         for found, expected in zip(nearest(tree, points, k), tree.query(points, k=k), strict=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.cloud.cover import LIMIT, TOLERANCE, cover
+from mlsanm_cli.cloud.cover import LIMIT, SPACING_TOLERANCE, cover
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
@@ -19,7 +19,7 @@ def test_nodes_get_what_they_want_and_little_more() -> None:
     zones = cover(POINTS, HAS, wanted, spacing, 0.2)
     assert 1 <= len(zones) <= 12
     finer = spacing.with_zones(zones).at(POINTS)
-    assert (finer <= TOLERANCE * wanted).all()
+    assert (finer <= SPACING_TOLERANCE * wanted).all()
     away = np.hypot(*(POINTS - [0.4, 0.1]).T) > 0.7
     np.testing.assert_array_equal(finer[away], 0.05)
 
@@ -53,6 +53,6 @@ def test_what_is_wanted_symmetrically_is_given_symmetrically() -> None:
         assert not spacing.with_zones(cover(points, HAS, wanted, spacing, 0.2)).symmetric(line)
         zones = cover(points, HAS, wanted, spacing, 0.2, line)
         assert spacing.with_zones(zones).symmetric(line)
-        assert (spacing.with_zones(zones).at(points) <= TOLERANCE * wanted).all()
+        assert (spacing.with_zones(zones).at(points) <= SPACING_TOLERANCE * wanted).all()
         places = [row[1:3] for row in Spacing(0.05, zones).table()]
         assert any(place[line.axis] == line.at for place in places)

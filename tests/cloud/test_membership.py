@@ -7,7 +7,7 @@ import pytest
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import annulus, disk, rectangle
-from mlsanm_cli.cloud.membership import belongs, boundary_chords
+from mlsanm_cli.cloud.membership import boundary_chords, inside_body
 from mlsanm_cli.cloud.spacing import Spacing
 
 
@@ -23,22 +23,22 @@ def coarse() -> Cloud:
 
 def test_points_between_a_chord_and_its_arc_are_inside(coarse: Cloud) -> None:
     angles = np.linspace(0.0, 6.2, 57).tolist()
-    assert coarse.holds(np.array(ring(1.0, angles))).all()
-    assert coarse.holds(np.array(ring(0.5, angles))).all()
+    assert coarse.contains(np.array(ring(1.0, angles))).all()
+    assert coarse.contains(np.array(ring(0.5, angles))).all()
     # The slack is a tenth of how far arcs lie over their chords, 0.02.
-    assert not coarse.holds(np.array(ring(1.025, angles))).any()
+    assert not coarse.contains(np.array(ring(1.025, angles))).any()
 
 
 def test_straight_sides_leave_no_slack() -> None:
     cloud = build_cloud(rectangle((0.0, 2.0), (0.0, 1.0)), Spacing(0.25, ()), seed=0)
     inside = np.array([[0.0, 0.0], [2.0, 1.0], [1.0, 1.0], [0.77, 0.0], [1.0, 0.5]])
-    assert cloud.holds(inside).all()
-    assert not cloud.holds(inside[:4] + np.array([[-1e-6, 0], [0, 1e-6], [0, 1e-6], [0, -1e-6]])).any()
+    assert cloud.contains(inside).all()
+    assert not cloud.contains(inside[:4] + np.array([[-1e-6, 0], [0, 1e-6], [0, 1e-6], [0, -1e-6]])).any()
 
 
 def test_holes_are_outside() -> None:
     cloud = build_cloud(annulus((0.0, 0.0), (1.0, 2.0)), Spacing(0.3, ()), seed=0)
-    held = cloud.holds(np.array([[0.0, 0.0], [0.9, 0.0], [1.5, 0.0], [0.0, -1.0], [2.1, 0.0]]))
+    held = cloud.contains(np.array([[0.0, 0.0], [0.9, 0.0], [1.5, 0.0], [0.0, -1.0], [2.1, 0.0]]))
     assert held.tolist() == [False, False, True, True, False]
 
 
@@ -53,5 +53,5 @@ def test_the_rule_needs_nothing_but_boundary_nodes(coarse: Cloud) -> None:
     boundary = coarse.points[arc.index]
     targets = np.array([[0.3, 0.2], [2.0, 0.0]])
     names = ["arc"] * len(boundary)
-    found = belongs(boundary, np.arange(len(boundary)), arc.normal, names, targets)
+    found = inside_body(boundary, np.arange(len(boundary)), arc.normal, names, targets)
     assert found.tolist() == [True, False]

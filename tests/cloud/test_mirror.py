@@ -109,7 +109,7 @@ def test_what_belongs_to_one_half_says_it_all(name: str) -> None:
 
 def holes(cloud: Cloud, spacing: Spacing, targets: FloatArray) -> float:
     """Distance to the nearest node, in spacings, the largest of all ``targets`` (e, 2) in the body."""
-    targets = targets[cloud.holds(targets)]
+    targets = targets[cloud.contains(targets)]
     return float((np.asarray(cKDTree(cloud.points).query(targets)[0]) / spacing.at(targets)).max())
 
 

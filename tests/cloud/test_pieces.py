@@ -10,7 +10,7 @@ from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, annulus, disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.pieces import APART, FEW, MOST, _bisected, divide, pair_up
+from mlsanm_cli.cloud.pieces import CLEARANCE, MAX_NODES, MERGE_FRACTION, _bisected, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 BLOCK = rectangle((-1.0, 1.0), (0.0, 1.0))
@@ -44,8 +44,8 @@ def test_pieces_are_connected_and_cover_every_node_once(name: str, size: int) ->
     assert (count > 0).all()
     assert parts_of(cloud, labels) == len(count)
     # Beside hollows they are smaller than asked for.
-    assert len(count) == 1 or count.min() >= FEW * min(size, 16)
-    assert count.max() <= 1.5 * MOST
+    assert len(count) == 1 or count.min() >= MERGE_FRACTION * min(size, 16)
+    assert count.max() <= 1.5 * MAX_NODES
 
 
 def test_pieces_at_the_outline_are_of_the_size_wanted_and_larger_inside() -> None:
@@ -120,7 +120,7 @@ def test_pairs_are_neighbours_along_surfaces_away_from_corners(line: SymmetryLin
     assert (np.abs(first - second) == 1).all()
     corners = np.array([[-1.0, 1.0], [1.0, 1.0]])
     away = np.hypot(*(cloud.points[paired][:, None] - corners).transpose(2, 0, 1)).min(axis=1)
-    assert (away > APART * cloud.spacing[paired]).all()
+    assert (away > CLEARANCE * cloud.spacing[paired]).all()
     if cloud.mirror is not None:
         beyond = labels[cloud.mirror.image]
         pairs = {tuple(np.flatnonzero(labels == k)) for k in range(labels.max() + 1)}

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
-from mlsanm_cli.cloud.relax import DOUBLINGS, LONGEST, LOOK, NEIGHBORS, STEP, SWEEPS, relax
+from mlsanm_cli.cloud.relax import DOUBLINGS, MAX_STEP, NEIGHBORS, SEARCH_INTERVAL, STEP, SWEEPS, relax
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 BLOCK = rectangle((0.0, 2.0), (0.0, 1.0))
@@ -50,7 +50,7 @@ def test_nodes_are_pushed_as_told() -> None:
     cloud = build_cloud(BLOCK, spacing, 0)
     fixed, points = len(cloud.boundary_nodes), cloud.points.copy()
     for sweep in range(SWEEPS):
-        if sweep % LOOK == 0:
+        if sweep % SEARCH_INTERVAL == 0:
             near = np.asarray(cKDTree(points).query(points, k=NEIGHBORS + 1)[1])[:, 1:]
         moved = points.copy()
         for node in range(fixed, len(points)):
@@ -60,7 +60,7 @@ def test_nodes_are_pushed_as_told() -> None:
             mean = 0.5 * (h + spacing.at(points[near[node]]))
             force = ((mean / distance) ** 2**DOUBLINGS / distance) @ away
             size = float(np.hypot(*force))
-            moved[node] += h * min(STEP * size / (1.0 + 0.25 * size), LONGEST) / size * force
+            moved[node] += h * min(STEP * size / (1.0 + 0.25 * size), MAX_STEP) / size * force
         points = moved
     assert np.abs(relax(cloud.points, fixed, spacing) - points).max() <= 1e-13
 

@@ -62,15 +62,18 @@ def jumbled() -> FloatArray:
     ("given", "words"),
     [
         (nodes(INSIDE), "no node has a tag"),
-        (nodes(BOTTOM, RIGHT, TOP, LEFT, ("", BOTTOM[1][2:3])), r"line 22: .* that of line 4 again"),
-        (nodes(("bottom", jumbled()), RIGHT, TOP, LEFT), '"bottom" form no curve: it turns back from line 3'),
+        (nodes(BOTTOM, RIGHT, TOP, LEFT, ("", BOTTOM[1][2:3])), r"line 22: .* repeats that of line 4"),
+        (
+            nodes(("bottom", jumbled()), RIGHT, TOP, LEFT),
+            '"bottom" do not form a curve: it turns back from line 3',
+        ),
         (
             nodes(("rim", np.concatenate([ring(20, 1.0), ring(20, 1.0, x=9.0)]))),
-            "leaps from line 21 to line 22",
+            "jumps from line 21 to line 22",
         ),
         (nodes(BOTTOM, RIGHT, LEFT), 'open between "(left|right)"'),
         (nodes(BOTTOM, RIGHT, TOP, LEFT, ("dot", np.array([[0.5, 0.4]]))), 'line 22: "dot" has one node'),
-        (nodes(("a", ring(20, 1.0)), ("b", ring(20, 0.9, x=5.0))), 'loop of "b" .line 22. is no hole'),
+        (nodes(("a", ring(20, 1.0)), ("b", ring(20, 0.9, x=5.0))), 'loop of "b" .line 22. is not a hole'),
         (nodes(BOTTOM, RIGHT, TOP, LEFT, ("", np.array([[2.0, 0.5]]))), "line 22: the node .* outside"),
     ],
 )
@@ -84,7 +87,7 @@ def test_normals_that_do_not_point_outward_are_refused() -> None:
     loops = tagged_loops(given)
     normals = np.concatenate([ring(24, 1.0), [[np.nan, np.nan]]])
     check_normals(given, loops, normals)
-    for factor, words in ((-1.0, "line 9: the normal at .* points inward"), (0.0, "points astray")):
+    for factor, words in ((-1.0, "line 9: the normal at .* points inward"), (0.0, "points sideways")):
         wrong = normals.copy()
         wrong[7] = factor * wrong[7] + (1.0 - abs(factor)) * np.array([-wrong[7, 1], wrong[7, 0]])
         with pytest.raises(GeometryError, match=words):

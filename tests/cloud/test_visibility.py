@@ -12,7 +12,7 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.drawing import polygon
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.sight import DETOUR, VisibilityCriterion, visibility_criterion
+from mlsanm_cli.cloud.sight import MIN_DETOUR, VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 
@@ -168,7 +168,7 @@ def slow_cut(sight: VisibilityCriterion, target: FloatArray, node: int) -> bool:
         width = max(abs((end - target) @ n), abs((end - target) @ m))
         if n @ m >= 0.0:
             width = float(np.hypot(*(end - target)))
-        if way > DETOUR * (u - t) * width:
+        if way > MIN_DETOUR * (u - t) * width:
             return True
     return False
 

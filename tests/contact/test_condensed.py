@@ -16,7 +16,7 @@ from mlsanm_cli.contact.response.coercivity import (
 )
 from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows
 from mlsanm_cli.contact.response.load_vectors import _on_pieces
-from mlsanm_cli.contact.response.short_waves import SMOOTH
+from mlsanm_cli.contact.response.short_waves import FIT_WINDOW
 from mlsanm_cli.mechanics.body import ElasticBody
 from tests.contact.scenes import Small, cylinder
 from tests.mechanics.bodies import build, jittered_square
@@ -123,7 +123,7 @@ def rubbed(request: pytest.FixtureRequest) -> Small:
 def test_gaps_and_slips_with_friction_are_those_of_whole_solutions(rubbed: Small) -> None:
     c, pairing = rubbed.condensed, rubbed.pairing
     arc = pairing.arc[pairing.candidate]
-    fit = surface_fit(arc, c.weight, arc, SMOOTH * pairing.spacing[pairing.candidate])
+    fit = surface_fit(arc, c.weight, arc, FIT_WINDOW * pairing.spacing[pairing.candidate])
     rng = np.random.default_rng(1)
     for pressure in (np.zeros(len(arc)), rng.uniform(0.0, 100.0, len(arc))):
         traction = 50.0 + 400.0 * (arc - arc.mean())

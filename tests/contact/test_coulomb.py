@@ -88,7 +88,7 @@ def test_updated_factors_are_those_of_the_sets(seed: int, changes: int) -> None:
     kind, before = rng.integers(0, 4, 30), rng.normal(size=30)
     system = None
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(contact_status, "LARGE", 1)
+        patch.setattr(contact_status, "MIN_EQUATIONS", 1)
         for _ in range(4):
             sets = ContactStatus(kind > 0, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
             system = SetSystem(c, sets, system)

@@ -203,8 +203,8 @@ def test_gaps_count_as_nothing_by_what_closing_them_would_take() -> None:
     )
     values: Any = SimpleNamespace(pressure=np.array([1.0, 0.5]))
     force, length = history._limits(condensed, values)
-    assert force == history.NEAR
+    assert force == history.LIMIT_TOLERANCE
     own = length / np.diag(compliance)
-    assert own[0] == pytest.approx(history.NEAR)
+    assert own[0] == pytest.approx(history.LIMIT_TOLERANCE)
     assert own[1] <= 2e-8
     assert (length >= 10.0 * np.finfo(float).eps * 1e-2).all()

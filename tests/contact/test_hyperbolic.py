@@ -9,7 +9,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
-from mlsanm_cli.contact.laws.scales import WIDEST, regularize
+from mlsanm_cli.contact.laws.scales import MAX_GAP_RATIO, regularize
 from mlsanm_cli.errors import NumericalError
 from tests.contact.scenes import Small, cylinder, synthetic
 from tests.contact.test_regularized_friction import random_problem, state
@@ -74,11 +74,11 @@ def test_law_does_not_know_the_units(hertz: Small) -> None:
     law = regularize(hertz.condensed, [exact], 1e-4)
     assert law.pressure == exact.pressure.max()
     # Nodes drawn far apart have a longer length and pull the less; what a pressure leaves open is the same.
-    far = law.delta > WIDEST * law.gap * (1.0 + 1e-12)
+    far = law.delta > MAX_GAP_RATIO * law.gap * (1.0 + 1e-12)
     assert 0 < far.sum() < len(far)
     assert (law.eta[~far] == 1e-4 * law.pressure).all()
     assert (law.delta >= law.gap).all()
-    assert (law.eta * law.delta)[far] == pytest.approx(1e-4 * law.pressure * WIDEST * law.gap)
+    assert (law.eta * law.delta)[far] == pytest.approx(1e-4 * law.pressure * MAX_GAP_RATIO * law.gap)
     double = cylinder(0.006, "load.press.force=[0.0, -453.132]")
     twice = regularize(double.condensed, [double.exact()], 1e-4)
     assert twice.pressure / law.pressure == pytest.approx(np.sqrt(2.0), rel=0.02)

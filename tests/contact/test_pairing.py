@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, 
 from mlsanm_cli.cloud.loops import Loop, trace
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing, pair_surfaces, spacing_ratio
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, pair_surfaces, spacing_ratio
 from mlsanm_cli.contact.geometry.transfer import surface_fit, transfer
 
 BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))
@@ -48,7 +48,7 @@ def test_gaps_between_an_arc_and_a_flat_are_exact(lift: float, x: float) -> None
     assert np.abs(pairing.partner - points * np.array([1.0, 0.0])).max() <= 1e-15
     assert np.array_equal(pairing.normal, np.tile([0.0, 1.0], (len(points), 1)))
     # Those nodes and no others face the block: their normal points down enough.
-    facing = upper.surfaces["arc"].normal[:, 1] < OPPOSED
+    facing = upper.surfaces["arc"].normal[:, 1] < MAX_FACING_COSINE
     assert np.array_equal(pairing.position, np.flatnonzero(facing))
 
 

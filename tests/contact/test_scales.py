@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.scales import LEAST, PRESSED, regularize
+from mlsanm_cli.contact.laws.scales import FRICTION_THRESHOLD, MIN_SHARE, regularize
 from tests.contact.friction import half_planes, side_by_side
 
 
@@ -20,7 +20,7 @@ def test_every_contact_is_regularised_by_itself() -> None:
     law = regularize(c, [state], eta, 1e-3)
     assert law.pressure == 100.0
     assert law.eta == pytest.approx(np.where(np.arange(m) < 20, 0.1, 4e-5))
-    assert law.threshold == pytest.approx(PRESSED * law.eta)
+    assert law.threshold == pytest.approx(FRICTION_THRESHOLD * law.eta)
     # An asperity at its limit gives by the same part of what friction does in its own contact.
     limit = law.stick_compliance * c.friction * pressed
     slips = np.abs(c.slip.traction @ (c.friction * pressed))
@@ -35,5 +35,5 @@ def test_a_contact_without_pressure_takes_its_scales_from_the_scene() -> None:
     nothing = np.zeros(40)
     state = ExactState(np.zeros(4), pressed, nothing, np.zeros(4), nothing, closed, ~closed, 0, 0.0)
     law = regularize(c, [state], 1e-3, 1e-3)
-    assert law.eta == pytest.approx(np.repeat([0.1, LEAST * 0.1], 20))
+    assert law.eta == pytest.approx(np.repeat([0.1, MIN_SHARE * 0.1], 20))
     assert (law.stick_compliance > 0.0).all()

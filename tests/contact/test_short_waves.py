@@ -14,7 +14,7 @@ from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.linear_map import LinearMap
-from mlsanm_cli.contact.response.short_waves import SMOOTH, resolved
+from mlsanm_cli.contact.response.short_waves import FIT_WINDOW, correct_short_waves
 from tests.case_text import annulus, body, contact, head, item, load, material, support, table
 from tests.contact.scenes import Small, build, cylinder
 
@@ -35,11 +35,13 @@ def fit(traction: list[float]) -> str:
 
 
 @cache
-def small(resolved: bool) -> Small:
+def small(correct_short_waves: bool) -> Small:
     """A half-disk with friction, with or without what is added for short waves."""
     with pytest.MonkeyPatch.context() as patch:
-        if not resolved:
-            patch.setattr(condensation, "resolved", lambda gap, slip, *others: (gap, slip, slip.traction))
+        if not correct_short_waves:
+            patch.setattr(
+                condensation, "correct_short_waves", lambda gap, slip, *others: (gap, slip, slip.traction)
+            )
         return cylinder(0.006, "contact.interface.friction=0.3", control="force = [1.0, -226.566]")
 
 
@@ -53,7 +55,7 @@ def fit_of(one: Small) -> FloatArray:
     pairing = one.pairing
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
-    return np.asarray(surface_fit(arc, one.condensed.weight, arc, SMOOTH * spacing).toarray())
+    return np.asarray(surface_fit(arc, one.condensed.weight, arc, FIT_WINDOW * spacing).toarray())
 
 
 def test_linear_tractions_only_lose_the_short_waves_of_their_slips() -> None:
@@ -125,7 +127,7 @@ def test_contacts_keep_to_themselves() -> None:
     slip = LinearMap(np.zeros(2 * m), np.zeros((2 * m, 1)), nothing, eye, 0.0 * eye)
     second = slice(m, 2 * m)
     places = {pairing.name: second}
-    gaps, both, _ = resolved(gap, slip, (pairing,), places, places, {pairing.name: np.ones(m)})
+    gaps, both, _ = correct_short_waves(gap, slip, (pairing,), places, places, {pairing.name: np.ones(m)})
     assert (both.pressure[:m] == eye[:m]).all()
     assert (both.pressure[:, :m] == eye[:, :m]).all()
     assert np.abs(both.pressure[m:] - eye[m:])[:, m:].max() > 0.1

@@ -7,7 +7,7 @@ import pytest
 
 from mlsanm_cli.continuation import AnmOptions, FloatArray, Tangent, correct
 from mlsanm_cli.continuation.corrector import SolveCounts, correct_end, residual_norm
-from mlsanm_cli.continuation.expansion import Metric, station
+from mlsanm_cli.continuation.expansion import Metric, expansion_point
 from mlsanm_cli.errors import NumericalError
 
 from .contact_problems import Contact, open_start, random_contact
@@ -102,9 +102,9 @@ def test_updates_are_limited() -> None:
 def corrected(
     drift: float, normal: tuple[FloatArray, float] | None
 ) -> tuple[Truss, np.ndarray, float, SolveCounts]:
-    """Correct a point ``drift`` away from the truss path, starting from the station at w = 0.9."""
+    """Correct a point ``drift`` away from the truss path, starting from the expansion point at w = 0.9."""
     problem, effort = Truss(), SolveCounts()
-    start = station(problem, np.array([0.9]), problem.load(0.9))
+    start = expansion_point(problem, np.array([0.9]), problem.load(0.9))
     end = np.array([0.8 + drift]), problem.load(0.8)
     found = correct_end(problem, Metric(problem.scale), start, end, normal, AnmOptions(), effort)
     assert found is not None
@@ -132,10 +132,10 @@ def test_old_tangent_is_used_first_and_a_fresh_one_when_it_stalls() -> None:
     efforts = []
     for problem, w in ((near, 0.8999), (far, 0.65)):
         effort = SolveCounts()
-        start = station(problem, np.array([0.9]), problem.load(0.9))
+        start = expansion_point(problem, np.array([0.9]), problem.load(0.9))
         end = np.array([w + 1e-7]), problem.load(w)
         assert correct_end(problem, Metric(problem.scale), start, end, None, AnmOptions(), effort) is not None
-        # The station took one factorisation and one solve of its own.
+        # The expansion point took one factorisation and one solve of its own.
         assert problem.counts.tangents == effort.factorizations + 1
         assert problem.counts.solves == effort.solves + 1
         efforts.append(effort)
@@ -150,6 +150,6 @@ def test_residual_that_is_no_number_counts_as_infinite() -> None:
 
 def test_failing_end_of_step_is_reported() -> None:
     problem = Scalar(0.0, 0.0, 1.0)
-    start = station(problem, np.array([1.0]), 1.0)
+    start = expansion_point(problem, np.array([1.0]), 1.0)
     end = np.array([0.3]), -1.0
     assert correct_end(problem, Metric(problem.scale), start, end, None, AnmOptions(), SolveCounts()) is None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import FloatArray, Problem, SingularTangentError, Tangent, correct
-from mlsanm_cli.continuation.expansion import Metric, Series, expand, station
+from mlsanm_cli.continuation.expansion import Metric, Series, expand, expansion_point
 
 from .contact_problems import Contact, hertz, open_start, random_contact
 from .problems import Bratu, Circle, Scalar, Truss
@@ -15,7 +15,7 @@ from .problems import Bratu, Circle, Scalar, Truss
 def series_at(problem: Problem, x: np.ndarray, lam: float, order: int, unit: float = 1.0) -> Series:
     metric = Metric(problem.scale)
     upward = (np.zeros(problem.size), 1.0)
-    return expand(problem, metric, station(problem, x, lam), order, upward, unit)
+    return expand(problem, metric, expansion_point(problem, x, lam), order, upward, unit)
 
 
 def residual_orders(problem: Problem, series: Series) -> list[float]:
@@ -108,7 +108,7 @@ def test_coefficients_are_the_derivatives_of_the_path() -> None:
 def test_parameter_is_the_projection_on_the_tangent() -> None:
     problem, _, _ = hertz(30, 1e-2)
     start = correct(problem, open_start(problem), 0.0)
-    here = station(problem, start.x, 0.0)
+    here = expansion_point(problem, start.x, 0.0)
     metric = Metric(problem.scale)
     series = series_at(problem, start.x, 0.0, 6, unit=0.25)
     length = metric.norm(here.slope, 1.0)
@@ -144,7 +144,7 @@ def test_unit_of_the_parameter_changes_no_digit() -> None:
 def test_direction_decides_the_sign() -> None:
     problem = Circle()
     metric = Metric(problem.scale)
-    here = station(problem, np.array([0.8]), 0.6)
+    here = expansion_point(problem, np.array([0.8]), 0.6)
     for direction, sign in (((np.array([-1.0]), 0.0), 1.0), ((np.array([1.0]), 0.0), -1.0)):
         series = expand(problem, metric, here, 2, direction, 1.0)
         assert np.sign(series.lam[1]) == sign
@@ -152,7 +152,7 @@ def test_direction_decides_the_sign() -> None:
 
 def test_singular_tangent_is_named() -> None:
     with pytest.raises(SingularTangentError):
-        station(Circle(), np.zeros(1), 1.0)
+        expansion_point(Circle(), np.zeros(1), 1.0)
 
 
 class Quiet(Circle):
@@ -168,7 +168,7 @@ class Quiet(Circle):
 
 def test_tangent_without_a_finite_solution_is_singular() -> None:
     with pytest.raises(SingularTangentError):
-        station(Quiet(), np.array([0.8]), 0.6)
+        expansion_point(Quiet(), np.array([0.8]), 0.6)
 
 
 @pytest.mark.parametrize("scale", [np.array([1.0, 0.0]), np.array([1.0, -1.0]), np.array([np.nan])])

@@ -20,7 +20,7 @@ from mlsanm_cli.io.plots import cloud as plot_cloud
 from mlsanm_cli.io.plots import figures, plots
 from mlsanm_cli.io.plots.cloud import CloudBody
 from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
-from mlsanm_cli.io.run_dir import PICTURE_MARK
+from mlsanm_cli.io.run_dir import PICTURE_SIGNATURE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,7 +79,7 @@ def test_files_are_valid_marked_as_ours_and_equal_for_equal_data(
     tmp_path: Path, kind: str, suffix: str
 ) -> None:
     picture = draw(tmp_path, kind, suffix)
-    assert PICTURE_MARK in picture
+    assert PICTURE_SIGNATURE in picture
     if suffix == ".png":
         assert picture.startswith(b"\x89PNG\r\n")
     elif suffix == ".pdf":

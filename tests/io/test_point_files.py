@@ -44,7 +44,7 @@ def test_hdf5_holds_the_columns_as_datasets(tmp_path: Path) -> None:
     [
         ("x, y, tag", "x, y, name", 'line 1: unknown column "name"'),
         ("x, y, tag, nx, ny", "x, y, x, nx, ny", "line 1: the column .x. appears twice"),
-        (", nx, ny", ", nx", "line 1: nx and ny go together"),
+        (", nx, ny", ", nx", "line 1: nx and ny are needed together"),
         ("1.0, 0.0, floor, ,", "1.0, zero, floor, ,", "line 4: y is not a number: 'zero'"),
         ("1.0, 0.0, floor, ,", "1.0, nan, floor, ,", "line 4: the node has no coordinates"),
         ("1.0, 0.0, floor, ,", "1.0, 0.0, floor", "line 4: 3 values for 5 columns"),

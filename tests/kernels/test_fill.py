@@ -15,7 +15,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud import front as slices
 from mlsanm_cli.cloud.cloud import CANDIDATES, _strips, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, disk, rectangle
-from mlsanm_cli.cloud.front import filled
+from mlsanm_cli.cloud.front import fill_region
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
@@ -38,7 +38,7 @@ def front(outline: Outline, spacing: Spacing, seed: int) -> tuple[FloatArray, in
     chain = np.concatenate([curve.points(spacing.steps_along(curve)[:-1]) for curve in outline.curves])
     edges = np.hstack([chain, np.roll(chain, -1, axis=0)])
     table = spacing.table()
-    points = filled(chain, edges, _strips(edges), spacing.far, table, CANDIDATES, seed, 10**6)
+    points = fill_region(chain, edges, _strips(edges), spacing.far, table, CANDIDATES, seed, 10**6)
     return points, len(chain)
 
 
@@ -168,8 +168,8 @@ def test_of_several_zones_the_finest_holds() -> None:
 def test_slices_change_no_node(monkeypatch: pytest.MonkeyPatch) -> None:
     spacing = Spacing(0.02, (Zone.around((0.3, 0.4), 0.002, 0.01, 0.1),))
     whole, _ = front(SQUARE, spacing, 3)
-    monkeypatch.setattr(slices, "FIRST", 1)
-    monkeypatch.setattr(slices, "SLICE", 1e-9)
+    monkeypatch.setattr(slices, "FIRST_PARENTS", 1)
+    monkeypatch.setattr(slices, "SLICE_SECONDS", 1e-9)
     pieces, _ = front(SQUARE, spacing, 3)
     assert len(whole) > 3000
     assert np.array_equal(whole, pieces)

@@ -11,7 +11,7 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import annulus, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import CLOSEST, POWER, REACH, corner_weight, thickness
+from mlsanm_cli.mechanics.corners import MIN_DISTANCE, POWER, WEIGHT_REACH, corner_weight, thickness
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
 from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.mechanics.rigid import FreeSystem
@@ -252,10 +252,10 @@ def test_corners_of_clamped_and_free_sides_lower_the_weights_around_them() -> No
     corners = np.array([[0.0, 0.0], [1.0, 0.0]])
     distance = np.hypot(*(cloud.points[:, None] - corners).transpose(2, 0, 1)).min(axis=1)
     assert thickness(cloud) == pytest.approx(0.5, rel=1e-3)
-    reach = REACH * thickness(cloud)
+    reach = WEIGHT_REACH * thickness(cloud)
     assert (weight[distance >= reach] == 1.0).all()
     # Weights follow the distance alone and never fall below that of half a spacing.
-    expected = np.minimum(np.maximum(distance, CLOSEST * 0.05) / reach, 1.0) ** POWER
+    expected = np.minimum(np.maximum(distance, MIN_DISTANCE * 0.05) / reach, 1.0) ** POWER
     assert weight == pytest.approx(expected)
     assert ((distance > 0.0) & (weight < 1.0)).any()
 

@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.defect import ROUGH, correct, defect_of
+from mlsanm_cli.mechanics.defect import CORRECTION_TOLERANCE, correct, defect_of
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.operators.least_squares import LeastSquares
@@ -92,7 +92,7 @@ def test_corrections_are_those_of_refined_solutions(
     np.testing.assert_allclose(found.displacement.ravel(), solution, atol=1e-6 * np.abs(solution).max())
     beyond = sparse.csc_array(defect_of(body, solution.reshape(-1, 2)).source[:, None])
     exact = body.system.solve(beyond)[:, 0]
-    assert np.linalg.norm(found.change - exact) <= 10.0 * ROUGH * np.linalg.norm(exact)
+    assert np.linalg.norm(found.change - exact) <= 10.0 * CORRECTION_TOLERANCE * np.linalg.norm(exact)
     # The same by fits that are kept, of another state too.
     memo = Memo(1)
     other = correct(body, -2.0 * source, moved, memo).change
@@ -115,9 +115,11 @@ def test_rough_solutions_are_refined_where_they_are_too_rough(
     monkeypatch.setattr(LeastSquares, "solve_unrefined", lambda *of: off * right(*of))
     monkeypatch.setattr(LeastSquares, "step", lambda *of: off * step(*of))
     found = correct(body, source, moved)
-    assert (found.rough > ROUGH) == (off > 1.0)
+    assert (found.rough > CORRECTION_TOLERANCE) == (off > 1.0)
     np.testing.assert_allclose(found.change, expected.change, atol=1e-2 * np.abs(expected.change).max())
-    assert np.linalg.norm(found.response(body, sources) - exact) <= ROUGH * np.linalg.norm(exact)
+    assert np.linalg.norm(found.response(body, sources) - exact) <= CORRECTION_TOLERANCE * np.linalg.norm(
+        exact
+    )
 
 
 def test_other_degrees_are_refused() -> None:

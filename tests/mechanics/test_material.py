@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.elasticity import von_mises
-from mlsanm_cli.mechanics.material import LOCKING, anisotropic, isotropic, orthotropic
+from mlsanm_cli.mechanics.material import LOCKING_RATIO, anisotropic, isotropic, orthotropic
 
 
 def compliance(modulus: float, poisson: float) -> FloatArray:
@@ -114,7 +114,7 @@ def test_locking_is_judged_by_lames_constants(poisson: float) -> None:
     rubber = isotropic(1.0, poisson, "strain")
     first, shear = rubber.stiffness[0, 1], rubber.stiffness[2, 2]
     assert rubber.bulk_part[0, 1] == pytest.approx(first, abs=1e-9)
-    assert rubber.nearly_incompressible == (first > LOCKING * shear)
+    assert rubber.nearly_incompressible == (first > LOCKING_RATIO * shear)
 
 
 def test_stiff_fibres_and_soft_shear_do_not_lock() -> None:

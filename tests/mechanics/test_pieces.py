@@ -228,7 +228,7 @@ def test_so_it_does_on_a_cloud_that_is_its_own_mirror_image(line: SymmetryLine) 
 
 def test_with_pieces_as_weak_as_nodes_it_is_too_stiff(monkeypatch: pytest.MonkeyPatch) -> None:
     """By 6 % where the force and the moment on the whole of it hold all the same, else by much more."""
-    monkeypatch.setattr(pieces, "STRENGTH", 1.0)
+    monkeypatch.setattr(pieces, "EQUILIBRIUM_WEIGHT", 1.0)
     assert compliance(beam(), shear, CLAMPED) <= 0.95 * BEAM
     proper = Pieces.sums
     monkeypatch.setattr(Pieces, "sums", lambda *given: proper(*given)[:0])
@@ -266,7 +266,7 @@ def test_a_portal_with_small_fillets_sways_as_it_should_wherever_pieces_are_cut(
 ) -> None:
     # Fillets of two spacings: with pieces as large as elsewhere it lost 1.2 to 5.2 %, by the size. With 24
     # nodes, all of a limb's thickness of five, it loses up to 2.1 % now.
-    monkeypatch.setattr(pieces, "SIZE", size)
+    monkeypatch.setattr(pieces, "BOUNDARY_NODES", size)
     work, energy_error = thin_bodies.solved(thin_bodies.portal(), 5, degree)
     assert work == pytest.approx(thin_bodies.REFERENCES["portal"], rel=0.015)
     assert abs(energy_error) <= 0.03
@@ -339,9 +339,9 @@ def test_pieces_smaller_than_the_thickness_are_weaker_in_proportion() -> None:
     cloud = build_cloud(rectangle((0.0, 1.0), (0.0, 1.0)), Spacing(0.1, (zone,)), 0)
     found = Pieces.of(cloud)
     # Half of the thickness, twice the area over the perimeter.
-    expected = pieces.STRENGTH * np.minimum(1.0, found.size / 0.25)
+    expected = pieces.EQUILIBRIUM_WEIGHT * np.minimum(1.0, found.size / 0.25)
     assert found.strength == pytest.approx(expected, rel=1e-2)
-    assert found.strength.min() < 0.1 * pieces.STRENGTH
+    assert found.strength.min() < 0.1 * pieces.EQUILIBRIUM_WEIGHT
     assert found.size**2 @ np.ones(found.count) == pytest.approx(1.0)
 
 

@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, recta
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import POWER, inward_corners, inward_weight, thickness
+from mlsanm_cli.mechanics.corners import POWER, reentrant_corners, reentrant_weight, thickness
 from tests.mechanics.bodies import STEEL, boundary_values, build, with_body_force
 
 OPEN = sector((0.0, 0.0), (0.5, 1.5), (0.0, math.radians(359.5)))
@@ -145,9 +145,9 @@ def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
     points = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
     sides = tuple(Segment(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True))
     angle = build_cloud(Outline(tuple("abcdef"), sides), Spacing(0.1), 0)
-    (corner,) = inward_corners(angle)
+    (corner,) = reentrant_corners(angle)
     assert angle.points[corner] == pytest.approx([1.0, 1.0])
-    weight = inward_weight(angle, inward_corners(angle))
+    weight = reentrant_weight(angle, reentrant_corners(angle))
     distance = np.hypot(*(angle.points - 1.0).T)
     assert weight.max() == 1.0
     far = distance > 0.1
@@ -155,15 +155,15 @@ def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
     # An L of area 3 and perimeter 8.
     assert thickness(angle) == pytest.approx(0.75, rel=1e-3)
     ring = build_cloud(annulus((0.0, 0.0), (0.5, 1.0)), Spacing(0.1), 0)
-    assert not len(inward_corners(ring))
+    assert not len(reentrant_corners(ring))
     radius = np.hypot(*ring.points.T)
     assert thickness(ring) == pytest.approx(0.5, rel=1e-2)
-    assert inward_weight(ring, inward_corners(ring)) == pytest.approx(
+    assert reentrant_weight(ring, reentrant_corners(ring)) == pytest.approx(
         np.minimum(radius / thickness(ring), 1.0) ** POWER
     )
     for plain in (rectangle((0.0, 1.0), (0.0, 1.0)), wedge(0.4)):
         cloud = build_cloud(plain, Spacing(0.1), 0)
-        assert (inward_weight(cloud, inward_corners(cloud)) == 1.0).all()
+        assert (reentrant_weight(cloud, reentrant_corners(cloud)) == 1.0).all()
 
 
 def notched() -> Outline:

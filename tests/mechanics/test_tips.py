@@ -19,7 +19,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
-from mlsanm_cli.operators import cornered
+from mlsanm_cli.operators import singular_functions
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings
@@ -96,7 +96,7 @@ def test_rows_beside_a_corner_know_its_field(
     shape: str, turn: float, mode: int, degree: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # However little a function differs from polynomials.
-    monkeypatch.setattr(cornered, "TOLD", 1e-7)
+    monkeypatch.setattr(singular_functions, "RANK_TOLERANCE", 1e-7)
     cloud = polygon(TIPS[shape][0], 1.0, turn)
     model = BodyModel.build("body", cloud, isotropic(1.3, 0.3, "stress"), MlsSettings(degree))
     assert model.tips is not None

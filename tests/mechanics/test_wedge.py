@@ -45,7 +45,7 @@ def test_both_faces_are_free(kernel: PointForceField, angle: float) -> None:
     for face in at.faces:
         inward = face.inward
         z = x * face.along + 1e-6 * x * inward
-        stress = sum((line.stress(z) for line in at.lines(SOURCES, force)), start=np.zeros((4, 3, 6)))
+        stress = sum((line.stress(z) for line in at.face_forces(SOURCES, force)), start=np.zeros((4, 3, 6)))
         own = own_forces.stress(z)
         stress = stress + np.moveaxis(own, 2, 1).reshape(4, 3, 6)
         found = traction(stress.reshape(4, 3, 3, 2).transpose(0, 2, 1, 3), np.full((4, 1), -inward))
@@ -69,7 +69,7 @@ def test_a_clamped_face_moves_as_one(kernel: PointForceField, angle: float) -> N
     assert total == pytest.approx(-np.eye(2), abs=1e-6)
     z = x[1:] - 1e-6j * x[1:]
     stress = forces(at).own.stress(z)
-    for line in at.lines(SOURCES, np.eye(6).reshape(3, 2, 6)):
+    for line in at.face_forces(SOURCES, np.eye(6).reshape(3, 2, 6)):
         stress = stress + np.moveaxis(line.stress(z).reshape(4, 3, 3, 2), 2, 1)
     found = traction(stress, np.full((4, 1), 1j))
     assert np.abs(found * x[1:, None, None, None]).max() < 2e-3
@@ -93,7 +93,7 @@ def test_compliance_is_what_the_lines_move(angle: float, sliding: bool) -> None:
     force = np.zeros((3, 2, 3))
     force[np.arange(3), 1, np.arange(3)] = 1.0
     moved = np.zeros((3, 2, 3))
-    for line in at.lines(SOURCES, force):
+    for line in at.face_forces(SOURCES, force):
         moved += line.displacement(x - 1e-9j)
     for image in at.images(SOURCES, force):
         moved += image.displacement(x - 1e-9j)

@@ -25,7 +25,7 @@ from mlsanm_cli.kernels.multifrontal import borders
 from mlsanm_cli.operators.linear import cholesky, scratch
 from mlsanm_cli.operators.linear.cholesky import CholeskyFactor, CholeskySolver
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
-from mlsanm_cli.operators.linear.fallback import SOUND, verified_or_superlu
+from mlsanm_cli.operators.linear.fallback import MAX_BACKWARD_ERROR, verified_or_superlu
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
 from mlsanm_cli.operators.normal import bordered
@@ -88,7 +88,7 @@ def quasi_definite(
 def domains_of(most: int) -> Iterator[None]:
     """Domains of up to ``most`` nodes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cholesky, "DOMAIN", most)
+        patch.setattr(cholesky, "DOMAIN_NODES", most)
         yield
 
 
@@ -312,7 +312,7 @@ def test_factors_in_files_give_the_same_solutions(monkeypatch: pytest.MonkeyPatc
     matrices = [normal_equations(points, seed) for seed in range(2)]
     rhs = np.random.default_rng(0).normal(size=600)
     expected = [CholeskySolver().factor_definite(matrix, points).solve(rhs) for matrix in matrices]
-    monkeypatch.setattr(scratch, "LARGE", 0)
+    monkeypatch.setattr(scratch, "MAPPED_SIZE", 0)
     factors = [CholeskySolver().factor_definite(matrix, points) for matrix in matrices]
     for _ in range(2):
         for factor, solution in zip(factors, expected, strict=True):
@@ -364,7 +364,7 @@ def test_a_factor_is_sound_if_a_correction_mends_what_it_loses(part: float, soun
     matrix = sparse.csc_array(normal_equations(points))
     own = CholeskySolver().factor_definite(matrix, points)
     rough = Rough(own, part)
-    assert (backward_error(matrix, rough) <= SOUND) == (part < 1e-9)
+    assert (backward_error(matrix, rough) <= MAX_BACKWARD_ERROR) == (part < 1e-9)
     assert (verified_or_superlu(rough, matrix, points) is rough) == sound
 
 

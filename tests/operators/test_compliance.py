@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.compliance import ENOUGH, PROBES, RANK, corrected
+from mlsanm_cli.operators.compliance import CHECK_COLUMNS, RANK, TOLERANCE, corrected
 
 
 @dataclass
@@ -53,15 +53,15 @@ def error_of(matrix: Matrix, found: FloatArray) -> float:
 def test_errors_of_low_rank_go_with_few_solutions(seed: int, rank: int, size: float) -> None:
     matrix = example(seed)
     assert error_of(matrix, corrected(matrix.start(rank, size), matrix.of_columns, matrix.of_rows)) <= 1e-9
-    assert matrix.asked == 2 * RANK + PROBES
+    assert matrix.asked == 2 * RANK + CHECK_COLUMNS
 
 
 @pytest.mark.parametrize(("rank", "most"), [(RANK + 3, 80), (80, 400)])
 def test_errors_of_higher_rank_take_more_solutions(rank: int, most: int) -> None:
     matrix = example(1)
     found = corrected(matrix.start(rank, 1e-3), matrix.of_columns, matrix.of_rows)
-    assert error_of(matrix, found) <= 2.0 * ENOUGH
-    assert 2 * RANK + PROBES < matrix.asked <= most
+    assert error_of(matrix, found) <= 2.0 * TOLERANCE
+    assert 2 * RANK + CHECK_COLUMNS < matrix.asked <= most
 
 
 def test_nothing_is_asked_for_twice_where_the_answers_are_no_better() -> None:
@@ -69,7 +69,7 @@ def test_nothing_is_asked_for_twice_where_the_answers_are_no_better() -> None:
     matrix.noise = 1e-7
     found = corrected(matrix.start(3, 1e-3), matrix.of_columns, matrix.of_rows)
     assert error_of(matrix, found) <= 1e-6
-    assert matrix.asked == 2 * RANK + PROBES
+    assert matrix.asked == 2 * RANK + CHECK_COLUMNS
 
 
 def test_rows_and_columns_of_any_size_are_as_good() -> None:

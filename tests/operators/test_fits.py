@@ -27,7 +27,7 @@ def field_at(points: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
 def test_they_are_the_derivatives_of_the_stencils(degree: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fits, "TOGETHER", 300)
+    monkeypatch.setattr(fits, "BATCH_SIZE", 300)
     points = build_cloud(rectangle((0.0, 1.0), (0.0, 1.0)), FINE, 0).points
     assert len(points) > 600
     tree, settings = cKDTree(points), MlsSettings(degree)

@@ -20,9 +20,9 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
+from mlsanm_cli.operators.linear.dissection import LEAF_SIZE, nested_dissection
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
-from mlsanm_cli.operators.refinement import PRECISE, Progress
+from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress
 from mlsanm_cli.operators.square import Square
 from mlsanm_cli.operators.square import factorise as square_of
 
@@ -71,7 +71,7 @@ def test_the_last_nodes_separate_the_others() -> None:
     pieces, label = sparse.csgraph.connected_components(graph[rest][:, rest])
     assert pieces == 2
     assert np.bincount(label).min() >= 12 * 14
-    assert len(points) > LEAF
+    assert len(points) > LEAF_SIZE
 
 
 def fill(matrix: sparse.csc_array, order: IntArray) -> int:
@@ -424,7 +424,7 @@ def test_functionals_are_those_of_the_solutions(apart: float, strong: bool) -> N
     ],
 )
 def test_refinement_ends_where_updates_bring_nothing_any_more(updates: tuple[float, ...], taken: int) -> None:
-    progress, steps = Progress.of(np.ones((1, 1)), PRECISE), 0
+    progress, steps = Progress.of(np.ones((1, 1)), FULL_TOLERANCE), 0
     for update in updates:
         progress, steps = progress.after(np.full((1, 1), update), np.ones((1, 1))), steps + 1
         if progress.finished:

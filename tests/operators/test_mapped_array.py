@@ -21,7 +21,7 @@ def resident() -> int:
 
 @pytest.fixture
 def all_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "LARGE", 0)
+    monkeypatch.setattr(scratch, "MAPPED_SIZE", 0)
 
 
 def filled(number: float) -> MappedArray:
@@ -68,6 +68,6 @@ def test_a_full_disk_and_one_that_cannot_be_written_are_done_without(monkeypatch
         patch.setattr(os, "posix_fallocate", full)
         assert (filled(4.0).values == 4.0).all()
     with monkeypatch.context() as patch:
-        patch.setattr(scratch, "DISK", "/proc")
+        patch.setattr(scratch, "DEFAULT_DIRECTORY", "/proc")
         patch.delenv("TMPDIR", raising=False)
         assert (filled(5.0).values == 5.0).all()

@@ -40,7 +40,7 @@ def test_more_entries_than_can_be_counted_are_refused(most: int, monkeypatch: py
     """Two rows on all of 20 nodes: 40 entries, and a block for each of 400 pairs."""
     matrix = sparse.csr_array(np.ones((2, 40)))
     whole = normal_equations(matrix)
-    monkeypatch.setattr(structure, "MOST", most)
+    monkeypatch.setattr(structure, "MAX_ENTRIES", most)
     if most < 400:
         with pytest.raises(NumericalError, match=f"have {40 if most < 40 else 400} entries"):
             normal_equations(matrix)
@@ -92,7 +92,7 @@ def test_more_entries_than_bordered_equations_can_count_are_refused(
     plain = sparse.csr_array(np.ones((2, 40)))
     rows, owner = sparse.csr_array(np.ones((3, 40))), np.zeros(3, dtype=np.int64)
     whole = bordered(plain, rows, owner, 2)
-    monkeypatch.setattr(structure, "MOST", most)
+    monkeypatch.setattr(structure, "MAX_ENTRIES", most)
     if most < len(whole.indices):
         with pytest.raises(NumericalError, match=f"have {len(whole.indices)} entries"):
             bordered(plain, rows, owner, 2)

@@ -15,7 +15,8 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 
 KINDS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
 # Twenty times what was measured; a Cholesky factorisation of the moments would leave 1e-8 at degree 6.

@@ -1,9 +1,9 @@
-"""Error estimates without a closed formula: of the displacements, and of every contact's pressure.
+"""A-posteriori error estimates of the displacements and of the pressure of every contact.
 
-The exact state at the end of the path is compared with three neighbours of it: the one whose bodies are
-corrected by their defect of the next degree, the one found from every second contact node, and the state
-reported, which the smooth law leaves a little away from the exact one. Their distances add as squares.
-Measured against over-refined runs and closed formulas, see the method's page; none of them is a bound.
+The exact state at the end of the path is compared with three others: with bodies corrected by their defect of
+the next degree, with every second contact node, and the reported state of a regularised law. The root of the
+sum of squares of the differences is the estimate, not a bound; docs/method.md compares it with refined runs
+and analytical solutions.
 """
 
 from __future__ import annotations
@@ -33,13 +33,11 @@ ROUND_OFF = 1e-9
 class Accuracy:
     """Estimated errors of ``state``, the exact one at the end of the path.
 
-    ``displacement`` is the root mean square over all nodes, relative. ``from_bulk`` and ``from_contact`` map
-    contacts to relative L2 norms of what the bodies' errors and the contact's own spacing do to the pressure.
-    None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees than those
-    that an estimate is known for. ``largest`` is the largest displacement, looked for where
-    the clouds may be refined or the errors are reported. ``solutions`` (2N, 1) are the bodies' own in that
-    state, none where they are not known. ``from_law`` is the part of ``displacement`` that a smooth law with
-    friction leaves.
+    ``displacement`` is the relative root mean square error over all nodes; ``from_bulk`` and ``from_contact``
+    are relative L2 errors of the pressures, by contact, due to the bodies and to the contact's own spacing;
+    None without an estimate. ``defects`` and ``solutions`` (2N, 1) are those of the bodies in that state,
+    empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
+    of ``displacement`` due to a regularised law with friction.
     """
 
     displacement: float | None
@@ -52,11 +50,11 @@ class Accuracy:
     from_law: float = 0.0
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
-        """As in summary.json, of ``state`` where its pressures may lie away from the exact ones.
+        """Estimates for summary.json; for a ``state``, its pressures are compared with the exact ones, too.
 
-        Nearly incompressible bodies have none: the defect of their mean pressure is that of their change of
-        volume times a modulus without bound, 5 times the error at a Poisson ratio of 0.45, 3000 at 0.4999.
-        It still shows where the clouds are coarse, and refinement goes by it.
+        There are none for nearly incompressible bodies: the defect of the mean stress is that of the volume
+        change times a bulk modulus without bound, 5 times the error at a Poisson's ratio of 0.45, 3000 times
+        at 0.4999. Refinement still uses it.
         """
         bodies = built.scene.bodies.values()
         if any(body.model.material.nearly_incompressible for body in bodies):
@@ -64,10 +62,10 @@ class Accuracy:
         pressure, exact = {}, self.state
         blind = len(built.condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
-            # A stop has ended the path before the state at which the other parts are estimated.
+            # The path ended before the state of the other estimates.
             try:
                 exact = solve_exact(built.condensed, state.factors)
-            except NumericalError:  # the exact laws have no state where the path has come to its end
+            except NumericalError:  # the exact laws have no solution at the end of the path
                 return {"displacement": self.displacement, "pressure": dict.fromkeys(self.from_bulk)}
         for pairing in built.condensed.pairings:
             away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
@@ -77,14 +75,14 @@ class Accuracy:
         return {"displacement": self.displacement, "pressure": pressure}
 
     def with_deflection(self, energies: EnergyVerdict | None) -> Accuracy:
-        """The same with what only the energies tell of the displacements' error."""
+        """Estimates that include the error of displacements known from energies."""
         if self.displacement is None or energies is None:
             return self
         return replace(self, displacement=float(np.hypot(self.displacement, energies.deflection)))
 
     @property
     def bulk_leads(self) -> bool:
-        """Whether the bodies' errors are what limits the result, in one contact at least if there is any."""
+        """Whether the errors of the bodies limit the accuracy, if there are contacts in one of them."""
         if self.displacement is None or self.displacement <= ROUND_OFF:
             return False
         pairs = [(self.from_bulk[name], self.from_contact[name]) for name in self.from_bulk]
@@ -96,7 +94,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
     unknown: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
-    # What friction has done on the way there would have to be followed again, and bonds solved for.
+    # Friction depends on the path, and bonds would have to be solved again.
     blind = len(condensed.friction_nodes) > 0 or len(condensed.bonds.pairings) > 0
     if blind and not built.case.adapt.passes:
         return Accuracy(None, unknown, unknown, state, None, {}, {})
@@ -115,7 +113,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         nodal = any(pairing.grid is None for pairing in condensed.pairings)
         halved = halved_pressure(condensed, state) if nodal else state.pressure
         error, pressure = _corrected(built, state, bodies)
-    except NumericalError:  # what was changed but a little has no contact state at all
+    except NumericalError:  # the corrected scene has no contact state
         return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
     from_contact = {
         pair.name: distance(built, pair, state, halved)
@@ -129,7 +127,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
 
 
 def _corrected_bodies(built: CondensedScene, state: ExactState) -> dict[str, Corrected]:
-    """All bodies in the exact state, with the corrections of their displacements."""
+    """Bodies in the exact state with the corrections of their displacements."""
     condensed, scene = built.condensed, built.scene
     unknowns = _unknowns(state)
     return {
@@ -139,7 +137,7 @@ def _corrected_bodies(built: CondensedScene, state: ExactState) -> dict[str, Cor
 
 
 def _unknowns(state: ExactState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Load factors, motions, pressures and tractions, as linear maps take them."""
+    """Load factors, motions, pressures and tractions as arguments of linear maps."""
     return state.factors, state.motion, state.pressure, state.traction
 
 
@@ -151,8 +149,8 @@ def _largest(displacements: list[FloatArray]) -> float:
 def _corrected(
     built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]
 ) -> tuple[float, FloatArray]:
-    """Sum of squares of what the corrections change of all displacements, contact and platens solved again,
-    and the pressures (m,) then."""
+    """Sum of squares of the change of all displacements by the corrections, with contacts and platens solved
+    again, and the corrected pressures (m,)."""
     condensed, scene = built.condensed, built.scene
     after = corrected_state(condensed, scene, state, bodies)
     motion = after.motion - state.motion
@@ -170,13 +168,13 @@ def _corrected(
 def distance(
     built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
 ) -> float | None:
-    """L2 distance of a contact's pressures from the exact ones, relative; None where nothing presses."""
+    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
     size = l2(arc, state.pressure[span])
     return l2(arc, (pressure - state.pressure)[span]) / size if size > 0.0 else None
 
 
 def _together(*parts: float | None) -> float | None:
-    """Parts of unlike origin, added as squares."""
+    """Root of the sum of squares of independent parts; None if one is unknown."""
     known = [part for part in parts if part is not None]
     return float(np.linalg.norm(known)) if len(known) == len(parts) else None

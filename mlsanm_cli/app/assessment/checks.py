@@ -1,4 +1,4 @@
-"""Whether a result is reliable: the checks that every run must pass to be called done."""
+"""Checks of the reliability of a result, which a run must pass to end with status done."""
 
 from __future__ import annotations
 
@@ -15,53 +15,56 @@ from mlsanm_cli.solve.stage_ends import reach_error
 from mlsanm_cli.solve.state import Polish, State
 
 BALANCE_LIMIT = 0.1
-"""Largest force imbalance of a body, relative to the forces on it, that passes.
+"""Largest accepted force imbalance of a body, relative to the forces on it.
 
-The reactions come from the stress inside the bodies, independent of how the forces were applied. On clamped
-beams the imbalance was as large as the error of the deflection.
+Reactions are computed from the stress, independently of the applied forces. On clamped beams the imbalance
+was as large as the error of the deflection.
 """
 BALANCE_WARNING = 0.03
 
 TRANSFER_LIMIT = 0.1
-"""Largest difference of what slave and master of a contact feel, relative to what presses, that passes.
+"""Largest accepted difference of the forces on slave and master of a contact, relative to its normal force.
 
-In random scenes of two bodies handed over without conservation up to 49 % were lost.
+In random scenes of two bodies with transfer that does not conserve forces it was up to 49 %.
 """
 TRANSFER_WARNING = 0.03
 
 ENERGY_LIMIT = 0.1
-"""Largest difference between a body's strain energy and the work on it, relative to the work, that passes.
+"""Largest accepted difference between twice the strain energy of a body and the work done on it, relative to
+the work.
 
-On clamped beams it was the error of the deflection within a percent, and for some no other check failed.
+On clamped beams it was the error of the deflection within a percent, and in some scenes no other check
+failed.
 """
 ENERGY_WARNING = 0.03
 
 SPACING_LIMIT = 4.0
-"""Largest ratio of facing spacings under pressure that passes; beyond, pressures are wrong but look right."""
+"""Largest accepted ratio of facing spacings in contact; beyond, pressures are wrong but look plausible."""
 
-CONE = 1e-8
-"""Tractions may pass their friction limits by this part of the peak pressure at the stages' ends."""
-CONE_SMOOTH = 1e-3
-"""Or by this part of a smooth law's eta, by which its pressures are off themselves."""
+CONE_TOLERANCE = 1e-8
+"""Largest excess of tractions over their friction limits at the ends of stages, relative to the peak
+pressure."""
+CONE_ETA_SHARE = 1e-3
+"""Or relative to eta, the error of pressures of the regularised law."""
 
 LINEAR_LIMIT = 1e-6
-"""Largest part of an elastic solution that may still change when its equations are solved again."""
+"""Largest relative change of an elastic solution by iterative refinement."""
 
 
 ESTIMATE_WARNING = 0.02
-"""Estimated errors of pressures, relative to their L2 norm, above this are warned of."""
+"""Estimated error of pressures, relative to their L2 norm, above which a run warns."""
 
 LARGE_ERROR = 0.1
-"""Estimated errors of displacements, and of pressures of any contact, above this are warned of."""
+"""Estimated error of displacements, and of pressures with friction or on nodes, above which a run warns."""
 
 POLISH_WARNING = 0.1
-"""Polishing that changes a pressure by more than this part of the peak is warned of: the smooth path between
-the saved levels is that far from the exact one."""
+"""Relative change of pressures by polishing above which a run warns: between saved levels the regularised
+path deviates as much from the exact one."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Lack of force balance per body, and ``force_balance``, the largest of them."""
+    """Relative force imbalance by body, and ``force_balance``, the largest of them."""
 
     force_balance: float
     bodies: Mapping[str, float]
@@ -69,10 +72,11 @@ class Verdict:
 
 @dataclass(frozen=True)
 class EnergyVerdict:
-    """Twice the strain energy over the work less 1, per body, ``energy_error``, the farthest from 0, how
-    far bodies are strained, what part of the work half of the spacing would add under single nodes, and what
-    there is across the thinnest part. ``deflection`` is what these errors are of all displacements (root mean
-    square), as far as nothing else sees them."""
+    """Relative difference of twice the strain energy and the work by body, and ``energy_error``, the one
+    largest in magnitude; also by body the strain, the relative increase of the work at single supported nodes
+    with half the spacing (``pointed``) and a description of parts with too few nodes across (``thin``).
+    ``deflection`` is the root mean square error of the displacements, relative, as far as only the energies
+    show it."""
 
     energy_error: float
     bodies: Mapping[str, float]
@@ -83,22 +87,22 @@ class EnergyVerdict:
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
-    """Sum of the forces on each body over the largest force on it, in one state."""
+    """Resultant of all forces on each body over the largest force on it, in a state."""
     unbalanced = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
     per_body = {}
     for number, name in enumerate(built.scene.bodies):
         largest = largest_force(built, name, state.unknowns)
         size = float(np.hypot(*unbalanced[number]))
         per_body[name] = 0.0 if largest == 0.0 else size / largest
-    # Unlike max of Python, that of numpy loses no nan.
+    # Unlike the built-in max, np.max propagates nan.
     return Verdict(float(np.max(list(per_body.values()))), per_body)
 
 
 def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArray]) -> float:
-    """The largest force on a body in a state f, q, p, t.
+    """Largest force on a body in a state f, q, p, t.
 
-    Of a contact all pressures count, also those that balance each other around a fit, and of a load all
-    tractions and body forces, also those that only twist.
+    The magnitudes of pressures, tractions and body forces are summed, so that press fits and couples, whose
+    resultants vanish, count.
     """
     condensed, (factors, _, pressure, _) = built.condensed, unknowns
     sizes = [
@@ -116,7 +120,7 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
 
 
 def _sums_of_sizes(built: CondensedScene, body: str, factors: FloatArray) -> Iterator[float]:
-    """What the sizes of each traction and body force on a body add up to, whatever their directions."""
+    """Sum of the magnitudes of each traction and body force on a body."""
     scene, own = built.scene, built.scene.bodies[body]
     sources = [
         (one.number, one.source(own)) for one in scene.surface_loads if one.body == body and not one.held
@@ -138,7 +142,7 @@ def check_state(built: CondensedScene, state: State) -> None:
         )
     if not state.is_finite:
         raise NumericalError(f"the state at position {state.position:.6g} is not finite")
-    _judge_cone(built, state)
+    _check_cone(built, state)
     touched = condensed.touched(*state.unknowns)
     for pairing in condensed.pairings:
         gaps = pairing.gap[touched[pairing.name]]
@@ -146,8 +150,8 @@ def check_state(built: CondensedScene, state: State) -> None:
             raise reach_error(pairing.name, float(gaps.max()))
 
 
-def _judge_cone(built: CondensedScene, state: State) -> None:
-    """NumericalError where tractions pass the friction limit; laws without memory do so by mu eta."""
+def _check_cone(built: CondensedScene, state: State) -> None:
+    """NumericalError if tractions exceed the friction limit; holonomic laws may, by mu eta."""
     condensed = built.condensed
     if not len(condensed.friction_nodes) or built.is_holonomic:
         return
@@ -156,7 +160,7 @@ def _judge_cone(built: CondensedScene, state: State) -> None:
     peak = max(float(end.pressure.max()) for end in built.ends)
     laws = [contact.regularization for contact in built.case.contact if contact.friction]
     smooth = min(law.eta if law.law == "hyperbolic" else 0.0 for law in laws)
-    if not beyond.max() <= max(CONE, CONE_SMOOTH * smooth) * peak:
+    if not beyond.max() <= max(CONE_TOLERANCE, CONE_ETA_SHARE * smooth) * peak:
         raise NumericalError(
             f"a traction is beyond the friction limit at position {state.position:.6g}",
             'lower solver.tolerance, or use contact.regularization.law = "exact"',
@@ -164,7 +168,7 @@ def _judge_cone(built: CondensedScene, state: State) -> None:
 
 
 def check_balance(verdict: Verdict) -> str:
-    """A warning where the forces balance poorly, "" where they do; NumericalError past the limit."""
+    """Warning of a force imbalance ("" if there is none). NumericalError above the limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(verdict.bodies[name], nan=np.inf))
     message = f"force imbalance on body {worst}: {100 * verdict.force_balance:.2g} % of the largest force"
     hint = f"make body.{worst}.spacing smaller where it is held and around its notches, or use mls.degree = 4"
@@ -174,7 +178,7 @@ def check_balance(verdict: Verdict) -> str:
 
 
 def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
-    """By what the forces that slave and master feel differ, per contact, over what presses there."""
+    """Difference of the forces on slave and master over the normal force, by contact."""
     found = {}
     for name, span in built.condensed.spans.items():
         pressed = float(built.condensed.weight[span] @ np.abs(state.pressure[span]))
@@ -184,7 +188,7 @@ def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def check_transfer(built: CondensedScene, state: State) -> list[str]:
-    """Warnings of contacts whose slave and master receive different forces; NumericalError past the limit."""
+    """Warnings of contacts with different forces on slave and master. NumericalError above the limit."""
     texts = []
     mismatches = force_mismatch(built, state)
     for pairing in built.condensed.pairings:
@@ -200,7 +204,7 @@ def check_transfer(built: CondensedScene, state: State) -> list[str]:
 
 
 def check_energy(verdict: EnergyVerdict) -> str:
-    """A warning where a body's strain energy is not the work on it, "" where it is; NumericalError past the
+    """Warning of a difference between strain energy and work ("" if there is none). NumericalError above the
     limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(abs(verdict.bodies[name]), nan=np.inf))
     error = verdict.bodies[worst]
@@ -214,8 +218,7 @@ def check_energy(verdict: EnergyVerdict) -> str:
 
 
 def check_points(verdict: EnergyVerdict) -> Iterator[str]:
-    """Warnings of bodies held at single nodes against so large a force that displacements depend on the
-    spacing."""
+    """Warnings of bodies held at single nodes whose displacements depend on the spacing."""
     for name, part in verdict.pointed.items():
         if part > ENERGY_WARNING:
             where = f"body.{name}.spacing"
@@ -227,7 +230,7 @@ def check_points(verdict: EnergyVerdict) -> Iterator[str]:
 
 
 def check_open(built: CondensedScene) -> str:
-    """A warning where no contact carries any pressure, "" elsewhere."""
+    """Warning if no contact carries pressure at the end of any stage ("" otherwise)."""
     if not built.case.touching or not built.stays_open:
         return ""
     return (
@@ -236,7 +239,7 @@ def check_open(built: CondensedScene) -> str:
 
 
 def check_polish(levels: Sequence[Polish]) -> str:
-    """A warning where the smooth law is far from the exact one, "" where it is not."""
+    """Warning if the regularised law is far from the exact one ("" otherwise)."""
     change = max((level.overall for level in levels), default=0.0)
     if change <= POLISH_WARNING:
         return ""
@@ -248,7 +251,7 @@ def check_polish(levels: Sequence[Polish]) -> str:
 
 
 LAW_WARNING = 0.03
-"""Displacements that a smooth law leaves larger than this part of all are warned of."""
+"""Part of the displacements caused by the regularised law above which a run warns."""
 
 
 def check_estimates(
@@ -257,8 +260,8 @@ def check_estimates(
     displacement: float | None,
     from_law: float = 0.0,
 ) -> list[str]:
-    """Warnings of displacements and pressures with large estimated errors; of frictionless contacts on
-    grids of their own whose bodies are too coarse for their pressures, smaller ones count."""
+    """Warnings of displacements and pressures with large estimated errors. The limit is lower for
+    frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
     texts = []
     if displacement is not None and from_law > LAW_WARNING:
         texts.append(
@@ -287,7 +290,7 @@ def check_estimates(
 
 
 def check_linear(residual: float) -> None:
-    """NumericalError where the elastic systems were not solved to enough digits."""
+    """NumericalError if the elastic systems were not solved accurately enough."""
     if not residual <= LINEAR_LIMIT:
         raise NumericalError(
             f"linear-solver error {residual:.2g} exceeds {LINEAR_LIMIT:g}",
@@ -296,7 +299,7 @@ def check_linear(residual: float) -> None:
 
 
 def check_spacing(built: CondensedScene, state: State) -> None:
-    """NumericalError where surfaces press on each other whose spacings differ too much."""
+    """NumericalError if the spacings of surfaces in contact differ too much."""
     clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
     for pairing in built.condensed.pairings:
         if pairing.grid is not None:

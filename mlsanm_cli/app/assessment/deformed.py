@@ -1,4 +1,4 @@
-"""Outlines of bodies as they are deformed, and how well their places are known."""
+"""Deformed outlines of bodies, and the errors of their positions."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 
-BEND = 0.02
-"""Chords of curves turn by this angle at most."""
-MOST_CHORDS = 64
-SECOND_ORDER = 0.6
-"""Overlaps count from so many times the square of a body's largest displacement over its size: the end of a
-cantilever comes nearer to its root by that."""
-ERROR = 0.01
-"""Parts of a body's displacements below this one are discretisation errors."""
-ROUND_OFF = 1e-6
-"""They count from this part of a body's size at least."""
-TOGETHER = 2**18
-"""Pairs of a point and an edge that are looked at together."""
+MAX_CHORD_TURN = 0.02
+"""Largest turning angle between chords of curves."""
+MAX_CHORDS = 64
+SECOND_ORDER_FACTOR = 0.6
+"""Overlaps below this multiple of the square of a body's largest displacement over its size are ignored: the
+end of a cantilever approaches its root by that."""
+DISPLACEMENT_ERROR = 0.01
+"""Displacements below this part of those of a body are discretisation errors."""
+MIN_OVERLAP = 1e-6
+"""Overlaps below this part of a body's size are ignored."""
+BLOCK_SIZE = 2**18
+"""Pairs of a point and an edge that are processed together."""
 
 
 @dataclass(frozen=True)
 class DeformedOutline:
-    """The deformed outline of a body: ``points`` (n, 2) with the displacements ``moved`` (n, 2), those before
-    ``drawn`` (n, 2), outward normals (n, 2), the numbers ``surface`` (n,) of their surfaces, and how well
-    places between the nodes are known, ``slack`` (n,). ``chords`` (c, 2) are the numbers of neighbours.
-    ``names`` are the surfaces', ``ends`` (s, 2) the numbers of their first and last points."""
+    """Deformed outline of a body: ``points`` (n, 2), their displacements ``moved`` (n, 2) and initial
+    positions ``drawn`` (n, 2), outward normals (n, 2), the numbers ``surface`` (n,) of their surfaces, and
+    the position errors ``slack`` (n,) between nodes. ``chords`` (c, 2) are pairs of adjacent points,
+    ``names`` (s) and ``ends`` (s, 2) the names and the first and last points of the surfaces."""
 
     points: FloatArray
     moved: FloatArray
@@ -42,23 +42,25 @@ class DeformedOutline:
 
     @property
     def edges(self) -> FloatArray:
-        """The chords' ends (c, 4)."""
+        """Ends (c, 4) of the chords."""
         return np.hstack([self.points[self.chords[:, 0]], self.points[self.chords[:, 1]]])
 
     @property
     def size(self) -> float:
-        """The longer side of the box around it before loading."""
+        """Longer side of the initial bounding box."""
         return float(np.ptp(self.drawn, axis=0).max())
 
     @property
     def tolerance(self) -> float:
-        """By how much places are wrong, as displacements are taken for small ones and have errors."""
+        """Error of the positions due to the small-displacement theory and the discretisation."""
         apart = float(np.hypot(*np.ptp(self.moved, axis=0)))
-        return SECOND_ORDER * apart**2 / self.size + ERROR * apart + ROUND_OFF * self.size
+        return (
+            SECOND_ORDER_FACTOR * apart**2 / self.size + DISPLACEMENT_ERROR * apart + MIN_OVERLAP * self.size
+        )
 
 
 def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
-    """The deformed outline of a body whose nodes have a ``displacement`` (n, 2)."""
+    """Deformed outline of a body with the nodal ``displacement`` (n, 2)."""
     drawn, moved, normal, surface, slack, chords, ends = ([] for _ in range(7))
     count = 0
     for number, one in enumerate(cloud.surfaces.values()):
@@ -66,7 +68,7 @@ def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
         if one.curve.closed:
             s, u, n = np.append(s, one.curve.length), np.vstack([u, u[:1]]), np.vstack([n, n[:1]])
         turn = np.arccos(np.clip((n[1:] * n[:-1]).sum(axis=1), -1.0, 1.0))
-        pieces = np.clip(np.ceil(turn / BEND), 1, MOST_CHORDS).astype(np.int64)
+        pieces = np.clip(np.ceil(turn / MAX_CHORD_TURN), 1, MAX_CHORDS).astype(np.int64)
         first = np.repeat(np.arange(len(pieces)), pieces)
         start = np.cumsum(pieces) - pieces
         share = (np.arange(pieces.sum()) - start[first]) / pieces[first]
@@ -96,7 +98,7 @@ def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
 
 
 def _between(s: FloatArray, u: FloatArray) -> FloatArray:
-    """By how much displacements ``u`` (b, 2) at arc lengths (b,) are off the straight line of neighbours."""
+    """Estimated error of linear interpolation of displacements ``u`` (b, 2) at arc lengths ``s`` (b,)."""
     off = np.zeros(len(s))
     if len(s) > 2:
         share = (s[1:-1] - s[:-2]) / (s[2:] - s[:-2])
@@ -106,11 +108,11 @@ def _between(s: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def distances(points: FloatArray, edges: FloatArray) -> tuple[FloatArray, IntArray]:
-    """How far (e,) ``points`` (e, 2) are from the nearest of ``edges`` (c, 4), and its number (e,)."""
+    """Distance (e,) of ``points`` (e, 2) from the nearest of ``edges`` (c, 4), and its number (e,)."""
     start, way = edges[:, :2], edges[:, 2:] - edges[:, :2]
     square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
     distance, nearest = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
-    step = max(1, TOGETHER // len(edges))
+    step = max(1, BLOCK_SIZE // len(edges))
     for first in range(0, len(points), step):
         away = points[first : first + step, None] - start
         share = np.clip((away * way).sum(axis=2) / square, 0.0, 1.0)

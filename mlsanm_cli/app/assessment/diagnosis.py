@@ -1,4 +1,4 @@
-"""Where a state is worst: what a failed run leaves for the person who has to find out why."""
+"""Nodes with the largest violations of the contact laws in the last state of a failed run."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import slave_points
 from mlsanm_cli.solve.state import State
 
-WORST = 10
+MAX_WORST_NODES = 10
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Of every contact node (m,) of one state: pressure, gap, traction over its limit (nan without friction),
-    and ``residual``, how far it is from the exact laws, relative to the peak pressure and the elastic gap."""
+    """Pressure, gap, traction over its limit (nan without friction) at every contact node (m,) of a state,
+    and ``residual`` (m,), the violation of the exact laws relative to the peak pressure and elastic gap."""
 
     pressure: FloatArray
     gap: FloatArray
@@ -27,13 +27,13 @@ class Diagnosis:
 
     @property
     def worst(self) -> list[int]:
-        """The nodes with the largest residuals, worst first; nan is worse than any number."""
+        """Nodes in decreasing order of their residuals, nan first."""
         order = np.argsort(-np.nan_to_num(self.residual, nan=np.inf), kind="stable")
-        return [int(node) for node in order[:WORST]]
+        return [int(node) for node in order[:MAX_WORST_NODES]]
 
 
 def diagnose(built: CondensedScene, state: State) -> Diagnosis:
-    """The contact nodes of one state."""
+    """Diagnosis of the contact nodes of a state."""
     c, pressure, gap = built.condensed, state.pressure, state.gap
     peak = _largest(pressure)
     elastic = _largest(c.gap.pressure @ pressure)
@@ -53,7 +53,7 @@ def diagnose(built: CondensedScene, state: State) -> Diagnosis:
 
 
 def worst_nodes(built: CondensedScene, found: Diagnosis) -> list[dict[str, Any]]:
-    """The worst nodes with contact, place and figures."""
+    """Contact, position and values of the worst nodes."""
     rows = []
     for node in found.worst:
         pairing = next(p for p in built.condensed.pairings if node < built.condensed.spans[p.name].stop)
@@ -65,7 +65,7 @@ def worst_nodes(built: CondensedScene, found: Diagnosis) -> list[dict[str, Any]]
 
 
 def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, FloatArray]]:
-    """Per body and figure an array (n,), nan off the slave surfaces; ``worst`` counts from 1, 0 elsewhere."""
+    """Nodal fields (n,) by body and name, nan off the slave surfaces; ``worst`` is the rank from 1, or 0."""
     names = ("residual", "pressure", "gap", "cone_ratio")
     rank = np.zeros(len(found.residual))
     rank[found.worst] = 1.0 + np.arange(len(found.worst))
@@ -77,7 +77,7 @@ def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, 
             if pairing.slave_body != body or pairing.grid is not None:
                 continue
             nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
-            # A node of several contacts shows the one that it is worse in.
+            # A node of several contacts shows the one with the larger residual.
             worse = ~(found.residual[span] <= fields[body]["residual"][nodes])
             for name in names:
                 fields[body][name][nodes[worse]] = getattr(found, name)[span][worse]

@@ -1,4 +1,4 @@
-"""Surfaces that overlap as drawn without a given interference, and so press on each other without a load."""
+"""Surfaces that overlap initially without a given interference, and so are in contact without a load."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
-PRESSING = 0.01
-"""Pressures before any load above this part of those at the end of the path are reported."""
+MIN_INITIAL_PRESSURE = 0.01
+"""Pressures before any load, relative to those at the end of the path, above which there is a warning."""
 ROUND_OFF = 1e-9
-"""Overlaps below this part of the coordinates are none: regularised laws press where surfaces just touch."""
+"""Overlaps below this part of the coordinates are zero: regularised laws have pressures at zero gap."""
 
 
 def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterator[str]:
-    """What to do about contacts that press in the ``first`` state of a path, where all loads are zero."""
+    """Warnings of contacts with pressures in the ``first`` state of a path, where all loads are zero."""
     given = {contact.name for contact in built.case.contact if contact.gap != 0.0}
     if first.position > 0.0:
         return
@@ -25,7 +25,7 @@ def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterat
         before, after = (float(state.pressure[span].max(initial=0.0)) for state in (first, last))
         gap, partner = pairing.gap[pairing.candidate], pairing.partner[pairing.candidate]
         overlaps = (gap < -ROUND_OFF * np.abs(partner).max(initial=0.0)).any()
-        if pairing.name in given or not before > PRESSING * after or not overlaps:
+        if pairing.name in given or not before > MIN_INITIAL_PRESSURE * after or not overlaps:
             continue
         deepest = int(np.argmin(gap))
         x, y = partner[deepest]

@@ -1,4 +1,4 @@
-"""Whether twice the strain energy of every body is the work of all that acts on it."""
+"""Comparison of twice the strain energy of every body with the work done on it."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
 
-SMALL = 1e-3
-"""A body with less than this part of all energy counts the less, the less it has."""
-UNSTRAINED = 1e-6
-"""Strains below this part of displacement over size are not judged: elastic systems pass that are solved to
-no more."""
-HEATED = 0.1
-"""Nor are energies below this part of what would block all expansion of a heated body: free expansion has
-none, and what a held end has away from its corners is little, and known poorly, where all else is right."""
-MISSED = 0.3
-"""Integrals miss so many times F^2/E' of the energy under a single node that exerts a force F, whatever the
-spacing: 0.11 to 0.16 on a disk of 85 to 1,163 nodes that stands on one. Held in the middle it is some too
-much on the coarsest of them."""
-SHIFTED = 2.0 * np.log(2.0) / np.pi
-"""Times F^2/E' the node sinks in further, in work, with half of the spacing, without end."""
-BENT = 5
-"""Nodes across parts that bend: with so many rings, cantilevers and portal frames are within 1.2 %, with 3 up
-to 20 % too stiff."""
-SMOOTH = 3
-"""Degree from which energies of clamped bodies tell their errors better than fits of the next degree do."""
-BENDING = 0.1
-"""Nor do they where contacts on grids of their own do more than this part of the work by themselves."""
-UNLOADED = 1e-3
-"""Nor are forces below this part of those before, in a scene that is unloaded again: smooth contact laws
-leave as much, on a few nodes, and contacts are solved to a tolerance relative to what was before."""
+MIN_ENERGY_SHARE = 1e-3
+"""Bodies with less than this part of the total energy have an accordingly smaller weight."""
+MIN_STRAIN = 1e-6
+"""Strains relative to displacement over size below which energies are not checked: elastic systems are solved
+to this accuracy."""
+MIN_THERMAL_SHARE = 0.1
+"""Energies below this part of that of fully restrained expansion are not checked: free expansion has none,
+and that of a fixed end away from its corners is small and inaccurate even if everything else is accurate."""
+NODE_FORCE_ENERGY = 0.3
+"""Energy under a single node that exerts a force F which the integrals miss, over F^2/E', whatever the
+spacing: 0.11 to 0.16 for a disk of 85 to 1,163 nodes that stands on one; for one held in the middle, slightly
+too large on the coarsest of them."""
+NODE_FORCE_SHIFT = 2.0 * np.log(2.0) / np.pi
+"""Increase of the work, over F^2/E', by the displacement of the node with half the spacing, without limit."""
+BENDING_NODES = 5
+"""Nodes across parts required for bending: with so many rings, cantilevers and portal frames are within 1.2
+%, with 3 up to 20 % too stiff."""
+MIN_ENERGY_DEGREE = 3
+"""Degree from which on energies estimate errors of clamped bodies better than fits of the next degree."""
+MIN_BENDING_SHARE = 0.1
+"""Not if contacts with contact grids do more than this part of the work by themselves."""
+MIN_FORCE_SHARE = 1e-3
+"""Forces below this part of earlier ones, in a scene that is unloaded, are not checked either: regularised
+laws leave as much, on a few nodes, and contacts are solved to a tolerance relative to earlier loads."""
 
 
 def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyVerdict:
-    """Compare the strain energy of every body with the work on it in one state, by its ``fields``."""
+    """Compare twice the strain energy of every body with the work done on it in a state with ``fields``."""
     energies, works, least, strains, pointed, thin, rests = {}, {}, {}, {}, {}, {}, {}
     near, squares = _near_work(built, state), _on_single_nodes(built, state)
     for name, body in built.scene.bodies.items():
@@ -56,66 +56,71 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         energies[name] += energy_at_tips(body.model, rest[0], rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
-        strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
+        strain = MIN_STRAIN * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
         degrees, free = built.scene.degrees(name, state.factors), material.expansion
         blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
-        least[name] = near[name] + cloud.areas.sum() * material.modulus * strain**2 + HEATED * blocked
-    # A body whose energy is no number must not hide which one it is.
+        least[name] = (
+            near[name] + cloud.areas.sum() * material.modulus * strain**2 + MIN_THERMAL_SHARE * blocked
+        )
+    # An energy that is nan must not affect other bodies.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
-    least_of_all = total * max(SMALL, _faded(built, state))
+    least_of_all = total * max(MIN_ENERGY_SHARE, _faded(built, state))
     errors = {}
     for name, work in works.items():
-        # Unlike max of Python, that of numpy loses no nan.
+        # Unlike the built-in max, np.max propagates nan.
         scale = float(np.max([abs(work), least_of_all, least[name]]))
-        errors[name] = _relative(energies[name] - work, MISSED * squares[name], scale)
+        errors[name] = _relative(energies[name] - work, NODE_FORCE_ENERGY * squares[name], scale)
         if abs(errors[name]) > ENERGY_WARNING:
-            # Two integrals of one energy: what only one of them misses is its own error.
+            # Of two quadratures of the same energy the better one counts.
             more = energy_between_nodes(built.scene.bodies[name].model, *rests[name])
-            other = _relative(energies[name] + more - work, MISSED * squares[name], scale)
+            other = _relative(energies[name] + more - work, NODE_FORCE_ENERGY * squares[name], scale)
             errors[name] = min(errors[name], other, key=abs)
-        pointed[name] = 0.0 if scale == 0.0 else SHIFTED * squares[name] / scale
-    # What contacts press in is not seen in the mean: only bodies that bend are their energies' errors off.
-    bent = {name: 0.0 if near[name] > BENDING * abs(work) else errors[name] for name, work in works.items()}
+        pointed[name] = 0.0 if scale == 0.0 else NODE_FORCE_SHIFT * squares[name] / scale
+    # Errors of local indentation do not affect mean displacements, those of bending do.
+    bent = {
+        name: 0.0 if near[name] > MIN_BENDING_SHARE * abs(work) else errors[name]
+        for name, work in works.items()
+    }
     worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
     return EnergyVerdict(errors[worst], errors, strains, pointed, thin, _deflection(built, bent, fields))
 
 
 def _relative(missing: float, unseen: float, scale: float) -> float:
-    """What is ``missing`` beyond what integrals do not see, over the ``scale``."""
+    """Difference beyond the part ``unseen`` by quadrature, relative to ``scale``."""
     return 0.0 if scale == 0.0 else float((missing - np.clip(missing, -unseen, unseen)) / scale)
 
 
 def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapping[str, Fields]) -> float:
-    """What the energy ``errors`` of bodies with clamped ends are of all displacements.
+    """Relative error of the displacements due to the energy ``errors`` of bodies with clamped ends.
 
-    Fits of the next degree see nothing of what singular ends take from smooth fits: of cantilevers and
-    portal frames at degree 4 they told down to a thirtieth of the error, which that of the energy was within
-    a third. Lower degrees they judge well, and integrals of energies poorly.
+    Fits of the next degree do not show the errors of smooth fits at singular ends: for cantilevers and portal
+    frames at degree 4 they gave down to a thirtieth of the error, the energies two thirds or more. At lower
+    degrees fits of the next degree are accurate, and quadratures of energies are not.
     """
     squares = {name: float((one.displacement**2).sum()) for name, one in fields.items()}
     lost = 0.0
     for name, body in built.scene.bodies.items():
-        if body.model.settings.degree >= SMOOTH and any(map(all, body.gripped.values())):
+        if body.model.settings.degree >= MIN_ENERGY_DEGREE and any(map(all, body.gripped.values())):
             lost += errors[name] ** 2 * squares[name]
     whole = sum(squares.values())
     return float(np.sqrt(lost / whole)) if whole > 0.0 else 0.0
 
 
 def thin_part(cloud: Cloud) -> str:
-    """Where a body that bends has too few nodes across, and how many it wants; "" where it has enough."""
+    """Place where a body has too few nodes across for bending, and the spacing it needs ("" if none)."""
     thinnest = cloud.thinnest
-    if thinnest.spacings > BENT - 1.5:
+    if thinnest.spacings > BENDING_NODES - 1.5:
         return ""
     x, y = cloud.points[thinnest.node]
-    size = thinnest.width / (BENT - 1)
+    size = thinnest.width / (BENDING_NODES - 1)
     return (
         f"near ({x:.6g}, {y:.6g}), where it has {round(thinnest.spacings) + 1} nodes across: parts in "
-        f"bending need {BENT} or more, a spacing of {size:.3g}"
+        f"bending need {BENDING_NODES} or more, a spacing of {size:.3g}"
     )
 
 
 def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
-    """F^2/E' of what the single nodes that hold a body exert on it, shared evenly among them."""
+    """F^2/E' of the reactions at the single nodes that hold a body, which share them equally."""
     sums = built.condensed.sums
     if sums is None:
         return dict.fromkeys(built.scene.bodies, 0.0)
@@ -130,8 +135,8 @@ def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
-    """What contacts on grids of their own work on every body, as far as its softness has a part in them: with
-    little of it in the rest, that rest need not be known well."""
+    """Work of contacts with contact grids on every body, divided by the contact compliances: where most of
+    the work is done by the near field, the rest need not be accurate."""
     condensed = built.condensed
     gap = condensed.gap.pressure @ state.pressure + condensed.gap.traction @ state.traction
     slip = condensed.slip.pressure @ state.pressure + condensed.slip.traction @ state.traction
@@ -155,11 +160,11 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def _faded(built: CondensedScene, state: State) -> float:
-    """How many times a state's energy goes into one that counts, besides those at the ends of the stages."""
+    """Energy scale of a state after unloading, from the largest forces at the ends of stages."""
     now = max(largest_force(built, name, state.unknowns) for name in built.scene.bodies)
     before = [
         largest_force(built, name, (end.factors, end.motion, end.pressure, end.traction))
         for name in built.scene.bodies
         for end in built.ends
     ]
-    return (UNLOADED * max(before, default=0.0) / now) ** 2 if now > 0.0 else 0.0
+    return (MIN_FORCE_SHARE * max(before, default=0.0) / now) ** 2 if now > 0.0 else 0.0

@@ -24,10 +24,9 @@ from mlsanm_cli.solve.state import State
 
 
 def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo = NO_CACHE) -> Accuracy:
-    """The estimates of a scene with friction in its last ``state``; those of others as they are.
+    """Estimates of a scene with friction in its last ``state``; those of other scenes are unchanged.
 
-    As without friction, from bodies corrected by their defect and from every second node, but with what
-    sticks and slips as it does in that state: no history is followed again.
+    As without friction, but with the stick and slip status of that state: the path is not followed again.
     """
     condensed = built.condensed
     if not len(condensed.friction_nodes) or condensed.bonds.pairings or not state.closed.any():
@@ -50,7 +49,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
             for name, body in built.scene.bodies.items()
         }
         change = _change(built, last, bodies)
-    except NumericalError:  # a cloud too small for the next degree, or contact that holds nothing
+    except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     error = _moved(built, bodies, change)
@@ -77,17 +76,17 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
 
 
 def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactSolution:
-    """How the contact answers to the bodies' corrections."""
+    """Response of the contact to the corrections of the bodies."""
     condensed = built.condensed
     by = changes_of(condensed, built.scene, bodies)
-    # The residual gaps of a smooth law are no error of the bodies.
+    # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
     return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
 
 
 def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: ContactSolution) -> float:
-    """Sum of squares of what the corrections and the contact's answer change of all displacements."""
+    """Sum of squares of the change of all displacements by the corrections and the contact's response."""
     condensed, scene, error = built.condensed, built.scene, 0.0
     moved = (np.zeros(len(built.stages[-1])), change.motion, change.pressure, change.traction)
     for name, body in scene.bodies.items():
@@ -99,9 +98,9 @@ def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: Conta
 
 
 def _smoothed(built: CondensedScene, state: State) -> float:
-    """Sum of squares of what the exact laws would change of all displacements, in one increment from the
-    ``state`` at its load: bodies that bend float above each other by the smooth law's gap where little
-    presses them. 0 where there is no such state."""
+    """Sum of squares of the change of all displacements by the exact laws, in one increment from the
+    ``state`` at its load; 0 if there is no solution. Lightly pressed bodies float on the gap of the
+    regularised law."""
     condensed = built.condensed
     stuck = state.status[condensed.friction_nodes] == STICK
     slides = state.closed[condensed.friction_nodes] & ~stuck
@@ -123,8 +122,8 @@ def _smoothed(built: CondensedScene, state: State) -> float:
 
 
 def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
-    """Pressures (m,) from every second node, with the tractions of the state as loads; None where such
-    contacts are balanced by tractions alone."""
+    """Pressures (m,) from every second node with the tractions of the state as loads; None if there is no
+    contact with nodal pressures, or no solution."""
     condensed = built.condensed
     if all(pair.grid is not None for pair in condensed.pairings):
         return None
@@ -144,6 +143,6 @@ def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
 
 
 def _with_tractions(linear: LinearMap, traction: FloatArray) -> LinearMap:
-    """A map with the tractions as part of its constant."""
+    """The map with the tractions included in its constant."""
     constant = linear.constant + linear.traction @ traction
     return replace(linear, constant=constant, traction=linear.traction[:, :0])

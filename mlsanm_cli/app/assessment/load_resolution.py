@@ -1,4 +1,4 @@
-"""Whether the nodes of a case resolve its loads."""
+"""Warnings of loads that the nodes of a case do not resolve."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction
 from mlsanm_cli.cloud.cloud import Cloud
 
-COARSE = 0.08
-"""What interpolation between nodes may miss of a load, as a part of its largest value. Stresses of a hot spot
-were 20 % off where it missed 12 %, and 1 % where it missed 5 %, as it may with automatic spacings."""
+MAX_INTERPOLATION_ERROR = 0.08
+"""Largest error of linear interpolation of a load between nodes, relative to its largest value. Stresses of a
+hot spot were 20 % off with an error of 12 %, and 1 % with 5 %, as automatic spacings may leave."""
 
-SHORTER = 0.01
-"""What the length of a loaded part may be off by."""
+LENGTH_TOLERANCE = 0.01
+"""Largest relative deviation of the length of a loaded part."""
 
 
 def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """What loads do between nodes that they do not do at them."""
+    """Warnings of loads that vary between nodes, or act on parts of other lengths than given."""
     yield from _part_warnings(case, clouds)
     for load in case.load:
         if isinstance(load, Temperature | BodyForce):
@@ -34,7 +34,7 @@ def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
             amounts = [0.0 if one is None else one for one in given]
             cloud = clouds[load.owner]
             indices = [cloud.surfaces[name].index for name in surfaces_at(case, load.place)]
-            # Of surfaces that end where tractions jump only what is inside is known.
+            # Only inside of surfaces: tractions may be discontinuous at their ends.
             spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
         else:
             continue
@@ -44,14 +44,14 @@ def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
 
 
 def _part_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Parts of boundaries that are shorter or longer than asked for, as nodes came with the body."""
+    """Warnings of loaded parts shorter or longer than given, because they end at nodes of a file."""
     for load in case.load:
         if not isinstance(load, Pressure | Traction) or load.ends is None:
             continue
         surfaces = clouds[load.owner].surfaces
         found = sum(surfaces[name].curve.length for name in surfaces_at(case, load.place))
         wanted = range_of(run_of(case, load.place, f"load.{load.name}"), load.place)[1]
-        if abs(found - wanted) > SHORTER * wanted:
+        if abs(found - wanted) > LENGTH_TOLERANCE * wanted:
             yield (
                 f"load.{load.name} acts on a length of {found:.4g} instead of {wanted:.4g}, as parts of body "
                 f"{load.owner} end at nodes; put nodes of the file at from and to, or use an expression"
@@ -59,18 +59,18 @@ def _part_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
 
 
 def _warning(name: str, body: str, varying: list[str], cloud: Cloud, spans: IntArray) -> Iterator[str]:
-    """A warning where means over the ``spans`` (s, 2 or 3) of nodes are not values in their middles."""
+    """A warning if means over the ``spans`` (s, 2 or 3) of nodes differ from the values at their centres."""
     middles: FloatArray = cloud.points[spans].mean(axis=1)
     nodes, place = np.unique(spans, return_inverse=True)
     try:
         at_nodes, between = amounts_at(varying, cloud.points[nodes]), amounts_at(varying, middles)
     except ExpressionError:
-        # Reported where loads are evaluated at the nodes.
+        # Reported when loads are evaluated at the nodes.
         return
     scale = float(np.abs(between).max(initial=0.0))
     missed = np.abs(at_nodes[place.reshape(spans.shape)].mean(axis=1) - between).max(axis=1)
     worst = int(missed.argmax())
-    if missed[worst] > COARSE * scale:
+    if missed[worst] > MAX_INTERPOLATION_ERROR * scale:
         x, y = middles[worst]
         yield (
             f"load.{name} varies faster than the nodes of body {body} resolve near ({x:.4g}, {y:.4g}): "

@@ -1,9 +1,8 @@
-"""Boundaries that lie inside another body or a rigid obstacle though no contact keeps them out.
+"""Overlaps of deformed boundaries with bodies and rigid obstacles that no contact prevents.
 
-Bodies are looked at as they are deformed, along their exact curves. Surfaces of one contact are left to its
-law. Displacements are small but not nothing: what a body turns by or is strained, times how far it moves, is
-the error of the place of a boundary, and no overlap below that means anything; nor does one next to a corner
-of a surface in contact, which slides along the other surface a little.
+Boundaries are checked along their exact curves; surfaces of the same contact are left to its law. The
+position of a boundary has a second-order error, its rotation or strain times its displacement, and smaller
+overlaps are ignored, as are those next to a corner of a surface in contact, which slides along the other one.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.deformed import ROUND_OFF, DeformedOutline, distances, outline_of
+from mlsanm_cli.app.assessment.deformed import MIN_OVERLAP, DeformedOutline, distances, outline_of
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -25,17 +24,17 @@ from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
-SHARP = 0.1
-"""Surfaces that meet under a larger angle (radian) do so in a corner."""
-FLAT = 0.05
-"""A boundary that turns inwards by less between two chords (radian) does not meet itself."""
-ASIDE = 4.0
-"""Within so many times what surfaces move along each other, corners in contact may fold over."""
+CORNER_ANGLE = 0.1
+"""Angle (radian) above which surfaces meet in a corner."""
+MAX_INWARD_TURN = 0.05
+"""Inward turning angle (radian) between chords below which a boundary cannot touch itself."""
+SLIDE_FACTOR = 4.0
+"""Overlaps at corners in contact are ignored within this multiple of the sliding distance."""
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """A boundary that lies inside another body, or an obstacle, by ``depth``, deepest at ``place``."""
+    """A boundary inside another body or an obstacle, with the largest ``depth`` and its ``place``."""
 
     depth: float
     place: tuple[float, float]
@@ -44,7 +43,7 @@ class Overlap:
 
     @property
     def owners(self) -> set[str]:
-        """Both bodies, or the body and the obstacle."""
+        """The two bodies, or the body and the obstacle."""
         other = self.other if self.other.startswith("the ") else self.other.partition(".")[0]
         return {self.boundary.partition(".")[0], other}
 
@@ -52,7 +51,7 @@ class Overlap:
 def check_overlaps(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
 ) -> None:
-    """NumericalError where a boundary lies inside another body or an obstacle in a state with the
+    """NumericalError if a boundary lies inside another body or an obstacle in a state with the
     ``displacements`` (n, 2) of all bodies at the points of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
     pairings, given = built.condensed.reported, _given_gaps(built)
@@ -74,7 +73,7 @@ def check_overlaps(
 
 
 def _given_gaps(built: CondensedScene) -> dict[str, float]:
-    """How far from where they are drawn the surfaces of every body may lie, by the gaps that a case gives."""
+    """Largest given gap or interference of the surfaces of every body."""
     found = dict.fromkeys(built.scene.bodies, 0.0)
     profiles = {contact.name: profile_of(contact) for contact in built.case.contact}
     for pairing in built.condensed.pairings:
@@ -89,7 +88,7 @@ def _given_gaps(built: CondensedScene) -> dict[str, float]:
 def within_themselves(
     clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
 ) -> dict[str, tuple[float, float]]:
-    """Bodies of whose boundary parts lie inside the body itself, as slits that close too far, and where."""
+    """Places where boundaries lie inside their own body, by body, as where slits close."""
     found = {}
     for name, values in displacements.items():
         own = outline_of(clouds[name], values)
@@ -97,12 +96,12 @@ def within_themselves(
             continue
         step = (own.tolerance + own.slack)[:, None] * own.normal
         inside = np.flatnonzero(inside_polygon(own.edges, own.points + step))
-        # Next to a corner that points inwards the way out leads through the other side.
+        # Next to a re-entrant corner the outward step crosses the other side.
         corners = own.points[own.ends.ravel()]
         apart = np.hypot(*(own.points[inside][:, None] - corners).transpose(2, 0, 1)).min(
             axis=1, initial=np.inf
         )
-        inside = inside[apart > ASIDE * np.hypot(*step[inside].T)]
+        inside = inside[apart > SLIDE_FACTOR * np.hypot(*step[inside].T)]
         if not len(inside):
             continue
         before = np.hstack([own.drawn[own.chords[:, 0]], own.drawn[own.chords[:, 1]]])
@@ -115,18 +114,18 @@ def within_themselves(
 
 
 def _is_convex(outline: DeformedOutline) -> bool:
-    """Whether no boundary of a body can come to lie inside it."""
+    """Whether the outline is convex, so that it cannot overlap itself."""
     way = np.diff(outline.points[outline.chords], axis=1)[:, 0]
     corner = np.roll(way, -1, axis=0)
     turns = way[:, 0] * corner[:, 1] - way[:, 1] * corner[:, 0]
     long = np.hypot(*way.T)
-    return bool((turns >= -FLAT * long * np.roll(long, -1)).all())
+    return bool((turns >= -MAX_INWARD_TURN * long * np.roll(long, -1)).all())
 
 
 def _of_bodies(
     one: str, other: str, outlines: Mapping[str, DeformedOutline], pairings: Sequence[Pairing], given: float
 ) -> Iterator[Overlap]:
-    """Where boundaries of ``one`` body lie inside the ``other`` outside their contacts, by more than a
+    """Overlaps of boundaries of ``one`` body with the ``other`` outside their contacts, deeper than a
     ``given`` gap."""
     own, there = outlines[one], outlines[other]
     low, high = there.points.min(axis=0), there.points.max(axis=0)
@@ -159,9 +158,9 @@ def _of_bodies(
 def _with_obstacles(
     built: CondensedScene, state: State, outlines: Mapping[str, DeformedOutline], given: Mapping[str, float]
 ) -> Iterator[Overlap]:
-    """Where boundaries lie inside the rigid obstacles of contacts, by more than the gaps ``given``.
+    """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``.
 
-    Bodies that have no such contact may be drawn inside: then the obstacle is not meant for them.
+    A body without a contact with an obstacle that lies inside it initially is not checked against it.
     """
     shifts = _obstacle_shifts(built, state)
     pairings = {pairing.name: pairing for pairing in built.condensed.reported}
@@ -176,7 +175,7 @@ def _with_obstacles(
             depth = -(away * normal).sum(axis=1)
             adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
             deep = (depth > given[body] + own.tolerance + own.slack) & (
-                adjacent <= ROUND_OFF * own.size + 1e-3 * depth
+                adjacent <= MIN_OVERLAP * own.size + 1e-3 * depth
             )
             deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
             if not deep.any():
@@ -188,9 +187,9 @@ def _with_obstacles(
                 deep &= ~_at_corners(own.points, along, own, mine)
             else:
                 closest, outward = shape.closest(own.drawn, own.normal)
-                if (((own.drawn - closest) * outward).sum(axis=1) < -ROUND_OFF * own.size).any():
+                if (((own.drawn - closest) * outward).sum(axis=1) < -MIN_OVERLAP * own.size).any():
                     continue
-            # At a corner of the body it is the side that faces the obstacle.
+            # At a corner of the body report the side that faces the obstacle.
             at = np.flatnonzero(deep)
             at = at[np.argsort((own.normal[at] * normal[at]).sum(axis=1), kind="stable")]
             yield from _deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
@@ -206,8 +205,8 @@ def _other_contacts(
     depth: FloatArray,
     shifts: Mapping[str, FloatArray],
 ) -> BoolArray:
-    """Which points (n,) of a body lie on surfaces that meet the same obstacle, whose closest points are
-    ``partner`` (n, 2), in another contact: one plane may be the obstacle of several."""
+    """Mask (n,) of points on surfaces that have another contact with the same obstacle, whose closest points
+    are ``partner`` (n, 2): several contacts may have the same plane."""
     found = np.zeros(len(depth), dtype=bool)
     for other in built.case.contact:
         pairing = pairings[other.name]
@@ -221,7 +220,7 @@ def _other_contacts(
 
 
 def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArray]:
-    """Displacements (2,) of the obstacles that move."""
+    """Displacements (2,) of the obstacles that move, by contact."""
     shifts, unknown = {}, 0
     for constraint in built.scene.rigid_constraints:
         shift = np.zeros(2)
@@ -239,7 +238,7 @@ def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArra
 
 
 def _members(pairing: Pairing, body: str, outline: DeformedOutline) -> BoolArray:
-    """Which surfaces (s,) of one of its bodies a contact has."""
+    """Mask (s,) of the surfaces of a body that belong to a contact."""
     surfaces = [pairing.slave] if body == pairing.slave_body else []
     if body == pairing.master_body and pairing.master is not None:
         surfaces.append(pairing.master)
@@ -250,8 +249,8 @@ def _members(pairing: Pairing, body: str, outline: DeformedOutline) -> BoolArray
 def _at_corners(
     points: FloatArray, along: FloatArray, outline: DeformedOutline, chosen: BoolArray
 ) -> BoolArray:
-    """Which ``points`` (e, 2) are as near to corners at the ends of the ``chosen`` surfaces (s,) of a body as
-    bodies move ``along`` (e,) each other there."""
+    """Mask (e,) of ``points`` (e, 2) within the sliding distance ``along`` (e,) of corners at the ends of the
+    ``chosen`` surfaces (s,)."""
     found = np.zeros(len(points), dtype=bool)
     for number in np.flatnonzero(chosen):
         for end in outline.ends[number]:
@@ -262,15 +261,15 @@ def _at_corners(
                 for place in outline.ends[other]
                 if (outline.drawn[place] == outline.drawn[end]).all() and other != number
             ]
-            if any(float(normal @ outline.normal[end]) < np.cos(SHARP) for normal in here):
-                found |= np.hypot(*(points - outline.points[end]).T) <= ASIDE * along
+            if any(float(normal @ outline.normal[end]) < np.cos(CORNER_ANGLE) for normal in here):
+                found |= np.hypot(*(points - outline.points[end]).T) <= SLIDE_FACTOR * along
     return found
 
 
 def _deepest(
     own: DeformedOutline, at: IntArray, depth: FloatArray, body: str, others: Sequence[str]
 ) -> Iterator[Overlap]:
-    """The deepest of the points with the numbers ``at`` (e,), of each pair of boundaries."""
+    """The deepest of the points ``at`` (e,) for each pair of boundaries."""
     boundaries = [f"{body}.{_label(own.names[number])}" for number in own.surface[at]]
     pairs_found = set()
     for worst in np.argsort(-depth, kind="stable"):
@@ -282,12 +281,12 @@ def _deepest(
 
 
 def _label(name: str) -> str:
-    """What a case calls the boundary of a surface."""
+    """Name of the boundary of a surface in the case."""
     return name.partition("/")[0]
 
 
 def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> str:
-    """The keys to change: contacts of the two bodies that take the boundaries in, or a new contact."""
+    """Hint: existing contacts of the two bodies to extend, or a new contact."""
     changes, meant = [], False
     for contact in built.case.contact:
         pair = [side.body for side in contact.sides]
@@ -302,20 +301,18 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
     for contact in built.case.contact:
         names, both = {worst.boundary, worst.other}, {*contact.boundaries, _obstacle(contact.name)}
         if contact.ends is not None and names & set(contact.sides[0].boundaries) and names <= both:
-            return (
-                f"contact.{contact.name}.from and to leave it out: take them away, or put them farther apart"
-            )
+            return f"contact.{contact.name}.from and to exclude it: remove them, or move them farther apart"
     if meant:
-        return f"take it into the contact, as in {' and '.join(changes)}, or draw it further apart"
+        return f"add it to the contact, as in {' and '.join(changes)}, or draw it farther apart"
     whom = "that obstacle" if worst.other.startswith("the ") else f'master = "{worst.other}"'
     return (
         f'give it a [[contact]] of its own with slave = "{worst.boundary}" and {whom}, '
-        f"or draw it further apart"
+        f"or draw it farther apart"
     )
 
 
 def _outside(overlap: Overlap, boundaries: Sequence[str], built: CondensedScene) -> list[str]:
-    """Which of an overlap's boundaries continue where some ``boundaries`` of a contact end."""
+    """Boundaries of an overlap that continue ``boundaries`` of a contact."""
     return [
         name
         for name in (overlap.boundary, overlap.other)

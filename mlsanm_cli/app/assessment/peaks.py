@@ -1,16 +1,15 @@
-"""How far the largest stress on every body's free boundary can be believed.
+"""Error estimate of the largest stress on the free boundary of every body.
 
-Least squares meets the traction at a boundary node as one condition among others, so what sigma n misses of
-it is an error of the stress there that is known without another solution. On ten plates, bars and rings with
-holes, notches and fillets of 12 to 90 nodes a turn, degrees 2 and 4, three clouds each, it was a third to
-three times the error of the peak wherever that was above 3 %. Corrections by fits of the next degree showed a
-fifth of it on coarse notches, where their own stress is as poor. Strains along a fibre are off by as much as
-those across, and stresses by many times as much as tractions.
+Least squares satisfies traction conditions at boundary nodes approximately, so that the difference between
+sigma n and the prescribed traction is an error of the stress there, known without another solution. On ten
+plates, bars and rings with holes, notches and fillets of 12 to 90 nodes per turn, degrees 2 and 4, three
+clouds each, it was a third to three times the error of the peak if that was above 3 %. Corrections by fits of
+the next degree gave a fifth of it on coarse notches, where their own stress is as poor.
+Strains along a fibre are off by as much as those across it, and stresses by many times as much as tractions.
 
-Left out are places where the stress has no bound or is judged otherwise: those that contacts press on, ends
-of held and bonded surfaces, single nodes, sharp inward corners, and loads larger than the stress, which is a
-difference there. What grows towards those has no peak
-elsewhere: nodes count that have the largest stress among the boundary nodes around them.
+Omitted are places with unbounded stress or another check: surfaces in contact, ends of held and bonded
+surfaces, single nodes, re-entrant corners, and nodes with tractions larger than the stress. Only local maxima
+along the boundary count, so that stresses that grow towards these places are no peaks.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import inward_corners, thickness
+from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -33,26 +32,26 @@ from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
 from mlsanm_cli.startup import cKDTree
 
-AROUND = 3.2
-"""Nodes within so many spacings are around a node."""
-SINGULAR = 0.25
-"""Part of a body's thickness within which stresses that have no bound hide others."""
-RELEVANT = 0.2
-"""Peaks below this part of the largest stress in the body, contacts included, are left out."""
-UPRIGHT = 0.2
-"""Normals with a product below this are those of a plane of symmetry and of a face at a right angle to it."""
-STRAIGHT = 0.999
-"""Normals with a product above this are those of one side."""
+NEIGHBORHOOD = 3.2
+"""Nodes within so many spacings are in the neighbourhood of a node."""
+SINGULAR_DISTANCE = 0.25
+"""Distance from singular stresses, relative to a body's thickness, within which peaks are not evaluated."""
+MIN_PEAK_SHARE = 0.2
+"""Peaks below this part of the largest stress in the body, contacts included, are omitted."""
+RIGHT_ANGLE_COSINE = 0.2
+"""Product of normals below which a face is at a right angle to a plane of symmetry."""
+STRAIGHT_COSINE = 0.999
+"""Product of normals above which two surfaces continue each other."""
 ROUND_OFF = 1e-12
-"""Of places, and of stresses against what displacements would cause if they were strains."""
+"""Round-off of positions, and of stresses relative to those that the displacements would cause as strains."""
 PEAK_WARNING = 0.03
-"""Estimated errors of peak stresses above this are warned of."""
+"""Estimated error of peak stresses above which a run warns."""
 
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest von Mises ``stress`` on the free boundary of a body, its ``place``, and the estimated
-    relative ``error``."""
+    """Largest von Mises ``stress`` on the free boundary of a body, its ``place`` and its estimated relative
+    ``error``."""
 
     stress: float
     place: tuple[float, float]
@@ -60,7 +59,7 @@ class Peak:
 
 
 def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> dict[str, Peak]:
-    """The peaks of all bodies that have one on their free boundaries, from the ``fields`` of a state."""
+    """Peaks on the free boundaries of all bodies that have one, from the ``fields`` of a state."""
     found = {}
     bodies = built.scene.bodies
     largest = max(_strained(body, fields[name].displacement) for name, body in bodies.items())
@@ -68,7 +67,7 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
         factors, *others = state.unknowns
         source = built.condensed.source(name, *state.unknowns).toarray()[:, 0]
         lack = traction_error(body, fields[name].rest, source) * along_over_across(body)
-        # What closed-form fields leave on other sides is no load.
+        # The remainder of near fields of contacts on other sides is no load.
         alone = built.condensed.source(name, factors, *map(np.zeros_like, others)).toarray()[:, 0]
         applied = np.zeros(len(lack))
         for surface, traction in _given(body, fields[name].displacement, alone).items():
@@ -82,16 +81,16 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
 
 
 def _strained(body: ElasticBody, displacement: FloatArray) -> float:
-    """The stress that a body's ``displacement`` (n, 2) would cause over its own size."""
+    """Stress scale of a ``displacement`` (n, 2) over the size of the body."""
     points = body.model.cloud.points
     return float(body.model.material.modulus * np.abs(displacement).max() / np.ptp(points, axis=0).max())
 
 
 def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> FloatArray:
-    """What the stress of a ``displacement`` (N, 2) misses of the tractions of a right-hand side ``source``
-    (r,), as sizes (n,); 0 inside the body and in held directions.
+    """Magnitudes (n,) of the traction error of a ``displacement`` (N, 2) for a right-hand side ``source``
+    (r,); 0 inside the body and in held directions.
 
-    Where a load ends on a side that continues, no stress meets the tractions of both parts: half of their
+    Where a load ends on a side that continues no stress satisfies the tractions of both parts: half of their
     difference is no error.
     """
     cloud = body.model.cloud
@@ -103,19 +102,20 @@ def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArr
     for name, one in cloud.surfaces.items():
         for after, other in cloud.surfaces.items():
             joined = not one.curve.closed and one.index[-1] == other.index[0]
-            if joined and one.normal[-1] @ other.normal[0] > STRAIGHT:
+            if joined and one.normal[-1] @ other.normal[0] > STRAIGHT_COSINE:
                 jump = 0.5 * np.hypot(*(given[name][-1] - given[after][0]))
                 missing[other.index[0]] = max(missing[other.index[0]] - jump, 0.0)
     return missing
 
 
 def _free(body: ElasticBody, surface: str) -> BoolArray:
-    """The directions (2,) in which a surface is free."""
+    """Mask (2,) of the directions in which a surface is free."""
     return ~np.array(body.held.get(surface, FREE))
 
 
 def _given(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> dict[str, FloatArray]:
-    """Tractions (b, 2) by a right-hand side ``source`` (r,) and springs on all surfaces; 0 where held."""
+    """Prescribed tractions (b, 2) of a right-hand side ``source`` (r,) and springs on all surfaces; 0 where
+    held."""
     found = {}
     for name, surface in body.model.cloud.surfaces.items():
         rows = [body.condition_rows(name, axis) for axis in (0, 1)]
@@ -145,16 +145,18 @@ def _peak(
     unbounded: FloatArray,
     touching: FloatArray,
 ) -> Peak | None:
-    """The peak of the von Mises ``stress`` (n,) with the traction error ``lack`` (n,), away from ``loaded``
-    nodes (n,), from places (s, 2) where it is ``unbounded`` and from those (t, 2) that are ``touching``
-    others; None without any."""
+    """Peak of the von Mises ``stress`` (n,) with the traction error ``lack`` (n,), away from ``loaded`` nodes
+    (n,), from singular places ``unbounded`` (s, 2) and from places in contact ``touching`` (t, 2); None if
+    there is none."""
     bounded = np.ones(len(stress), dtype=bool)
-    bounded[_near(cloud, unbounded, SINGULAR * thickness(cloud))] = False
+    bounded[_near(cloud, unbounded, SINGULAR_DISTANCE * thickness(cloud))] = False
     free = bounded & ~loaded
     free[_near(cloud, touching, 0.0)] = False
     nodes = cloud.boundary_nodes
-    around = cKDTree(cloud.points[nodes]).query_ball_point(cloud.points[nodes], AROUND * cloud.spacing[nodes])
-    least = RELEVANT * float(stress[bounded].max(initial=0.0))
+    around = cKDTree(cloud.points[nodes]).query_ball_point(
+        cloud.points[nodes], NEIGHBORHOOD * cloud.spacing[nodes]
+    )
+    least = MIN_PEAK_SHARE * float(stress[bounded].max(initial=0.0))
     tops = {}
     for node, place in zip(nodes.tolist(), around, strict=True):
         if free[node] and stress[node] > least and stress[node] >= stress[nodes[place]].max():
@@ -169,16 +171,15 @@ def _peak(
 
 
 def _near(cloud: Cloud, places: FloatArray, radius: float) -> IntArray:
-    """The nodes within a ``radius`` of the ``places`` (s, 2), and AROUND spacings at least."""
+    """Nodes within a ``radius`` of the ``places`` (s, 2), but at least ``NEIGHBORHOOD`` spacings."""
     if not len(places):
         return np.zeros(0, dtype=np.int64)
-    reach = np.maximum(radius, AROUND * cloud.spacing[cloud.tree.query(places)[1]])
+    reach = np.maximum(radius, NEIGHBORHOOD * cloud.spacing[cloud.tree.query(places)[1]])
     return np.unique(np.concatenate(cloud.tree.query_ball_point(places, reach))).astype(np.int64)
 
 
 def _left_out(built: CondensedScene, state: State, name: str) -> tuple[FloatArray, FloatArray]:
-    """Where the stress of a body has no bound (s, 2), and where it is clamped, or others press on it or are
-    bonded to it (t, 2)."""
+    """Places of a body with unbounded stress (s, 2), and those clamped, in contact or bonded (t, 2)."""
     body = built.scene.bodies[name]
     cloud = body.model.cloud
     single = [node for node, _ in single_nodes(built.case, name, cloud)]
@@ -198,16 +199,18 @@ def _left_out(built: CondensedScene, state: State, name: str) -> tuple[FloatArra
 
 
 def _singular(body: ElasticBody) -> Iterator[int]:
-    """Corner nodes where the stress has no bound: sharp inward ones, and those where a held surface ends, but
-    for planes of symmetry."""
+    """Corner nodes with unbounded stress: re-entrant ones, and ends of held surfaces other than planes of
+    symmetry."""
     surfaces = body.model.cloud.surfaces
-    yield from inward_corners(body.model.cloud).tolist()
+    yield from reentrant_corners(body.model.cloud).tolist()
     for name, one in surfaces.items():
         for after, other in surfaces.items():
             if one.curve.closed or one.index[-1] != other.index[0]:
                 continue
             held = [sum(body.gripped.get(surface, FREE)) for surface in (name, after)]
-            if held[0] != held[1] and (max(held) == 2 or one.normal[-1] @ other.normal[0] > UPRIGHT):
+            if held[0] != held[1] and (
+                max(held) == 2 or one.normal[-1] @ other.normal[0] > RIGHT_ANGLE_COSINE
+            ):
                 yield int(other.index[0])
 
 
@@ -218,9 +221,9 @@ def check_peaks(case: Case, peaks: Mapping[str, Peak]) -> Iterator[str]:
         if peak is None or not peak.error > PEAK_WARNING:
             continue
         x, y = peak.place
-        finer = f"make nodes finer there with body.{body.name}.refine"
+        finer = f"use finer nodes there (body.{body.name}.refine)"
         if body.has_nodes:
-            finer = f"make the nodes in body.{body.name}.shape.file finer there"
+            finer = f"use finer nodes there in body.{body.name}.shape.file"
         yield (
             f"body {body.name}: the peak stress on its boundary, {peak.stress:.4g} (von Mises) near "
             f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; {finer}"

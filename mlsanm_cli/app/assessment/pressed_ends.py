@@ -1,4 +1,4 @@
-"""Contacts that are pressed up to an end of their surfaces where a body continues without a corner."""
+"""Contacts with pressure at an end of their surfaces where the boundary continues without a corner."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
-NEAR = 0.75
-"""Nodes within so many spacings of an end are there."""
-PRESSED = 0.2
-"""Ends with more than this part of the mean pressure are pressed."""
+END_DISTANCE = 0.75
+"""Distance from an end, in spacings, within which nodes belong to it."""
+MIN_PRESSURE_SHARE = 0.2
+"""Part of the mean pressure above which an end is pressed."""
 
 
 def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
-    """Boundaries to add to contacts: a node at such an end carries pressures that belong beyond it."""
+    """Warnings with the boundaries to add to contacts: the end node carries the pressure of the rest."""
     contacts = {contact.name: contact for contact in built.case.contact}
     for pairing in built.condensed.pairings:
         contact = contacts[pairing.name]
@@ -43,22 +43,22 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
                     continue
                 if _is_bonded(built, body, end, cloud.spacing[node]):
                     continue
-                near = np.hypot(*(places - end).T) <= NEAR * cloud.spacing[node]
-                if (closed & near & (pressure > PRESSED * mean)).any():
+                near = np.hypot(*(places - end).T) <= END_DISTANCE * cloud.spacing[node]
+                if (closed & near & (pressure > MIN_PRESSURE_SHARE * mean)).any():
                     listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
                     yield (
                         f"contact {pairing.name} is pressed up to the end of {side.label} near "
-                        f"({end[0]:.6g}, {end[1]:.6g}), where {body}.{beyond} continues without a corner, "
-                        f"so that the end carries what belongs beyond it: add it to the contact, as in "
+                        f"({end[0]:.6g}, {end[1]:.6g}), where {body}.{beyond} continues without a corner "
+                        f"and should carry a part of the pressure: add it to the contact, as in "
                         f"contact.{pairing.name}.{'slave' if slave else 'master'} = [{listed}]"
                     )
 
 
 def _is_bonded(built: CondensedScene, body: str, end: FloatArray, spacing: float) -> bool:
-    """Whether a bond begins at the ``end`` (2,) of a surface of a body, as at the tip of a crack."""
+    """Whether a bond begins at the ``end`` (2,) of a surface of a body, as at a crack tip."""
     for pairing in built.condensed.bonds.pairings:
         for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
-            if owner == body and (np.hypot(*(places - end).T) <= NEAR * spacing).any():
+            if owner == body and (np.hypot(*(places - end).T) <= END_DISTANCE * spacing).any():
                 return True
     return False
 
@@ -69,4 +69,4 @@ def _ends_with(contact: Contact, end: FloatArray, spacing: float) -> bool:
     if not isinstance(shape, Chain):
         return False
     corners = shape.points[~shape.smooth]
-    return bool((np.hypot(*(corners - end).T) <= NEAR * spacing).any())
+    return bool((np.hypot(*(corners - end).T) <= END_DISTANCE * spacing).any())

@@ -1,4 +1,4 @@
-"""Judgement of the node clouds: what makes a result worse, and the key to change."""
+"""Quality of the node clouds, and warnings with the keys to change."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import inward_corners
+from mlsanm_cli.mechanics.corners import reentrant_corners
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
 
 Warn = Callable[[str], None]
 
-CLOSEST = 0.5
+MIN_SEPARATION = 0.5
 """Nodes closer than this part of the local spacing make stencils ill-conditioned."""
-HOLE = 1.6
-"""An empty circle with a radius of more spacings leaves stencils lopsided; sound clouds stay near 1.1."""
-GROWTH = 0.3
+MAX_FILL_DISTANCE = 1.6
+"""An empty circle with a radius of more spacings makes stencils one-sided; good clouds have about 1.1."""
+MAX_GROWTH = 0.3
 """A spacing that grows faster than this per unit length mixes coarse and fine nodes in one stencil."""
-GROWTH_BROUGHT = 0.6
-"""Distances in meshes scatter: sound ones of triangles and quads had figures up to 0.5, without harm."""
-RATIO = 2.0
-"""Facing spacings that differ by more can cost the contact compliance its stability."""
-STIFFER = 3.0
-"""A slave stiffer than its master by more leaves its oscillations of pressure without resistance."""
-BENT = 0.25
-"""Bonded surfaces that turn by more (radian) from node to node are warned of, as nothing else estimates their
+MAX_FILE_GROWTH = 0.6
+"""Distances in meshes scatter: good meshes of triangles and quads have values up to 0.5."""
+MAX_SPACING_RATIO = 2.0
+"""Facing spacings that differ by more may reduce the stability of the contact compliance."""
+MAX_STIFFNESS_RATIO = 3.0
+"""A slave stiffer than its master by more does not resist oscillations of the pressure."""
+MAX_BOND_TURN = 0.25
+"""Turn (radian) of bonded surfaces from node to node above which a run warns, as nothing else estimates their
 error: a stiff fibre bore 2 % too little with even nodes that far apart, and 5 to 20 % in growing spacings."""
-ROUGHEST = 4.0
-"""Coefficients of friction above this are taken for a percentage: rubber has up to 4."""
+MAX_FRICTION = 4.0
+"""Coefficient of friction above which it is probably a percentage: rubber has up to 4."""
 ROUND_OFF = 1e-6
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Figures per body, ratio of facing spacings per contact, and warnings where they are poor.
+    """Quality measures by body, ratio of facing spacings by contact, and warnings.
 
-    ``degree`` is that of a body's local polynomials; ``enlarged`` counts the stencils of a body that took
-    more nodes than asked for, ``worst_ratio`` is the smallest ratio of QR diagonals among its stencils.
+    ``degree`` is that of the local polynomials of a body, ``enlarged`` the number of its stencils with more
+    nodes than required, ``worst_ratio`` the smallest ratio of QR diagonals of its stencils.
     """
 
     bodies: Mapping[str, CloudQuality]
@@ -63,7 +63,7 @@ class Quality:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The figures as plain values."""
+        """Quality measures as plain values."""
         return {
             "bodies": {
                 name: asdict(cloud)
@@ -79,7 +79,7 @@ class Quality:
 
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, warn: Warn) -> Quality:
-    """The quality of a scene's clouds; prints the notes on it, and warns of what is poor about it."""
+    """Assess a scene, print its notes and emit its warnings."""
     with context.phase("cloud"):
         quality = assess(case, prepared, context.memo)
     for note in prepared.notes:
@@ -90,7 +90,7 @@ def announce(case: Case, prepared: SceneModel, context: RunContext, warn: Warn) 
 
 
 def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
-    """Measure the clouds of all bodies and the spacings that face each other in every contact."""
+    """Measure the clouds of all bodies and the facing spacings of every contact."""
     brought = {body.name for body in case.body if body.has_nodes}
     bodies = {
         name: memo.value("quality", model.cloud.content, partial(measure, model.cloud))
@@ -125,10 +125,12 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
 
 
 def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing]) -> list[str]:
-    """What is poor about contacts whose pressures act on the nodes of their slaves."""
+    """Warnings of contacts with nodal pressures."""
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     nodal = [(pairing, spacing_ratio(pairing, clouds)) for pairing in pairings if not pairing.bonded]
-    warnings = [ratio_message(one, ratio) for one, ratio in nodal if ratio > RATIO * (1.0 + ROUND_OFF)]
+    warnings = [
+        ratio_message(one, ratio) for one, ratio in nodal if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF)
+    ]
     return warnings + [text for one, _ in nodal for text in _stiffness_warnings(prepared, one)]
 
 
@@ -138,7 +140,7 @@ def _bond_warnings(pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[st
         assert surface is not None, "nothing is bonded to an obstacle"
         bend = np.abs(surface.curve.curvature(surface.arc_length))
         turn = float((bend * clouds[body].spacing[surface.index]).max())
-        if turn > BENT:
+        if turn > MAX_BOND_TURN:
             yield (
                 f"contact {pairing.name}: the bonded surface of body {body} turns by {np.degrees(turn):.2g} "
                 f"degrees from node to node, too far for its stresses; make body.{body}.spacing smaller there"
@@ -146,7 +148,7 @@ def _bond_warnings(pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[st
 
 
 def ratio_message(pairing: Pairing, ratio: float) -> str:
-    """What to do about unequal facing spacings."""
+    """Warning of unequal facing spacings."""
     return (
         f"contact {pairing.name}: spacings that face each other differ by a factor of {ratio:.3g}; "
         f"bring the spacings of {' and '.join(pairing.names)} closer together "
@@ -156,15 +158,15 @@ def ratio_message(pairing: Pairing, ratio: float) -> str:
 
 def _stiffness_warnings(prepared: SceneModel, pairing: Pairing) -> Iterator[str]:
     ratio = stiffness_ratio(pairing, prepared.models)
-    if ratio > STIFFER:
+    if ratio > MAX_STIFFNESS_RATIO:
         yield (
             f"contact {pairing.name}: the slave is {ratio:.3g} times stiffer than the master; "
-            f"swap them, the softer body gives the better pressures as slave"
+            f"swap them: pressures are more accurate with the softer body as slave"
         )
 
 
 def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
-    corners = inward_corners(model.cloud)
+    corners = reentrant_corners(model.cloud)
     if len(corners):
         x, y = model.cloud.points[corners[0]]
         more = f" and {len(corners) - 1} more" if len(corners) > 1 else ""
@@ -179,42 +181,41 @@ def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool, graded: bool)
     grade = f"body.{name}.refine growth"
     lower = f"lower {grade}, or " if graded else ""
     found = []
-    if cloud.closest < CLOSEST:
+    if cloud.closest < MIN_SEPARATION:
         message = f"two nodes are only {cloud.closest:.2g} of the local spacing apart"
         found.append((message, f"{lower}try another body.{name}.seed"))
-    if cloud.hole > HOLE:
+    if cloud.hole > MAX_FILL_DISTANCE:
         message = f"the largest gap between nodes has a radius of {cloud.hole:.3g} spacings"
         found.append((message, f"{lower}make body.{name}.spacing smaller"))
-    if cloud.growth > (GROWTH_BROUGHT if brought else GROWTH) * (1.0 + ROUND_OFF):
+    if cloud.growth > (MAX_FILE_GROWTH if brought else MAX_GROWTH) * (1.0 + ROUND_OFF):
         message = f"the spacing grows by {cloud.growth:.3g} per unit length"
-        found.append((message, f"lower {grade} to {GROWTH:g} or less"))
+        found.append((message, f"lower {grade} to {MAX_GROWTH:g} or less"))
     for message, hint in found:
         remedy = f"make the nodes in body.{name}.shape.file more even" if brought else hint
         yield f"body {name}: {message}; {remedy}"
 
 
 def factor_notes(scene: Scene) -> Iterator[str]:
-    """How bodies were factorised otherwise than meant, of those whose factors were needed: it takes longer,
-    and the residuals are judged as always."""
+    """Notes on bodies whose factorisation had to use a slower method; residuals are checked as usual."""
     for name, body in scene.bodies.items():
         if body.equations.note:
             yield f"body {name}: {body.equations.note}"
 
 
 def case_warnings(case: Case) -> Iterator[str]:
-    """What the contact laws of a case cannot do with its loads, and what its materials leave open."""
+    """Warnings of contact laws that do not suit the loads, and of undetermined stresses."""
     for name, material in case.material.items():
         if case.model.plane == "strain" and material.form == "stiffness":
             yield (
                 f"material {name}: a plane stiffness does not determine the out-of-plane stress, so that von "
-                f"Mises stresses are nan; give E1, E2, G12, nu12 and those of the third axis for them"
+                f"Mises stresses are nan; give E1, E2, G12, nu12 and the constants of the third axis"
             )
-    turning = [load.name for load in case.load if _turns(case, load.name)]
+    turning = [load.name for load in case.load if _reverses(case, load.name)]
     for contact in case.touching:
-        if isinstance(contact.friction, float) and contact.friction > ROUGHEST:
+        if isinstance(contact.friction, float) and contact.friction > MAX_FRICTION:
             yield (
-                f"contact {contact.name}: friction = {contact.friction:g} is more than any surfaces have; in "
-                f"per cent it is {contact.friction / 100.0:g}"
+                f"contact {contact.name}: friction = {contact.friction:g} is above all known coefficients; "
+                f"if it is a percentage, use {contact.friction / 100.0:g}"
             )
         if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
             yield (
@@ -223,7 +224,7 @@ def case_warnings(case: Case) -> Iterator[str]:
             )
 
 
-def _turns(case: Case, load: str) -> bool:
+def _reverses(case: Case, load: str) -> bool:
     """Whether a load's factor both grows and falls along the stages."""
     factors = [0.0]
     for stage in case.stage:

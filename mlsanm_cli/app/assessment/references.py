@@ -1,4 +1,4 @@
-"""The closed formula a case names, with its parameters taken from the case and the run."""
+"""Analytical reference solution named by a case."""
 
 from __future__ import annotations
 
@@ -25,11 +25,10 @@ SAMPLES = 4001
 
 @dataclass(frozen=True)
 class ReferenceProfile:
-    """A known pressure along a contact.
+    """Analytical pressure along a contact.
 
-    ``coordinate`` (m,) of the nodes along the surface, from the middle of the contact; ``curve`` the pressure
-    there as a function of that coordinate; ``error_l2`` the L2 norm of the difference to the nodal pressures,
-    joined linearly, over the reference's norm.
+    ``coordinate`` (m,) of the nodes along the surface from the middle of the contact; ``curve``, the pressure
+    as a function of it; ``error_l2``, the relative L2 error of the linearly interpolated nodal pressures.
     """
 
     label: str
@@ -41,14 +40,14 @@ class ReferenceProfile:
 
 
 def check_reference(loaded: LoadedCase) -> None:
-    """Raise CaseError when the named solution does not fit the scene."""
+    """CaseError if the named solution does not fit the scene."""
     case = loaded.case
     if case.reference is None:
         return
     solution = case.reference.solution
     problems = [] if case.contact else ["needs a [[contact]]"]
     for contact in case.contact:
-        # Curves, boundaries of several pieces and those in files have none.
+        # Radii are known for single arcs and segments only.
         unknown = [b for b in contact.boundaries if not isinstance(_curve(case, b), Arc | Segment)]
         if unknown:
             problems.append(f"needs radii, and the case gives none for {unknown[0]}")
@@ -65,7 +64,7 @@ def check_reference(loaded: LoadedCase) -> None:
 
 
 def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> ReferenceProfile | None:
-    """The reference pressure of a contact in one state; None where none is named or nothing is pressed."""
+    """Reference pressure of a contact in a state; None without a reference or a contact force."""
     case = built.case
     force = float(np.hypot(*built.condensed.contact_forces[pairing.name](*state.unknowns)))
     if case.reference is None or force == 0.0:
@@ -84,7 +83,7 @@ def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> 
 def profile_on(
     case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray, force: float
 ) -> ReferenceProfile:
-    """The reference for nodes ``points`` (m, 2), ``normal`` (m, 2) of the master and ``pressure`` (m,)."""
+    """Reference for nodes ``points`` (m, 2) with master normals ``normal`` (m, 2) and ``pressure`` (m,)."""
     middle, axis = _middle(case, contact, points, normal, pressure)
     coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
     if coordinate[-1] < coordinate[0]:
@@ -109,8 +108,8 @@ def profile_on(
 def _middle(
     case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces, else
-    along the resultant of the pressures."""
+    """Middle of the contact and the normal there: along the line of centres of curved surfaces, or else the
+    resultant of the pressures."""
     centers = [
         np.array(_center(case, boundary)) for boundary in contact.boundaries if _curvature(case, boundary)
     ]
@@ -127,7 +126,7 @@ def _middle(
 
 
 def _curve(case: Case, boundary: str) -> Curve | None:
-    """The curve of a boundary of one piece, None of others and of shapes in files."""
+    """Curve of a boundary of one piece; None for others and for shapes in files."""
     body, edge = split_boundary(boundary)
     shape = next(b.shape for b in case.body if b.name == body)
     if isinstance(shape, Mesh | Points):

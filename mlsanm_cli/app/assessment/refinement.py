@@ -1,13 +1,12 @@
-"""``[adapt] passes``: solve, refine where contact begins and ends and where fits are poor, solve again.
+"""``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
-What limits a pressure profile is the position of the contact's edges, known to half a spacing, and then the
-spacing under the contact. Every pass asks for ``ACROSS`` spacings over the half-width of each patch found and
-refines around its edges, within twice the distance in which an edge is known to lie, up to ``AT_EDGE``
-spacings per half-width. Once these are known well enough, the edges of zones that stick get ``AT_STICK``.
-Zones of an earlier pass give way to those of the next, which knows better. Both bodies get the same zones, so
-that their spacings stay matched. Where the error estimate says that the bodies themselves limit the result,
-and in every scene without contact, the bulk is refined by its residual, and these zones stay. Nothing of it
-comes from the case.
+The accuracy of a pressure profile is limited by the position of the contact edges, known to half a spacing,
+then by the spacing under the contact. Every pass requires ``Rule.across`` spacings over the half-width of
+each patch, and refines around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per
+half-width. Once edges are known well enough, the edges of stick zones get ``STICK_REFINEMENT``. Zones of a
+pass replace those of the pass before. Both bodies get the same zones, so that their spacings stay matched. If
+the error estimate shows that the bodies limit the accuracy, and in every scene without contact, the bulk is
+refined by its residual, and these zones are kept.
 """
 
 from __future__ import annotations
@@ -36,8 +35,8 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 @dataclass(frozen=True)
 class Rule:
-    """What a patch of contact asks for: ``across`` spacings over its half-width within ``reach`` half-widths
-    of its middle, ``at_edge`` at its edges, and spacings that grow by ``growth`` per unit length outside."""
+    """Required spacings of a contact patch: ``across`` spacings per half-width within ``reach`` half-widths
+    of its middle, ``at_edge`` at its edges, growing by ``growth`` per unit length outside."""
 
     across: float
     reach: float
@@ -45,26 +44,26 @@ class Rule:
     growth: float
 
 
-ROUGH = Rule(20.0, 1.0, 256.0, 0.12)
+LOW_DEGREE_RULE = Rule(20.0, 1.0, 256.0, 0.12)
 """Degrees 1 to 3."""
-SMOOTH = Rule(10.0, 0.5, 256.0, 0.14)
-"""Degrees 4 to 6. Over six seeds of three scenes a quarter of the nodes less than by the other rule, and
-errors of 0.10 to 0.18 % instead of 0.10 to 0.19 %. With spacings that grow by 0.16 some were not stable."""
-AT_STICK = 64.0
-KNOWN = 0.05
-"""Edges of contact are known well enough for stick zones when they are this near, in half-widths."""
-FINER = 8.0
-"""An edge zone is at most so many times finer than what the edge was found with."""
-STICK_ZONE = 0.1
-"""A stick zone is wider than this part of its contact."""
-TOLERANCE = 2e-4
-"""Passes end when nothing that :class:`Pass` compares changed by more, relatively."""
+HIGH_DEGREE_RULE = Rule(10.0, 0.5, 256.0, 0.14)
+"""Degrees 4 to 6. For six seeds of three scenes a quarter fewer nodes than by the other rule, and errors of
+0.10 to 0.18 % instead of 0.10 to 0.19 %. With a growth of 0.16 some were not stable."""
+STICK_REFINEMENT = 64.0
+EDGE_TOLERANCE = 0.05
+"""Accuracy of contact edges, in half-widths, required for the refinement of stick zones."""
+MAX_EDGE_REFINEMENT = 8.0
+"""Largest refinement of an edge zone relative to the spacing with which the edge was found."""
+MIN_STICK_ZONE = 0.1
+"""Least width of a stick zone, relative to its contact."""
+CHANGE_TOLERANCE = 2e-4
+"""Passes end when no figure of :class:`Pass` changed by more, relatively."""
 
 
 @dataclass(frozen=True)
 class Pass:
-    """Figures after one pass; ``change`` is the largest relative change of peak pressure and half-width, or
-    of the largest displacement where nothing is pressed."""
+    """Results of a pass; ``change`` is the largest relative change of peak pressure and half-width, or of the
+    largest displacement if there is no contact pressure."""
 
     nodes: int
     peak_pressure: float
@@ -76,8 +75,8 @@ class Pass:
 
 @dataclass(frozen=True)
 class Refinement:
-    """What refined clouds follow from: ``zones`` (z, 5) with centre, spacing, radius and growth, the history
-    that led to them, and how a further pass ``failed``, if one did."""
+    """``zones`` (z, 5) of refined clouds (centre, spacing, radius, growth), the results of the passes, and
+    the message of a pass that ``failed``, if one did."""
 
     zones: FloatArray
     passes: tuple[Pass, ...]
@@ -86,7 +85,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class Adapted:
-    """The last good pass's scene, and the history of all."""
+    """Scene of the last successful pass, and the results of all."""
 
     prepared: SceneModel
     built: CondensedScene
@@ -95,36 +94,36 @@ class Adapted:
 
     @property
     def passes(self) -> tuple[Pass, ...]:
-        """One entry for every scene solved."""
+        """Results of every solved scene."""
         return self.refinement.passes
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What users should know of the refinement, usually nothing."""
+        """Warning of a failed pass, if there was one."""
         return (self.refinement.failed,) if self.refinement.failed else ()
 
     @property
     def refined(self) -> bool:
-        """Whether the clouds are other than the case's own."""
+        """Whether the clouds differ from those of the case."""
         return len(self.passes) > 1
 
     @property
     def figures(self) -> list[dict[str, Any]]:
-        """The history as plain values."""
+        """Results of the passes as plain values."""
         return [asdict(one) for one in self.passes]
 
 
 def refine_again(case: Case, found: Refinement, context: RunContext) -> Adapted:
-    """The scene that an earlier process refined."""
+    """Rebuild the scene that an earlier process refined."""
     zones = tuple(Zone.around((x, y), *more) for x, y, *more in found.zones.tolist())
     prepared = place(case, context, zones)
     return Adapted(prepared, *_solved(case, prepared, context), found)
 
 
 def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
-    """Complete the scene, and refine it as often as the case asks or until nothing changes any more.
+    """Solve the scene and refine it for the requested number of passes or until convergence.
 
-    Where a refined scene cannot be solved, as its contact is not stable, the one before it stands.
+    If a refined scene cannot be solved, the one before it is kept.
     """
     built, accuracy = _solved(case, prepared, context)
     history = [_figures(built, accuracy, None)]
@@ -135,7 +134,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
     for number in range(1, case.adapt.passes + 1):
         patches = tuple(found_patches(built, rule))
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
-        # Nodes in the bulk are wasted as long as it is the contact's own zones that are too coarse.
+        # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads:
             more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
@@ -157,13 +156,13 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
             f"half-width {now.half_width:.6g}, largest displacement {now.largest_displacement:.6g}, "
             f"change {now.change:.2g}"
         )
-        if now.change is not None and now.change <= TOLERANCE:
+        if now.change is not None and now.change <= CHANGE_TOLERANCE:
             break
     return Adapted(prepared, built, accuracy, Refinement(_table(placed), tuple(history), failed))
 
 
 def _table(zones: tuple[Zone, ...]) -> FloatArray:
-    """Round zones, which are all that passes ask for, as rows (z, 5)."""
+    """Round zones, the only kind that passes create, as rows (z, 5)."""
     rows = []
     for zone in zones:
         assert isinstance(zone.curve, Segment)
@@ -185,31 +184,31 @@ def _solved(
 
 
 def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
-    """Patches with an edge in the exact states at the ends of all stages, with friction also stick zones.
+    """Patches with an edge in the exact states at the ends of all stages, and stick zones.
 
-    A surface that is closed from end to end has no edge, and nothing to refine.
+    A surface closed from end to end has no edge to refine.
     """
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
             closed = [patch for patch in contact_patches(pairing, state.active[span]) if len(patch.edges)]
             yield from closed
-            if any((patch.uncertainty > KNOWN * patch.half_width).any() for patch in closed):
+            if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
                 continue
-            # Stray nodes that stick or slip among others are no zone.
-            least = STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
+            # Single sticking nodes among sliding ones are no zone.
+            least = MIN_STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
             for patch in contact_patches(pairing, state.stuck[span]):
                 if patch.half_width > least and len(patch.edges):
-                    yield replace(patch, finest=rule.at_edge / AT_STICK)
+                    yield replace(patch, finest=rule.at_edge / STICK_REFINEMENT)
 
 
 def rule_for(degree: int) -> Rule:
-    """The rule that suits local polynomials of a degree."""
-    return ROUGH if degree < 4 else SMOOTH
+    """Rule for local polynomials of a degree."""
+    return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE
 
 
 def _is_coarse(patch: Patch, rule: Rule) -> bool:
-    """Whether another pass would refine around the patch by more than spacings vary anyway."""
+    """Whether another pass would refine around the patch by more than the scatter of spacings."""
     edges = patch.uncertainty > 1.5 * patch.finest * patch.half_width / rule.at_edge
     return bool(edges.any()) or patch.spacing > 1.2 * patch.half_width / rule.across
 
@@ -220,14 +219,14 @@ def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
     reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max())
     yield Zone.around(middle, patch.half_width / rule.across, reach, rule.growth)
     for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
-        finest = max(patch.finest * patch.half_width / rule.at_edge, float(unsure) / FINER)
-        # The zone must reach the other surface too, which closed a gap there.
+        finest = max(patch.finest * patch.half_width / rule.at_edge, float(unsure) / MAX_EDGE_REFINEMENT)
+        # The zone must also reach the other surface across the initial gap.
         radius = max(2.0 * float(unsure), 1.5 * float(apart))
         yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, rule.growth)
 
 
 def _figures(built: CondensedScene, accuracy: Accuracy, before: Pass | None) -> Pass:
-    """Largest peak pressure and half-width over the contacts and stages."""
+    """Results of a pass, with the largest peak pressure and half-width of all contacts and stages."""
     peak = width = 0.0
     for state in built.ends:
         peak = max(peak, float(state.pressure.max(initial=0.0)))

@@ -1,11 +1,12 @@
-"""Where the bulk is to be refined: zones for the places whose local fits leave the largest residual.
+"""Refinement of the bulk where the residual of local fits is large.
 
-The residual r of a node is the stress that fits of the next degree find beyond the body's own, with the
-weight that rows near singular corners have. Were the spacing h even, r would grow like h^degree; the sum of
-(r h)^2 is least for a given number of nodes where r h is the same everywhere, so a node asks for
-h (level / (r h))^(1 / (degree + 1)), at most ``FINER`` times finer than it is. The level is the lowest that
-multiplies the number of nodes by no more than ``BUDGET``. Within ``AWAY`` half-widths of a contact its own
-zones rule; the mean residual there is a floor for the level, for the bulk need not be better than that.
+The residual r of a node is the difference between the stress of fits of the next degree and that of the
+solution, weighted as the equations near singular corners. With a uniform spacing h it would grow like
+h^degree; the sum of (r h)^2 is least for a given number of nodes if r h is uniform, so that the required
+spacing is h (level / (r h))^(1 / (degree + 1)), but at least h / ``MAX_REFINEMENT``. The level is the lowest
+that multiplies the number of nodes by no more than ``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths
+of a contact its own zones apply; the mean residual there is a lower bound of the level, as the bulk need not
+be more accurate.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from mlsanm_cli.mechanics.corners import corner_weight
 from mlsanm_cli.mechanics.defect import Defect
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
-FINER = 2.0
-BUDGET = 2.0
-AWAY = 3.0
+MAX_REFINEMENT = 2.0
+NODE_BUDGET = 2.0
+CONTACT_DISTANCE = 3.0
 GROWTH = 0.2
-WORTH = 1.15
-"""A node that would become finer by less asks for nothing."""
-UNLIKE = 0.05
-"""What symmetric nodes ask for differs by less than this part of it if the loads are symmetric."""
+MIN_REFINEMENT = 1.15
+"""Nodes that would become finer by less are not refined."""
+SYMMETRY_TOLERANCE = 0.05
+"""Relative difference of the spacings requested by symmetric nodes, if the loads are symmetric."""
 
 
 def residual_zones(
@@ -42,8 +43,8 @@ def residual_zones(
     patches: tuple[Patch, ...],
     planned: tuple[Zone, ...],
 ) -> tuple[Zone, ...]:
-    """Zones beyond the ``planned`` ones; none without defects, or where no residual stands out. Those of a
-    body whose nodes are placed symmetrically are so too if what its nodes ask for is."""
+    """Zones in addition to the ``planned`` ones; none without defects or large residuals. Zones of symmetric
+    clouds are symmetric if the requirements of the nodes are."""
     if not defects:
         return ()
     levels, ruled = {}, {}
@@ -57,16 +58,16 @@ def residual_zones(
         cloud = built.scene.bodies[body.name].model.cloud
         finer = np.where(ruled[body.name], 1.0, _finer(levels[body.name], level, degree))
         finer, line = _made_symmetric(finer, cloud.mirror)
-        wanted = np.where(finer >= WORTH, cloud.spacing / finer, np.inf)
+        wanted = np.where(finer >= MIN_REFINEMENT, cloud.spacing / finer, np.inf)
         spacing = spacing_of(built.case, body).with_zones((*planned, *zones))
         zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 
 
 def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
-    """The residual times the spacing (n,), its square averaged over each node's stencil."""
+    """Residual times spacing (n,), with its square averaged over the stencil of each node."""
     cloud, stencils = body.model.cloud, body.model.stencils
-    # Ghosts count as the boundary nodes they belong to.
+    # Ghost points stand for their boundary nodes.
     point = np.concatenate([np.arange(len(cloud.points)), body.model.ghosts])[stencils.indices]
     scale = body.model.material.modulus
     square = (defect.stress**2 * np.array([1.0, 1.0, 2.0])).sum(axis=1) / scale**2
@@ -76,12 +77,12 @@ def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
 
 
 def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArray, SymmetryLine | None]:
-    """The same (n,) with equal values at nodes that are each other's images, and the line of symmetry; as it
-    is, and no line, where these differ by more than round-off and the discretisation make them."""
+    """``finer`` (n,) with equal values at mirror images, and the line of symmetry; unchanged without a line
+    if these differ by more than the discretisation explains."""
     if mirror is None:
         return finer, None
     image = finer[mirror.image]
-    if np.abs(finer - image).mean() > UNLIKE * (finer - 1.0).mean():
+    if np.abs(finer - image).mean() > SYMMETRY_TOLERANCE * (finer - 1.0).mean():
         return finer, None
     return np.maximum(finer, image), mirror.line
 
@@ -89,20 +90,20 @@ def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArra
 def _near_contact(model: BodyModel, patches: tuple[Patch, ...]) -> BoolArray:
     near = np.zeros(len(model.cloud.points), dtype=bool)
     for patch in patches:
-        near |= np.hypot(*(model.cloud.points - patch.middle).T) < AWAY * patch.half_width
+        near |= np.hypot(*(model.cloud.points - patch.middle).T) < CONTACT_DISTANCE * patch.half_width
     return near
 
 
 def _finer(residual: FloatArray, level: float, degree: int) -> FloatArray:
-    """How many times finer each node should become (n,)."""
+    """Required refinement factor (n,) of each node."""
     if level <= 0.0:
         return np.ones(len(residual))
-    finer: FloatArray = np.clip((residual / level) ** (1.0 / (degree + 1)), 1.0, FINER)
+    finer: FloatArray = np.clip((residual / level) ** (1.0 / (degree + 1)), 1.0, MAX_REFINEMENT)
     return finer
 
 
 def _level(residual: FloatArray, ruled: BoolArray, degree: int) -> float:
-    """The level of the module's docstring, found by halving its logarithm's range."""
+    """Level of the module's docstring, by bisection of its logarithm."""
     free = residual[~ruled]
     if not len(free) or not free.max() > 0.0:
         return 0.0
@@ -110,7 +111,7 @@ def _level(residual: FloatArray, ruled: BoolArray, degree: int) -> float:
     low = high - degree * np.log(10.0) * 4.0
     for _ in range(40):
         middle = 0.5 * (low + high)
-        if (_finer(free, float(np.exp(middle)), degree) ** 2).sum() > BUDGET * len(free):
+        if (_finer(free, float(np.exp(middle)), degree) ** 2).sum() > NODE_BUDGET * len(free):
             low = middle
         else:
             high = middle

@@ -1,4 +1,4 @@
-"""Whether bodies have turned farther than contacts at small strain can follow."""
+"""Rotations of bodies that are too large for contacts at small strain."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from mlsanm_cli.solve.direction_updates import turns
 from mlsanm_cli.solve.rolling import turned_by_loads
 from mlsanm_cli.solve.state import State
 
-HELD_WARNING = 0.01
-"""Contacts turned by more than this angle while a motion along them is held are warned of: so large a part of
-what presses would push that way."""
-UNSTEADY = 0.1
-"""Bodies that would turn by this part more, if forces acted where they turn to, are warned of."""
+TURN_WARNING = 0.01
+"""Rotation of contacts (radian) above which there is a warning if a motion along them is fixed: the same part
+of the contact force would act in this direction."""
+MAX_MOMENT_ERROR = 0.1
+"""Part of the rotation due to the motion of forces above which there is a warning."""
 
 
 def check_held(built: CondensedScene) -> str:
-    """A warning where surfaces have turned so far that what presses on a body drives a motion that is held
-    as nothing resists it, "" elsewhere."""
+    """Warning if surfaces have rotated so far that contact forces act along a motion without stiffness that
+    is fixed at 0 ("" otherwise)."""
     along = [motion for motion in built.scene.held_motions if not any(way[2] for way in motion.values())]
     held = {body for motion in along for body in motion}
     if not held or not built.ends:
@@ -31,7 +31,7 @@ def check_held(built: CondensedScene) -> str:
         if pairing.grid is None or pairing.name not in turned or not bodies:
             continue
         angle = abs(turned[pairing.name] - pairing.grid.facing.turn)
-        if angle > max(worst, HELD_WARNING):
+        if angle > max(worst, TURN_WARNING):
             worst, where = angle, " and ".join(sorted(bodies))
     if not where:
         return ""
@@ -43,18 +43,19 @@ def check_held(built: CondensedScene) -> str:
 
 
 def check_rolling(built: CondensedScene, state: State) -> str:
-    """A warning where a body turns notably farther than found, "" elsewhere; NumericalError where loads turn
-    it and nothing resists that."""
+    """Warning if forces at their displaced positions would rotate a body much farther ("" otherwise).
+    NumericalError if loads rotate a body without resistance."""
     nodes = built.condensed.friction_nodes
     stuck = state.status[nodes] == STICK
     sign = np.where(state.closed[nodes] & ~stuck, np.sign(state.traction), 0.0)
     sets = ContactStatus(state.closed, stuck, sign)
     turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
-    if turned is None or turned.share < UNSTEADY:
+    if turned is None or turned.share < MAX_MOMENT_ERROR:
         return ""
     if turned.error:
         raise turned.error
     return (
-        f"{turned.names} turns by {np.degrees(turned.angle):.2g} degrees, and would turn "
-        f"{1.0 / (1.0 - turned.share):.2g} times as far if forces acted where it turns to; {turned.hint}"
+        f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
+        f"{1.0 / (1.0 - turned.share):.2g} times as far with forces at their displaced positions; "
+        f"{turned.hint}"
     )

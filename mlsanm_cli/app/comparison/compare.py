@@ -1,6 +1,6 @@
-"""``mlsanm compare``: one scene, one set of operators, several methods.
+"""``mlsanm compare``: several methods on the same scene and operators.
 
-The rules that make it fair are in docs/methods-compared.md.
+The rules of the comparison are in docs/methods-compared.md.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mlsanm_cli.app.assessment.quality import announce, factor_notes
 from mlsanm_cli.app.assessment.references import check_reference, reference_profile
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import (
-    CONVERGING,
+    CONVERGENCE_RATIO,
     SOFTER,
     Difference,
     agreement,
@@ -41,19 +41,19 @@ from mlsanm_cli.io.summary import write_json_atomic
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
 
-SHARED = ("cloud", "operators")
-CONDENSED = ("factorization", "condensation")
-"""Phases of the set-up that all methods need, and those that only condensed ones do."""
-WHOLE = 'solver.formulation="monolithic"'
+SHARED_PHASES = ("cloud", "operators")
+CONDENSED_PHASES = ("factorization", "condensation")
+"""Set-up phases of all methods, and of condensed methods only."""
+MONOLITHIC_FORMULATION = 'solver.formulation="monolithic"'
 
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """What the command line asks for.
+    """Options of a comparison.
 
-    ``methods`` besides ANM; ``analytic`` errors against the case's reference; ``levels`` per stage at which
-    states are compared; the largest difference between equal laws (None: from solver.tolerance); how often
-    each path is followed for its time; whether to draw the picture.
+    ``methods`` besides ANM; ``analytic``: errors against the reference of the case; ``levels`` per stage at
+    which states are compared; ``tolerance``: largest difference between methods with the same law (None: from
+    solver.tolerance); ``repeat``: repetitions of each path; ``picture``: whether to draw the diagram.
     """
 
     methods: tuple[str, ...] = ()
@@ -75,11 +75,11 @@ def compare(
     console: Console,
     argv: tuple[str, ...] = (),
 ) -> Mapping[str, Any]:
-    """Solve a case by several methods and write comparison.json and a picture.
+    """Solves a case by several methods and writes comparison.json and a picture.
 
     Returns the mapping of comparison.json with the ``directory`` added; its ``status`` is "agree", "disagree"
-    (or a method besides ANM failed) or "failed" (ANM did). Raises CaseError or RunError, with nothing
-    written, for a case or a method that does not fit it, NumericalError for a scene that cannot be set up.
+    (or a method other than ANM failed) or "failed" (ANM failed). Raises CaseError or RunError, with nothing
+    written, for an invalid case or an unsuitable method, NumericalError for a scene that cannot be set up.
     """
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
@@ -112,10 +112,10 @@ def compare(
     cases = [case_of(method) for method in methods]
     directory = out or RESULTS / case_path.stem
     run_dir.check_comparison(directory, force)
-    # Equations of all bodies together have nodal pressures, and all methods need the same ones.
-    whole = (WHOLE,) if any(method.is_monolithic for method in methods) else ()
-    # Grids are as fine as the case's own levels need: laws between two of them are compared on one grid.
-    shared = load_with_files(case_path, (*overrides, *whole))
+    # The monolithic formulation has nodal pressures, which all methods must share.
+    monolithic = (MONOLITHIC_FORMULATION,) if any(method.is_monolithic for method in methods) else ()
+    # Contact grids are refined for the levels of the case, not for the additional ones.
+    shared = load_with_files(case_path, (*overrides, *monolithic))
     warnings: list[str] = []
     prepared = build_scene(shared, context)
     announce(shared.case, prepared, context, warnings.append)
@@ -124,7 +124,7 @@ def compare(
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")
         rows.append(measure(built, method, case, options.repeat))
-    warnings += [*factor_notes(built.scene), *_judged(built, rows[0])]
+    warnings += [*factor_notes(built.scene), *_checked(built, rows[0])]
     result = _result(built, loaded, rows, options, clock, case_of) | {
         "provenance": attributes(loaded, argv, threads),
         "warnings": warnings,
@@ -146,30 +146,30 @@ def compare(
 
 
 def _refuse(case: Case, options: CompareOptions, methods: Sequence[Method]) -> None:
-    """Raise RunError where there is nothing to compare."""
+    """Raises RunError if there is nothing to compare."""
     if not case.touching:
         raise RunError(
-            "the case has no [[contact]] that may open: it is one linear solve, by any method",
-            "mlsanm run solves it",
+            "the case has no unilateral [[contact]]: it is linear, and all methods are the same",
+            "use mlsanm run",
         )
     if options.analytic and case.reference is None:
         raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
     if len(methods) == 1 and not options.analytic:
         raise RunError(
-            "nothing to compare ANM with", "add --newton, --active-set, --monolithic or --analytic"
+            "no method to compare with ANM", "add --newton, --active-set, --monolithic or --analytic"
         )
 
 
 def _levels(case: Case, count: int) -> list[float]:
-    """Ends of stages, positions of the case, and ``count`` levels evenly over every stage."""
+    """Ends of stages, positions of the case, and ``count`` even levels per stage."""
     stages = range(len(case.stage))
-    # Rounded, so that a level that the case names too is the same number.
+    # Rounded, so that equal levels of the case are the same number.
     even = {round(stage + i / count, 12) for stage in stages for i in range(1, count + 1)}
     return sorted(even | {position for position in case.output.at if position > 0.0})
 
 
-def _judged(built: CondensedScene, base: Measured) -> list[str]:
-    """Warnings of ANM's last state; NumericalError where it is not reliable."""
+def _checked(built: CondensedScene, base: Measured) -> list[str]:
+    """Warnings about the last state of ANM. Raises NumericalError if it is not reliable."""
     if not base.done:
         return []
     last = base.states[max(base.states)]
@@ -218,8 +218,8 @@ def _figures(
     case_of: Callable[[Method], Case],
 ) -> dict[str, Any]:
     """One method as in comparison.json."""
-    phases = SHARED if row.method.is_monolithic else (*SHARED, *CONDENSED)
     sparse = row.method.is_monolithic
+    phases = SHARED_PHASES if sparse else (*SHARED_PHASES, *CONDENSED_PHASES)
     found: dict[str, Any] = {
         "method": row.method.name,
         "law": row.law,
@@ -249,14 +249,15 @@ def _figures(
         }
         if against.law != row.law and not found["agrees"]:
             errors = _errors_by_law(built, row, against, case_of)
-            found |= {"convergence": errors, "agrees": errors[1] <= CONVERGING * errors[0]}
+            found |= {"convergence": errors, "agrees": errors[1] <= CONVERGENCE_RATIO * errors[0]}
     return found
 
 
 def _errors_by_law(
     built: CondensedScene, row: Measured, against: Measured, case_of: Callable[[Method], Case]
 ) -> tuple[float, float]:
-    """L2 errors of a smooth law: with larger parameters (0 where that fails), and with its own."""
+    """L2 errors of the regularised law with larger parameters (0 if that fails) and with those of the
+    case."""
     smooth, exact = (against, row) if row.law.startswith("exact") else (row, against)
     method = method_of(built.case, smooth.method.name, SOFTER)
     softer = measure(built, method, case_of(method))
@@ -265,14 +266,14 @@ def _errors_by_law(
 
 
 def _against(row: Measured, rows: Sequence[Measured]) -> Measured | None:
-    """The first other method with the same law if one stands before it, else the first: ANM."""
+    """The first of the preceding methods with the same law, else ANM."""
     before = [one for one in rows[: rows.index(row)] if one.done]
     same = [one for one in before if one.law == row.law]
     return next(iter([*same, *before]), None)
 
 
 def _reference_error(built: CondensedScene, row: Measured) -> dict[str, float | None]:
-    """L2 error of every contact's pressure at the end of the path against the closed formula."""
+    """L2 error of the pressure of every contact at the end of the path against the analytical solution."""
     profiles = {
         pairing.name: reference_profile(built, pairing, row.states[max(row.states)])
         for pairing in built.condensed.pairings

@@ -1,4 +1,4 @@
-"""How far the states of two methods are from each other, and how far they may be."""
+"""Differences between the states of two methods, and their limits."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
-AMPLIFIED = 100.0
-"""Methods with one law may differ by so many times ``solver.tolerance``; published cases do by 4.4, pressures
-next to the corner of a block by 12."""
-ROUNDED_EDGE, SOFT_STICK = 6.0, 10.0
-"""Largest differences of pressures and tractions that the smooth law may make, over the root of eta and over
-``stick``: at the edge of a contact it rounds the pressure off by up to 4.3 times the root of eta."""
+SAME_LAW_FACTOR = 100.0
+"""Largest difference of methods with the same law over ``solver.tolerance``; that of published cases is 4.4,
+of pressures next to the corner of a block 12."""
+ETA_FACTOR, STICK_FACTOR = 6.0, 10.0
+"""Largest differences of pressures and tractions due to the regularised law, over the root of eta and over
+``stick``: it smooths the pressure at the edge of a contact by up to 4.3 times the root of eta."""
 
-SOFTER, CONVERGING = 10.0, 0.75
-"""Where surfaces end in corners, pressures have no bound, and the limits above do not hold for the largest.
-The smooth law agrees with the exact one as well if its error in the L2 norm is at most this part of the one
-with so many times eta and stick."""
+SOFTER, CONVERGENCE_RATIO = 10.0, 0.75
+"""At corners pressures are unbounded, and these limits do not apply to the largest. The regularised law also
+agrees with the exact one if its L2 error is at most this ratio of that with ``SOFTER`` times eta and
+stick."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Largest differences over all nodes and levels: pressures and tractions over the peak pressure,
-    displacements over the largest one."""
+    """Largest differences over all nodes and levels: pressures and tractions relative to the peak pressure,
+    displacements relative to the largest one."""
 
     pressure: float
     traction: float
     displacement: float
 
     def within(self, limit: float) -> bool:
-        """Whether all are at most ``limit``; what is no number is not."""
+        """Whether all are at most ``limit``; nan is not."""
         return all(value <= limit for value in asdict(self).values())
 
 
 def difference(
     built: CondensedScene, found: Mapping[float, State], reference: Mapping[float, State]
 ) -> Difference:
-    """Of the states ``found`` to those of the ``reference``, at the levels that both have."""
+    """Differences of the states ``found`` from those of the ``reference``, at their common levels."""
     pressure = traction = displacement = peak = largest = 0.0
     for position in found.keys() & reference.keys():
         one, other = found[position], reference[position]
         change = tuple(a - b for a, b in zip(one.unknowns, other.unknowns, strict=True))
         pressure = np.maximum(pressure, np.abs(one.pressure - other.pressure).max(initial=0.0))
         traction = np.maximum(traction, np.abs(one.traction - other.traction).max(initial=0.0))
-        # Displacements are linear in the unknowns, so their difference is that of a difference.
+        # Displacements are linear in the unknowns.
         displacement = np.maximum(displacement, _largest_displacement(built, change))
         peak = max(peak, float(other.pressure.max(initial=0.0)))
         largest = max(largest, _largest_displacement(built, other.unknowns))
@@ -62,26 +62,26 @@ def difference(
 
 
 def _largest_displacement(built: CondensedScene, unknowns: tuple[FloatArray, ...]) -> float:
-    """Largest displacement of a node; of a difference without the initial gaps' part, which has none."""
+    """Largest displacement of a node for given unknowns."""
     moved = [built.condensed.displacement(built.scene, name, unknowns) for name in built.scene.bodies]
     return max(float(np.hypot(*u.T).max()) for u in moved)
 
 
 def same_law_limit(case: Case) -> float:
-    """How far methods with the same law may be from each other."""
-    return AMPLIFIED * case.solver.tolerance
+    """Largest difference between methods with the same law."""
+    return SAME_LAW_FACTOR * case.solver.tolerance
 
 
 def other_law_limit(case: Case) -> float:
-    """How far a smooth law may be from the exact one."""
+    """Largest difference between the regularised and the exact law."""
     eta = max(contact.regularization.eta for contact in case.touching)
     stick = max((c.regularization.stick for c in case.touching if c.friction), default=0.0)
-    return float(ROUNDED_EDGE * np.sqrt(eta) + SOFT_STICK * stick)
+    return float(ETA_FACTOR * np.sqrt(eta) + STICK_FACTOR * stick)
 
 
 def surface_error(built: CondensedScene, found: Mapping[float, State], exact: Mapping[float, State]) -> float:
-    """L2 norm of the distance of pressures and tractions from the exact ones over the norm of these, the
-    largest of all levels each."""
+    """Largest L2 norm over all levels of the difference of pressures and tractions from the exact ones,
+    relative to the largest norm of these."""
     weight, nodes = built.condensed.weight, built.condensed.friction_nodes
 
     def norm(pressure: FloatArray, traction: FloatArray) -> float:
@@ -95,7 +95,7 @@ def surface_error(built: CondensedScene, found: Mapping[float, State], exact: Ma
 
 
 def agreement(table: Sequence[Mapping[str, Any]]) -> str:
-    """The status of a comparison by its rows, ANM first: "agree", "disagree", or "failed" where ANM has."""
+    """The status of a comparison from its rows, ANM first: "agree", "disagree", or "failed" if ANM failed."""
     if table[0]["status"] == "failed":
         return "failed"
     agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)

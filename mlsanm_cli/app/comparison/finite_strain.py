@@ -27,14 +27,14 @@ from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
 
-RENEWED_ELSEWHERE = 1e-2
-"""Largest difference, over the largest displacement, where Newton's method could not follow with the
-equations of the power series and renewed them in other states: a part of the discretisation error."""
+OTHER_EQUATIONS_LIMIT = 1e-2
+"""Largest difference, relative to the largest displacement, if Newton's method could not use the equations of
+the power series and renewed them in other states: a part of the discretisation error."""
 
 
 @dataclass(frozen=True)
 class MethodPath:
-    """What one method did: its steps, states by level, CPU seconds, and why it failed if it did."""
+    """The path of one method: its steps, CPU seconds, and the failure, if any."""
 
     method: str
     steps: tuple[FiniteStep, ...]
@@ -43,7 +43,7 @@ class MethodPath:
 
     @property
     def states(self) -> dict[float, FiniteState]:
-        """States by position, where they are first passed."""
+        """Saved states by position, where the path first reaches it."""
         return {state.position: state for step in reversed(self.steps) for state in reversed(step.saved)}
 
 
@@ -61,7 +61,7 @@ def compare_finite(
     console: Console,
     argv: tuple[str, ...],
 ) -> Mapping[str, Any]:
-    """Follow the path by both methods; the mapping of comparison.json with its directory."""
+    """Follows the path by both methods; returns the mapping of comparison.json with the directory."""
     clock = Clock()
     wanted = load_with_files(case_path, (*overrides, f"output.at={levels!r}"))
     run_dir.check_comparison(directory, force)
@@ -75,7 +75,7 @@ def compare_finite(
     newton = _followed(scene, NEWTON, repeat, renewals)
     rows = [series, newton]
     shared = len(renewals_of(newton.steps)) == len(renewals)
-    limit = same_law_limit(wanted.case) if shared else RENEWED_ELSEWHERE
+    limit = same_law_limit(wanted.case) if shared else OTHER_EQUATIONS_LIMIT
     limit = limit if tolerance is None else tolerance
     table = [_figures(row, rows, limit, clock) for row in rows]
     result = {
@@ -98,7 +98,7 @@ def compare_finite(
 
 
 def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
-    """Raise RunError for methods that finite strain does not have, and where there is but one."""
+    """Raises RunError for methods not available at finite strain, and if there is only one."""
     if contact:
         raise RunError(
             "finite strain with contact or several bodies has a single method: there is nothing to compare"
@@ -115,7 +115,7 @@ def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
 def _followed(
     scene: FiniteScene, method: str, repeat: int, renewals: tuple[FiniteState, ...] | None
 ) -> MethodPath:
-    """The path by one method, with equations renewed as another did; the median time counts."""
+    """The path by one method, with equations renewed at the given states, and its median time."""
     changes = {"method": method}
     solver = scene.case.solver.model_copy(update=changes)
     chosen = replace(scene, case=scene.case.model_copy(update={"solver": solver}))
@@ -162,7 +162,7 @@ def _figures(row: MethodPath, rows: list[MethodPath], limit: float, clock: Clock
 
 
 def _apart(one: Mapping[float, FiniteState], other: Mapping[float, FiniteState]) -> float:
-    """The largest difference of displacements over the largest of them, at all levels that both have."""
+    """Largest difference of displacements relative to the largest one, over all common levels."""
     shared = sorted(one.keys() & other.keys())
     largest = max((float(np.abs(other[level].displacement).max()) for level in shared), default=0.0)
     differences = [float(np.abs(one[k].displacement - other[k].displacement).max()) for k in shared]

@@ -1,4 +1,4 @@
-"""One method on a scene that is ready: its states at the levels, what it took, or why it failed."""
+"""Measurement of one method on a condensed scene: states at the levels, work, or failure."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ from mlsanm_cli.solve.state import State
 
 @dataclass(frozen=True)
 class Measured:
-    """``states`` by position, as far as the method came, and its counts over the whole path.
+    """``states`` by position, as far as the path was followed, and the counts of the whole path.
 
-    ``seconds`` are CPU seconds of the path, the median of its runs; ``failure`` and ``hint`` are empty where
-    it came to the end.
+    ``seconds`` is the median CPU time of the path; ``failure`` and ``hint`` are empty if it was completed.
     """
 
     method: Method
@@ -37,19 +36,20 @@ class Measured:
 
     @property
     def done(self) -> bool:
-        """Whether it came to the end of the path."""
+        """Whether the path was completed."""
         return not self.failure
 
 
 def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) -> Measured:
-    """Follow the path of ``built`` as ``case`` asks, ``repeat`` times, saving states at its ``output.at``."""
+    """Follows the path of ``built`` with the settings of ``case``, ``repeat`` times, with states saved at its
+    ``output.at``."""
     runs = [_once(replace(built, case=case), method) for _ in range(repeat)]
     return replace(runs[0], seconds=median(run.seconds for run in runs))
 
 
 def _once(built: CondensedScene, method: Method) -> Measured:
     states: dict[float, State] = {}
-    # The start of the path is no step.
+    # The first state, at the start of the path, is not a step.
     steps, iterations, factorizations, solves, seconds = -1, 0, 0, 0, 0.0
     failure = hint = ""
     path = load_path(built)

@@ -1,4 +1,4 @@
-"""The methods of `mlsanm compare`, each a few changes of the case in the form of ``--set``."""
+"""The methods of `mlsanm compare`, as changes of the case by ``--set``."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ MONOLITHIC = " monolithic"
 
 @dataclass(frozen=True)
 class Method:
-    """A method's ``name`` in the table and the ``changes`` that make the case ask for it."""
+    """A method's ``name`` in the table and the ``changes`` of the case that select it."""
 
     name: str
     changes: tuple[str, ...]
 
     @property
     def is_monolithic(self) -> bool:
-        """Whether the bodies' displacements are among its unknowns."""
+        """Whether the displacements of the bodies are among its unknowns."""
         return self.name.endswith(MONOLITHIC)
 
 
 def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
-    """A method for the case's scene, with every contact's eta and stick so many times as large."""
+    """A method for the scene of the case, with eta and stick of all contacts multiplied by ``softer``."""
     law = "exact" if name == ACTIVE_SET else "hyperbolic"
     changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.touching]
     if softer != 1.0:
@@ -45,9 +45,9 @@ def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
 
 
 def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
-    """ANM, the methods ``asked`` for, and the one that the case itself asks for, in the table's order.
+    """ANM, the methods ``asked`` for, and that of the case, in the order of the table.
 
-    ``asked`` may hold "newton", "active-set" and "monolithic", which stands for every smooth method.
+    ``asked`` may contain "newton", "active-set" and "monolithic", which applies to all regularised methods.
     """
     wanted = {ANM, *asked, *_own(case)}
     names = [name for name in (ANM, NEWTON) if name in wanted]
@@ -67,7 +67,7 @@ def _own(case: Case) -> Iterator[str]:
 
 
 def law_of(case: Case) -> str:
-    """What a method's states at the levels obey; states of equal laws differ by tolerances only."""
+    """The law that the states at the levels satisfy; states of the same law differ by tolerances only."""
     regular = case.touching[0].regularization
     holonomic = any(c.friction and c.regularization.friction_law == "holonomic" for c in case.touching)
     if regular.law == "exact" or case.polished:

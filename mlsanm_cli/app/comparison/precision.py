@@ -1,4 +1,4 @@
-"""Work and precision of the methods: what a distance to the exact law costs each of them."""
+"""Work-precision curves: cost of the methods against their error relative to the exact law."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from mlsanm_cli.io.plots.precision import WorkCurve, plot_precision
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
-FACTORS = (100.0, 10.0)
-"""The smooth methods are measured with eta so many times the case's too, for curves."""
-LARGEST = 0.1
-"""Beyond this eta the smooth law has hardly to do with contact."""
+ETA_FACTORS = (100.0, 10.0)
+"""Multiples of the eta of the case at which the regularised methods are also measured."""
+MAX_ETA = 0.1
+"""For larger eta the regularised law does not represent contact."""
 
 
 @dataclass(frozen=True)
 class Curves:
-    """``smooth`` methods by name: their points by eta; the ``exact`` method where it was measured itself."""
+    """Points by eta of the regularised (``smooth``) methods by name, and the ``exact`` method, if
+    measured."""
 
     smooth: Mapping[str, list[dict[str, float]]]
     exact: Mapping[str, float] | None
 
     @property
     def figures(self) -> dict[str, Any]:
-        """As in comparison.json."""
+        """The entry of comparison.json."""
         return {"smooth": dict(self.smooth), "exact": self.exact}
 
 
@@ -40,8 +41,8 @@ def precision_curves(
 ) -> Curves:
     """L2 error against the exact law, CPU seconds and factorisations, by method and eta.
 
-    ``case_of`` makes the case that a method asks for. A method that fails at some eta has no point there, and
-    none has any where the exact law has no state.
+    ``case_of`` returns the case of a method. A method that fails at some eta has no point there; there are no
+    points if the exact law has no states.
     """
     case = built.case
     exact = next((row for row in rows if row.done and row.law.startswith("exact")), None)
@@ -53,11 +54,11 @@ def precision_curves(
     for row in rows:
         if row.law.startswith("exact"):
             continue
-        factors = () if row.method.is_monolithic else FACTORS
+        factors = () if row.method.is_monolithic else ETA_FACTORS
         points = [
             (f * eta, measure(built, *_with_eta(built, row, f, case_of)))
             for f in factors
-            if f * eta <= LARGEST
+            if f * eta <= MAX_ETA
         ]
         points.append((eta, row))
         smooth[row.method.name] = [_point(built, states, value, one) for value, one in points if one.done]
@@ -75,7 +76,7 @@ def _with_eta(
 
 
 def _exact_states(built: CondensedScene, case_of: Callable[[Method], Case]) -> Mapping[float, State]:
-    """The exact law's states, which polishing knows for every law; none where it fails."""
+    """States of the exact law, from the polished ANM; empty if it fails."""
     method = method_of(built.case, POLISHED)
     found = measure(built, method, case_of(method))
     return found.states if found.done else {}
@@ -93,7 +94,7 @@ def _point(
 
 
 def draw_precision(directory: Path, curves: Curves) -> None:
-    """The picture next to comparison.json."""
+    """Draws the picture in the directory of comparison.json."""
     plot_precision(
         directory / run_dir.picture_name("comparison", "png"),
         [

@@ -1,4 +1,4 @@
-"""What a path at finite strain continues from, as run.h5 stores it."""
+"""Checkpoints of paths at finite strain in run.h5."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from mlsanm_cli.io.run_reader import RunOrigin
 
 @dataclass(frozen=True)
 class FiniteEarlier:
-    """What an earlier process left of a run: the rows of its path, the seconds they took, what the path
-    continues from, None where it had not begun, and ``figures`` counted so far."""
+    """Run of an earlier process: the number of rows of its path, its seconds, the checkpoint ``mark`` (None
+    if the path had not begun) and the accumulated ``figures``."""
 
     rows: int
     seconds: float
@@ -27,12 +27,12 @@ class FiniteEarlier:
 
 
 def plain_mark(mark: FiniteMark, figures: Mapping[str, Any]) -> dict[str, Value]:
-    """As datasets."""
+    """The checkpoint as datasets."""
     return {**flattened("checkpoint/path", mark), "checkpoint/figures": as_text(figures)}
 
 
 def interrupted_run(origin: RunOrigin) -> FiniteEarlier:
-    """What a run stored to continue from. RunError if it is damaged or of another version."""
+    """Read the checkpoint of a run. RunError if it is damaged or of another version."""
     stored = origin.checkpoint
     if not origin.rows:
         return FiniteEarlier(0, origin.seconds, None, {})

@@ -1,4 +1,4 @@
-"""The path of bodies in contact: increments of Newton's method with exact contact and friction."""
+"""Path of bodies in contact: increments with Newton's method, exact contact and Coulomb friction."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.finite.overlaps import check_overlaps
-from mlsanm_cli.app.finite.scene import TOUCHING, FiniteScene
+from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep
 from mlsanm_cli.app.finite.verdict import check_deformation
 from mlsanm_cli.app.scene.void import void_center
@@ -25,37 +25,36 @@ from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.load_factors import factors_at
 
-FIRST = 0.25
+FIRST_INCREMENT = 0.25
 """First increment, as a part of a stage."""
-STRETCHED = 1.4
-"""An increment that comes so near to a wanted state goes there."""
-MOST = 14
+INCREMENT_SLACK = 1.4
+"""An increment within this factor of a requested state goes there."""
+MAX_ITERATIONS = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
-SHORTEST = 1e-5
-FARTHEST = 0.2
-"""With friction nodes slide by no more than this part of the contact's width in an increment, unless all of
-them slide the same way before and after it: that has no memory."""
+MIN_INCREMENT = 1e-5
+MAX_SLIP = 0.2
+"""Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
+the same direction before and after it, which has no history."""
 
-TURNED = 0.5
-"""Equations turn with a body that has turned by about this angle against the state that they are of: with
-those of the reference a wheel cannot roll by more than a right angle."""
-FARTHEST_STRETCH = 1.6
-"""An increment stretches no node by more than this against the state that its equations are of: 1.7 took the
-stability of half a disk under a plate from 0.84 to -0.03."""
-NOTHING = 1e-6
-"""Pressures below this part of the contact's largest are none."""
-STRIDE = 0.5
-"""No node moves further against what it may touch in an increment than its gap and this part of the thinner
-body or disk: else it might be beyond what it should have met. No body moves further than this part of the
-smallest."""
+RENEWAL_ANGLE = 0.5
+"""Rotation of a body (radian) relative to the expansion point above which the equations rotate with it: with
+those of the undeformed state a wheel cannot roll by more than a right angle."""
+MAX_STRETCH = 1.6
+"""Largest stretch of a node in an increment relative to the expansion point: 1.7 reduced the stability of
+half a disk under a plate from 0.84 to -0.03."""
+ZERO_PRESSURE = 1e-6
+"""Pressures below this part of the contact's largest are zero."""
+MAX_APPROACH = 0.5
+"""Largest motion of a node towards a possible partner in an increment: its gap plus this part of the thinner
+body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 
 
 def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
-    """All steps, the start first, or those behind a ``mark``. Raises NumericalError where the path breaks
-    off."""
+    """All steps from the initial state on, or those after a checkpoint ``mark``. NumericalError if the path
+    cannot be continued."""
     path = _Path(scene)
     wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
-    steps, size, position = 0, FIRST, 0.0
+    steps, size, position = 0, FIRST_INCREMENT, 0.0
     if mark is None:
         first = path.state(0.0, path.start())
         saved = (first,) if 0.0 in wanted else ()
@@ -75,14 +74,14 @@ def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator
             state = path.state(reached, path.now)
             check_deformation(scene, reached, state.factors, state.displacement)
             check_overlaps(scene, reached, state.whole, state.shown(scene))
-            _resist(reached, path.now.stability)
+            _check_stability(reached, path.now.stability)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
             yield replace(done, mark=path.mark(state, size))
 
 
-def _resist(position: float, stability: float) -> None:
-    """Raise UnstableError where pressures could change from node to node at will."""
+def _check_stability(position: float, stability: float) -> None:
+    """UnstableError if pressures that alternate from node to node meet no stiffness."""
     if not stability >= CONTACT_LIMIT:
         raise UnstableError(
             f"the contact has almost no stiffness against pressures that alternate from node to node at "
@@ -94,7 +93,7 @@ def _resist(position: float, stability: float) -> None:
 
 
 class _Path:
-    """Where the path is, and its equations."""
+    """Current state of the path and its equations."""
 
     def __init__(self, scene: FiniteScene) -> None:
         self._scene = scene
@@ -115,7 +114,7 @@ class _Path:
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
     def _typical(self) -> float:
-        """The typical displacement: what obstacles and sides are moved by, or the bodies' own answers."""
+        """Typical displacement: the largest prescribed one, or response of a body to the loads."""
         scene, found = self._scene, [1e-3 * self._scene.size]
         for contact in scene.contacts:
             if isinstance(contact, RigidContact):
@@ -132,7 +131,7 @@ class _Path:
         return min(max(found), scene.size)
 
     def _answers(self) -> tuple[Answer, ...]:
-        """How the sides answer to their own tractions, before anything is deformed."""
+        """Responses of the sides to their own tractions in the undeformed state."""
         scene, found = self._scene, []
         first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.free)
         for side in (one for contact in scene.contacts for one in contact.sides):
@@ -144,7 +143,7 @@ class _Path:
         return tuple(found)
 
     def take_up(self, mark: FiniteMark) -> None:
-        """Go on behind a ``mark``."""
+        """Continue from a checkpoint."""
         scene, state = self._scene, mark.state
         assert state.pressed is not None
         self.now, self._slip, self._work, self._settled = state.pressed, state.slip, state.work, True
@@ -156,12 +155,12 @@ class _Path:
         self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
 
     def mark(self, state: FiniteState, size: float) -> FiniteMark:
-        """What the path continues from, behind a ``state``, with increments of a ``size``."""
+        """Checkpoint at a ``state`` with the ``size`` of the next increment."""
         station = np.concatenate([one.station for one in self._projectors.values()])
         return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size)
 
     def start(self) -> Pressed:
-        """The state before loading; NumericalError where it does not settle."""
+        """State before loading. NumericalError if its iterations do not converge."""
         found = self._solved(0.0)
         if found is None:
             self._failed(0.0)
@@ -170,24 +169,24 @@ class _Path:
         return found
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
-        """Go on toward ``end`` by an increment of about ``size``; where that led, and the next one's size."""
+        """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
         stage = int(position)
         while True:
-            reached = end if position + STRETCHED * size >= end else position + size
+            reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
             far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))
-            if found is not None and far <= 1.0 and self._stretched(found) <= FARTHEST_STRETCH:
-                self._rub(found)
+            if found is not None and far <= 1.0 and self._stretched(found) <= MAX_STRETCH:
+                self._add_slip(found)
                 self.now = found
-                longer = 1.6 if 3 * found.iterations <= MOST else 1.0
+                longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                 return reached, size * min(longer, 0.9 / far if far else longer)
             size = 0.5 * (reached - position)
-            if size < SHORTEST:
+            if size < MIN_INCREMENT:
                 self._failed(position)
 
     def _stretched(self, found: Pressed) -> float:
-        """By how much a node is stretched at most against the state that its equations are of."""
+        """Largest stretch of a node relative to the expansion point of its equations."""
         parts = self._scene.parts(found.displacement)
         return max(
             most_stretched(body, parts[name], self._projectors[name].station)
@@ -195,8 +194,7 @@ class _Path:
         )
 
     def _slid(self, found: Pressed) -> float:
-        """How far nodes with friction have slid in an increment, over what they may: a part of the width of
-        their contact, so that friction is known all along."""
+        """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
         largest, first = 0.0, 0
         for contact in self._scene.contacts:
             here = slice(first, first + contact.slave.count)
@@ -205,16 +203,15 @@ class _Path:
             if contact.friction and closed.any() and not self._slides(found, here):
                 width = float(contact.slave.weight[closed].sum())
                 slid = float(np.abs(found.slip[here][closed]).max())
-                largest = max(largest, slid / (FARTHEST * width))
+                largest = max(largest, slid / (MAX_SLIP * width))
         return largest
 
     def _strode(self, position: float, reached: float, found: Pressed) -> float:
-        """How far nodes have moved against what they may touch in an increment, over what they may, and
-        bodies on the whole."""
+        """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
         scene, now = self._scene, self.now
         sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
         moved = np.abs(found.displacement - now.displacement).max()
-        farthest = float(moved / (STRIDE * min(size.max() for size in sizes.values())))
+        farthest = float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values())))
         before, after = (
             np.append(factors_at(scene.stages, at), one.free)
             for at, one in ((position, now), (reached, found))
@@ -230,20 +227,20 @@ class _Path:
             gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
             if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
                 thin = min(thin, contact.shape.radius)
-            farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + STRIDE * thin)).max()))
+            farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + MAX_APPROACH * thin)).max()))
         return farthest
 
     def _slides(self, found: Pressed, here: slice) -> bool:
-        """Whether all closed nodes of a contact slide in one sense, now and in the state that was found."""
-        senses, least = [], NOTHING * float(found.pressure[here].max())
+        """Whether all closed nodes of a contact slide in one direction before and after the increment."""
+        senses, least = [], ZERO_PRESSURE * float(found.pressure[here].max())
         for state in (self.now, found):
-            # What only just touches has no memory.
+            # Nodes without pressure have no history of friction.
             closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]
             senses += np.where(state.sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
         return len(set(senses)) == 1 and senses[0] != 0.0
 
-    def _rub(self, found: Pressed) -> None:
-        """Add to the slips, and to what friction has dissipated: its mean over the increment counts."""
+    def _add_slip(self, found: Pressed) -> None:
+        """Accumulate slips and dissipated work, by the trapezoidal rule."""
         closed = found.sets.closed | self.now.sets.closed
         self._slip = self._slip + np.where(closed, found.slip, 0.0)
         mean = 0.5 * (found.shear + self.now.shear)
@@ -258,11 +255,11 @@ class _Path:
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
-                found = pressing.solved(self.now, factors, tolerance, MOST, before)
+                found = pressing.solved(self.now, factors, tolerance, MAX_ITERATIONS, before)
             except (np.linalg.LinAlgError, NumericalError):
                 found = None
-        tried = MOST if found is None else found.iterations
-        self.spent += MOST * len(self._projectors) if found is None else found.factorizations
+        tried = MAX_ITERATIONS if found is None else found.iterations
+        self.spent += MAX_ITERATIONS * len(self._projectors) if found is None else found.factorizations
         self._iterations += tried
         self._solves += 0 if found is None else found.solves
         return found
@@ -272,8 +269,8 @@ class _Path:
         for contact in self._scene.contacts:
             slave = contact.slave
             here = slice(first, first + slave.count)
-            # A held node that touches is pressed next.
-            touching = self.now.gap[here] <= TOUCHING * slave.weight
+            # A fixed node in contact would be pressed in the next increment.
+            touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.weight
             gripped = slave.held & (touching | self.now.sets.closed[here])
             first += slave.count
             if gripped.any() and not any(axis is not None for axis in slave.mirrors):
@@ -289,7 +286,8 @@ class _Path:
         )
 
     def finished(self, state: FiniteState, length: float, saved: tuple[FiniteState, ...]) -> FiniteStep:
-        """The step that ends in a state, with what it cost; the equations are renewed if they are far."""
+        """The step that ends in a state, with its counters. Equations far from their expansion point are
+        renewed."""
         acting = self._scene.acting(state.whole, state.traction)
         renewed = False
         for name, own in self._scene.parts(state.displacement).items():
@@ -297,7 +295,7 @@ class _Path:
             angle = body.turn(own) - body.turn(station)
             if far_from(body, own, station):
                 station = own
-            elif abs(np.exp(1j * angle) - 1.0) > TURNED:
+            elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
                 upright = name in self._scene.upright
                 station = own if upright else _turned(body.elastic.model.nodes, station, angle)
             else:
@@ -313,7 +311,7 @@ class _Path:
         return step
 
     def _repinned(self) -> FloatArray:
-        """The free motions (d,) with the pins as they are turned now."""
+        """Free motions (d,) with the current rotation of the pins."""
         free, first, parts = self.now.free.copy(), 0, self._scene.parts(self.now.displacement)
         for one in self._scene.loose:
             body = self._projectors[one.body].body
@@ -323,7 +321,7 @@ class _Path:
         return free
 
     def state(self, position: float, found: Pressed) -> FiniteState:
-        """As a step of the path."""
+        """The solution as a state of the path."""
         factors: FloatArray = factors_at(self._scene.stages, position)
         self.now = found
         args = (found.residual, found, self._slip, self._work)
@@ -331,6 +329,6 @@ class _Path:
 
 
 def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:
-    """A ``displacement`` (2N,) of ``nodes`` (N, 2), and then turned by an angle about the origin."""
+    """``displacement`` (2N,) of ``nodes`` (N, 2) followed by a rotation about the origin."""
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     return np.asarray(((nodes + displacement.reshape(-1, 2)) @ turn - nodes).ravel())

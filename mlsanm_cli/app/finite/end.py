@@ -1,4 +1,4 @@
-"""What a run at finite strain warns of in its last state."""
+"""Warnings of the last state of a run at finite strain."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mlsanm_cli.app.assessment.checks import ENERGY_WARNING
-from mlsanm_cli.app.assessment.energy import SHIFTED
+from mlsanm_cli.app.assessment.energy import NODE_FORCE_SHIFT
 from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.patches import between_nodes
 from mlsanm_cli.app.finite.scene import FiniteScene
@@ -17,16 +17,16 @@ from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 
-FEWEST = 4
-"""Nodes over a contact below which its pressures are hardly known."""
-LEANING = 1e-3
-"""A force that leans by less than this part of itself is not told to lean."""
-SHARP = 20
-"""Nodes over a contact with which half of a spacing at its ends matters."""
+MIN_CONTACT_NODES = 4
+"""Number of nodes in a contact below which its pressures are not reliable."""
+MIN_LATERAL_SHARE = 1e-3
+"""Lateral part of a force below which its direction is not reported."""
+RESOLVED_NODES = 20
+"""Number of nodes in a contact up to which half a spacing at its ends matters."""
 
 
 def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
-    """Warnings of contacts whose nodes are too far apart for what touches, or might touch between them."""
+    """Warnings of contacts with too few nodes, or that may touch between nodes."""
     first = 0
     for contact in scene.contacts:
         side, here = contact.slave, slice(first, first + contact.slave.count)
@@ -41,21 +41,21 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
                     f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
-        elif closed.sum() < FEWEST:
+        elif closed.sum() < MIN_CONTACT_NODES:
             lean = _lean(side, closed, pressed.normal[here])
-            leans = f", and its force leans by up to {100.0 * lean:.2g} %" if lean > LEANING else ""
+            leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
             yield (
                 f"contact {contact.name}: too few nodes of {name} in contact for accurate pressures "
                 f"({closed.sum()}, {spacing:.3g} apart){leans}: "
                 'use finer nodes there, or leave the spacing to "auto"'
             )
-        elif isinstance(contact, BodyContact) and closed.sum() < SHARP:
+        elif isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
             yield from _ends(contact, closed, pressed.place[here])
 
 
 def _lean(side: ContactSide, closed: BoolArray, normal: FloatArray) -> float:
-    """By what part of itself the force on few ``closed`` nodes (c,) may lean: its place is known to half of
-    their distance, over which the ``normal`` (c, 2) turns."""
+    """Possible lateral part of the force on few ``closed`` nodes (c,): its place is known to half of their
+    distance, over which the ``normal`` (c, 2) turns."""
     numbers = np.flatnonzero(closed)
     beside = (numbers[:, None] + np.array([-1, 1])) % side.count
     turned = np.hypot(*(normal[beside] - normal[numbers, None]).T)
@@ -65,7 +65,7 @@ def _lean(side: ContactSide, closed: BoolArray, normal: FloatArray) -> float:
 
 
 def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterator[str]:
-    """Warnings of ends of the master that press between nodes of the slave."""
+    """Warnings of ends of the master surface between nodes of the slave."""
     slave, master = contact.slave, contact.master
     if master.around is not None:
         return
@@ -78,13 +78,13 @@ def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterato
             one, other = (side.members[0][0].partition("/")[0] for side in (slave, master))
             yield (
                 f"contact {contact.name}: the end of {master.body}.{other} at ({x:.6g}, {y:.6g}) presses "
-                f"between nodes of {slave.body}.{one}, {slave.weight[free[0]]:.3g} apart: the place of its "
-                f"force is uncertain by half of that; use finer nodes there"
+                f"between nodes of {slave.body}.{one}, {slave.weight[free[0]]:.3g} apart: the position of "
+                f"its force is uncertain by half of that; use finer nodes there"
             )
 
 
 def held_at_points(scene: FiniteScene, state: FiniteState) -> Iterator[str]:
-    """Warnings of bodies that single nodes hold against so much that the spacing decides where they are."""
+    """Warnings of bodies held at single nodes whose displacement depends on the spacing."""
     forces, parts = SceneForces.of(scene, state), scene.parts(state.displacement)
     for name, body in scene.bodies.items():
         nodes = body.elastic.held_nodes[: len(body.elastic.held_nodes) - body.pins]
@@ -98,7 +98,7 @@ def held_at_points(scene: FiniteScene, state: FiniteState) -> Iterator[str]:
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         bent = cloud.points + own.reshape(-1, 2) - cloud.points @ turn.T
         bent = np.abs(bent - cloud.areas @ bent / cloud.areas.sum()).max()
-        part = float((SHIFTED * soft * np.abs(force)).max() / bent) if bent else 0.0
+        part = float((NODE_FORCE_SHIFT * soft * np.abs(force)).max() / bent) if bent else 0.0
         if part > ENERGY_WARNING:
             yield (
                 f"body {name} is held at single nodes: displacements next to a point force are unbounded, "

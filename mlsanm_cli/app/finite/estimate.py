@@ -1,4 +1,4 @@
-"""The estimated error of the energy of a scene at finite strain, node by node."""
+"""Nodal estimate of the error of the energy at finite strain."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccount
 from mlsanm_cli.startup import cKDTree
 
 ESTIMATE_WARNING = 0.015
-"""Estimated errors of the energy above this are warned of. Sound scenes have 0.0001 to 0.01; blocks between
-bonded plates, 30 % down with nu = 0.44, have 0.06 to 0.13 with even spacings and are 3 to 12 % too stiff,
-with automatic ones 0.017, and the one 2 x 1 is 2.8 % too stiff."""
+"""Estimated error of the energy above which a run warns. Accurate scenes have 0.0001 to 0.01; blocks between
+bonded plates, compressed by 30 % with nu = 0.44, have 0.06 to 0.13 with even spacings and are 3 to 12 % too
+stiff, with automatic ones 0.017, and the block 2 x 1 is 2.8 % too stiff."""
 WORK_WARNING = 0.03
-"""Work that is missing by more than this part of the energy is warned of. Sound scenes have up to 0.02, with
-few nodes in a contact up to 0.04; a ring with two spacings across, 9 % too stiff, has 0.04."""
+"""Difference of internal and external work over the energy above which a run warns. Accurate scenes have up
+to 0.02, with few nodes in a contact up to 0.04; a ring with two spacings across, 9 % too stiff, has 0.04."""
 SERIES_WARNING = 0.01
-"""The same where the way is known as power series: sound scenes have up to 0.004, a column with two spacings
-across, 9 % too stiff, 0.02, blocks with even nodes at crushed corners 0.02, too."""
-BESIDE = 1.5
-"""Nodes up to so many spacings from those that are pressed do not count: what pressures do there is known in
-closed form, and no matter of the cloud. A pad with chamfers that slides had an estimate of 0.10, most of it
-where its pressure ends at a corner, and forces right to 0.006."""
-FINER = 8.0
-"""So many times finer nodes are recommended: a block 2 x 1 between bonded plates, 12 % too stiff, is then
-within 3 %, and its estimate 0.03 instead of 0.13."""
+"""The same for paths by power series: accurate scenes have up to 0.004, a column with two spacings across,
+9 % too stiff, 0.02, as have blocks with even nodes at crushed corners."""
+PRESSED_DISTANCE = 1.5
+"""Distance in spacings from pressed nodes within which the estimate is not evaluated: the near field of
+pressures is known in closed form, independent of the cloud. A sliding pad with chamfers had an estimate of
+0.10, most of it where its pressure ends at a corner, with an error of the forces of 0.006."""
+RECOMMENDED_REFINEMENT = 8.0
+"""Recommended refinement: a block 2 x 1 between bonded plates, 12 % too stiff, is then within 3 %, and its
+estimate 0.03 instead of 0.13."""
 
 
 @dataclass(frozen=True)
 class EnergyError:
-    """What every body's nodes (n,) add to the error, by name, and the ``energy`` of all bodies together."""
+    """Contributions (n,) of the nodes to the error, by body, and the ``energy`` of all bodies."""
 
     nodal: dict[str, FloatArray]
     energy: float
 
     @classmethod
     def of(cls, scene: FiniteScene, state: FiniteState) -> EnergyError:
-        """In a state."""
+        """Estimate of a state."""
         acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
         pressed, first = {name: [np.zeros(0, dtype=np.int64)] for name in scene.bodies}, 0
         for side in (one for contact in scene.contacts for one in contact.sides):
@@ -57,16 +57,16 @@ class EnergyError:
             cloud, nodes = body.elastic.model.cloud, np.concatenate(pressed[name])
             if len(nodes):
                 away = nearest(cKDTree(cloud.points[nodes]), cloud.points)[0]
-                found[name][away <= BESIDE * cloud.spacing] = 0.0
+                found[name][away <= PRESSED_DISTANCE * cloud.spacing] = 0.0
         return cls(found, total)
 
     @property
     def total(self) -> float:
-        """The error."""
+        """Estimated error."""
         return sum(float(one.sum()) for one in self.nodal.values())
 
     def warning(self, scene: FiniteScene, estimate: float) -> str:
-        """What a run says of an ``estimate``, with the place that most of it comes from."""
+        """Warning of a relative ``estimate``, with the place of its largest contribution."""
         name = max(self.nodal, key=lambda one: float(self.nodal[one].max()))
         cloud, node = scene.bodies[name].elastic.model.cloud, int(np.argmax(self.nodal[name]))
         x, y = np.round(cloud.points[node] / scene.size, 9) * scene.size + 0.0
@@ -74,16 +74,15 @@ class EnergyError:
             f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), most of it "
             f"at ({x:.6g}, {y:.6g}) of body {name}: refine there and at similar places, with slow "
             f"growth, as in [[body.refine]] at = [{x:.6g}, {y:.6g}], "
-            f"spacing = {cloud.spacing[node] / FINER:.2g}, radius = 0, growth = 0.1"
+            f"spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, growth = 0.1"
         )
 
 
 def missing_works(scene: FiniteScene, before: FiniteState, now: FiniteState) -> dict[str, float]:
-    """By body, the work of its stress from one state to another less that of all forces on it.
+    """Internal less external work from one state to another, by body.
 
-    Every stress in balance does on any small way what the forces do, and on a long one, too; that the stress
-    is that of a strain does not matter. Bodies that nothing holds are turned back first, as they turn on the
-    whole: rigid motions do nothing.
+    By the principle of virtual work the two are equal for every stress in equilibrium, whether or not it
+    derives from a strain. Bodies without supports are rotated back first: rigid motions do no work.
     """
     found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
     factors = [scene.acting(one.whole, one.traction) for one in (before, now)]
@@ -104,8 +103,8 @@ def missing_works(scene: FiniteScene, before: FiniteState, now: FiniteState) -> 
 
 
 def check_work(scene: FiniteScene, missing: Mapping[str, float], error: float) -> str:
-    """A warning where the work of the stresses differs from that of the forces by a part ``error`` of all
-    energy, most of it ``missing`` on one body, "" where it does not."""
+    """Warning if internal and external work differ too much, by ``error`` relative to the energy ("" if
+    not); ``missing`` is the difference by body."""
     if not error > (SERIES_WARNING if scene.by_series else WORK_WARNING):
         return ""
     worst = max(missing, key=lambda name: abs(missing[name]))

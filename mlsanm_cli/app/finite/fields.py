@@ -1,4 +1,4 @@
-"""What is reported of a state at finite strain: fields, what probes see, forces of loads and supports."""
+"""Results of a state at finite strain: fields, probes, and forces of loads, supports and contacts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
-from mlsanm_cli.contact.finite.meeting import NOWHERE
+from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
@@ -25,15 +25,15 @@ from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, stretches
 from mlsanm_cli.operators.stencils import build_stencils
 
-CONTACT = "contact "
-"""Before the name of a contact, among the resultants of a run: the force of its obstacle."""
+CONTACT_PREFIX = "contact "
+"""Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""
 
 
 @dataclass(frozen=True)
 class FiniteFields:
-    """At n points: displacement (n, 2), Cauchy's stress xx, yy, xy (n, 3) and across the plane (n,), von
-    Mises stress (n,), principal stretches in the plane (n, 2), the larger first, and the ratio of volumes
-    J = det F (n,), in plane stress with the stretch across the plane."""
+    """Fields at n points: displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,), von Mises stress
+    (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F (n,), which
+    includes the stretch in z."""
 
     displacement: FloatArray
     stress: FloatArray
@@ -46,8 +46,7 @@ class FiniteFields:
     def of(
         cls, law: Law, displacement: FloatArray, gradient: FloatArray, stretch: FloatArray | None
     ) -> FiniteFields:
-        """By ``displacement`` (n, 2), its ``gradient`` (4, n) and the free ``stretch`` (n,) of what is
-        warm."""
+        """From ``displacement`` (n, 2), its ``gradient`` (4, n) and the thermal ``stretch`` (n,)."""
         stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
         volume = (1.0 + determinant(gradient)) * law.across(gradient, stretch)
         mises = von_mises(stress, across)
@@ -55,7 +54,7 @@ class FiniteFields:
 
 
 def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
-    """The fields at the nodes of every body."""
+    """Fields at the nodes of every body."""
     found, shown = {}, scene.parts(state.shown(scene))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
@@ -65,7 +64,7 @@ def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]
 
 
 def fields_at(scene: FiniteScene, state: FiniteState, name: str, points: FloatArray) -> FiniteFields:
-    """The fields at ``points`` (e, 2) of a body as it is before loading."""
+    """Fields at ``points`` (e, 2) of the undeformed body."""
     body, own = scene.bodies[name], scene.parts(state.displacement)[name]
     model = body.elastic.model
     stencils = build_stencils(model.nodes, model.tree, points, 1, model.settings, model.cloud.sight)
@@ -74,8 +73,8 @@ def fields_at(scene: FiniteScene, state: FiniteState, name: str, points: FloatAr
 
 
 def fields_by(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
-    """The fields by ``derivatives`` (e, 3, 2) of the displacement, value first, and the free ``stretch``
-    (e,) of what is warm."""
+    """Fields from ``derivatives`` (e, 3, 2) of the displacement (value, d/dx, d/dy) and the thermal
+    ``stretch`` (e,)."""
     gradient = np.stack(
         [derivatives[:, 1, 0], derivatives[:, 2, 0], derivatives[:, 1, 1], derivatives[:, 2, 1]]
     )
@@ -83,7 +82,7 @@ def fields_by(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> 
 
 
 def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeRecord]:
-    """What the case's probes see."""
+    """Values at the probes of the case."""
     records = {}
     for probe in scene.probes:
         seen = fields_at(scene, state, probe.body, probe.point)
@@ -93,7 +92,7 @@ def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeReco
 
 @dataclass(frozen=True)
 class SceneForces:
-    """``bodies``' forces in a state by name, and those of every contact (2,) on its slave and on its
+    """Forces of a state on the ``bodies`` by name, and those (2,) of every contact on its slave and its
     master."""
 
     bodies: Mapping[str, Forces]
@@ -101,7 +100,7 @@ class SceneForces:
 
     @classmethod
     def of(cls, scene: FiniteScene, state: FiniteState) -> SceneForces:
-        """In a state."""
+        """Forces of a state."""
         acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
         bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
         found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.free)
@@ -116,12 +115,12 @@ class SceneForces:
 
     @property
     def size(self) -> float:
-        """The largest of what the forces on a body add up to without their directions."""
+        """Largest sum of the magnitudes of the forces on a body."""
         return max(one.size for one in self.bodies.values())
 
     @property
     def rest(self) -> float:
-        """What all forces on a body together leave, on that which they leave most on."""
+        """Largest resultant of all forces on a body."""
         return max(one.rest for one in self.bodies.values())
 
     def of_load(self, number: int) -> FloatArray:
@@ -129,18 +128,18 @@ class SceneForces:
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
     def of_held(self, places: Iterable[tuple[str, str]]) -> FloatArray:
-        """The force (2,) on some held surfaces of bodies together."""
+        """The resultant (2,) on held surfaces of bodies."""
         return np.asarray(sum((self.bodies[body].held([name]) for body, name in places), np.zeros(2)))
 
     @property
     def apart(self) -> float:
-        """By how much the forces of a contact on its sides differ at most, over the largest of all."""
+        """Largest difference of the forces of a contact on its two sides, over the largest force."""
         found = [float(np.abs(sum(forces)).max()) for forces in self.contacts.values() if len(forces) == 2]
         return max(found, default=0.0) / self.size if self.size else 0.0
 
 
 def exchanged(contact: AnyContact) -> bool:
-    """Whether the case names slave and master of a contact the other way round."""
+    """Whether slave and master of a contact are exchanged relative to the case."""
     return isinstance(contact, BodyContact) and contact.exchanged
 
 
@@ -153,11 +152,11 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
         for number, load in enumerate(scene.case.load)
         if not isinstance(load, Displacement | Platen)
     }
-    return loads | held | {f"{CONTACT}{name}": force for name, force in pressed.items()}
+    return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
 def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, ContactRecord]:
-    """Pressures and tractions per current length, gaps and slips of every contact."""
+    """Pressures and tractions per deformed length, gaps and slips of every contact."""
     records, first = {}, 0
     parts = scene.parts(state.displacement)
     for contact in scene.contacts:
@@ -167,7 +166,7 @@ def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, Contact
         stretch = stretch_along(scene, slave, parts[slave.body])
         pressed = state.pressed
         assert pressed is not None
-        gap = np.where(pressed.gap[here] < NOWHERE, pressed.gap[here], np.nan)
+        gap = np.where(pressed.gap[here] < NO_GAP, pressed.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
         records[contact.name] = ContactRecord(
             pressed.pressure[here] / stretch,
@@ -181,14 +180,14 @@ def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, Contact
 
 
 def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArray) -> FloatArray:
-    """Stretches (c,) along a side of a body whose nodes are displaced by (2n,)."""
+    """Tangential stretch (c,) of a side from the nodal ``displacement`` (2n,) of its body."""
     xx, xy, yx, yy = scene.bodies[side.body].gradient(displacement)[:, side.nodes]
     x, y = -side.outward[:, 1], side.outward[:, 0]
     return np.asarray(np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y))
 
 
 def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces) -> dict[str, dict[str, Any]]:
-    """The engineer's figures of every contact; the half-width is along the side before loading."""
+    """Summary of every contact; the half-width is measured along the undeformed side."""
     records = contact_records(scene, state)
     found: dict[str, dict[str, Any]] = {}
     first = 0
@@ -217,8 +216,8 @@ def _cone(record: ContactRecord, friction: float) -> float:
 
 
 def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
-    """The moment of a turning obstacle's tractions, at the sides' nodes ``here``, on the body about its
-    pivot."""
+    """Moment of the tractions of a rotating obstacle on the body about its pivot; the sides' nodes are
+    ``here`` in the state's arrays."""
     assert state.pressed is not None
     slave, pivot = contact.slave, contact.pivot + contact.motion @ state.whole
     at = slave.places + state.pressed.surface[here].reshape(-1, 2) - pivot
@@ -227,7 +226,7 @@ def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
 
 
 def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
-    """Displacement (2,) of every platen and of every obstacle by the load that moves it."""
+    """Displacement (2,) of every platen and obstacle, by the name of the load that moves it."""
     moved = {}
     rigid = {one.name: one for one in scene.contacts if isinstance(one, RigidContact)}
     for load in scene.case.load:
@@ -240,7 +239,7 @@ def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, Fl
 
 
 def plates_turned(scene: FiniteScene, state: FiniteState) -> dict[str, dict[str, float]]:
-    """Rotation of every plate that turns, and moment about its hinge."""
+    """Rotation of every plate that rotates, and moment about its hinge."""
     acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
     found = {}
     for plate in (one for one in scene.plates if one.motion[2].any()):
@@ -251,7 +250,7 @@ def plates_turned(scene: FiniteScene, state: FiniteState) -> dict[str, dict[str,
 
 
 def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:
-    """How far a state is from where it would have no sense."""
+    """Extreme stretches, volume ratio and acoustic tensor of a state."""
     every = list(fields_of(scene, state).values())
     waves = [
         float(scene.bodies[name].ellipticity(own, state.factors).min())

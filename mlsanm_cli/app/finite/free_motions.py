@@ -1,4 +1,5 @@
-"""What moves freely at finite strain: loose bodies with their pins, obstacles and plates under forces."""
+"""Unknown rigid motions at finite strain: of loose bodies with their pins, and of obstacles and plates under
+forces."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 def free_motions_of(
     case: Case, prepared: SceneModel
 ) -> tuple[tuple[LooseMotions, ...], tuple[DrivenObstacle, ...], tuple[Plate, ...]]:
-    """What moves as it likes: loose bodies in the order of all bodies, then obstacles, then plates."""
+    """Unknown rigid motions: of loose bodies in the order of all bodies, then obstacles, then plates."""
     found = {one.body: one for one in prepared.rigid_constraints if isinstance(one, mechanics.FloatingBody)}
     loose = []
     for name, model in prepared.models.items():
@@ -44,7 +45,7 @@ def free_motions_of(
 
 
 def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
-    """All plates, whose unknown motions are those from a ``number`` on."""
+    """All plates; ``number`` is the index of their first unknown motion."""
     loads, found = len(case.moved), list[Plate]()
     platens = [one for one in prepared.rigid_constraints if isinstance(one, mechanics.Platen)]
     count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
@@ -83,7 +84,7 @@ def plated(name: str, body: ElasticBody, plates: Sequence[Plate], loads: Loads) 
 def pins_of(
     prepared: SceneModel, name: str, loose: Sequence[LooseMotions]
 ) -> tuple[list[tuple[int, int]], FloatArray]:
-    """Where a loose body is pinned, and by how much its free motions move the pins."""
+    """Pins (node, component) of a loose body, and their displacement per free motion."""
     own = next((one for one in loose if one.body == name), None)
     if own is None:
         return [], np.zeros((0, 0))

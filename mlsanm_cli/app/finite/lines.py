@@ -1,4 +1,4 @@
-"""Surfaces in contact and obstacles at finite strain, as lines for ParaView."""
+"""Contact surfaces and obstacles at finite strain as lines for ParaView."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mlsanm_cli.mechanics.near_field import as_complex, as_real
 def contact_lines(
     scene: FiniteScene, state: FiniteState, fields: Mapping[str, FiniteFields]
 ) -> dict[str, VtuPart]:
-    """The sides that carry the pressures of all contacts in one state; stresses act on the case's slave."""
+    """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
     records, parts = contact_records(scene, state), scene.parts(state.displacement)
     lines, first = {}, 0
     for contact in scene.contacts:
@@ -51,7 +51,7 @@ def contact_lines(
 
 
 def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, VtuPart]:
-    """The rigid obstacles in one state, by the contact that they belong to."""
+    """Rigid obstacles in a state, by contact."""
     points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
     drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
     lines = {}

@@ -1,4 +1,4 @@
-"""Boundaries that lie inside another body, an obstacle or their own body though no contact keeps them out."""
+"""Overlaps of boundaries with bodies and obstacles that no contact prevents."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
 
-DEEP = 0.5
-"""Nodes may lie inside something by this part of their spacing: between its nodes a surface is not known
-better."""
+MAX_DEPTH = 0.5
+"""Allowed penetration of nodes in spacings: between nodes a surface is not known better."""
 
 
 @dataclass(frozen=True)
 class _Body:
-    """A body's name, its ``cloud``, deformed ``places`` (n, 2) of its nodes and ``outline``."""
+    """A body with its ``cloud``, the deformed ``places`` (n, 2) of its nodes and its ``outline``."""
 
     name: str
     cloud: Cloud
@@ -34,8 +33,8 @@ class _Body:
 def check_overlaps(
     scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray
 ) -> None:
-    """NumericalError where a boundary has come to lie inside something in a state of load ``factors`` (L,)
-    and the ``displacement`` (2N,) of all bodies."""
+    """NumericalError if a boundary lies inside a body or an obstacle in a state of load ``factors`` (L,) and
+    ``displacement`` (2N,) of all bodies."""
     bodies = {}
     for name, own in scene.parts(displacement).items():
         cloud, values = scene.bodies[name].elastic.model.cloud, own.reshape(-1, 2)
@@ -60,7 +59,7 @@ def check_overlaps(
 def _between_bodies(
     bodies: dict[str, _Body],
 ) -> Iterator[tuple[float, tuple[float, float], str, str]]:
-    """Depth, place and what lies inside what."""
+    """Depth and place of overlaps, the surface inside, and the surface of the other body."""
     for one, other in permutations(bodies.values(), 2):
         for surface in one.cloud.surfaces.values():
             points = one.places[surface.index]
@@ -70,7 +69,7 @@ def _between_bodies(
             if not len(near):
                 continue
             depth, chord = distances(points[near], other.outline.edges)
-            over = depth - DEEP * one.cloud.spacing[surface.index[near]]
+            over = depth - MAX_DEPTH * one.cloud.spacing[surface.index[near]]
             worst = int(np.argmax(over))
             if over[worst] > 0.0:
                 x, y = points[near[worst]].tolist()
@@ -81,7 +80,7 @@ def _between_bodies(
 def _obstacles(
     scene: FiniteScene, bodies: dict[str, _Body], factors: FloatArray
 ) -> Iterator[tuple[float, tuple[float, float], str, str]]:
-    """The same of rigid obstacles, with the sides that no contact with one has."""
+    """The same for rigid obstacles and the surfaces that have no contact with one."""
     rigid = [one for one in scene.contacts if isinstance(one, RigidContact)]
     taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.members}
     for contact in rigid:
@@ -90,7 +89,7 @@ def _obstacles(
             if (body.name, surface.name) in taken:
                 continue
             depth = -contact.seen(body.places[surface.index], surface.normal, factors)[0]
-            over = depth - DEEP * body.cloud.spacing[surface.index]
+            over = depth - MAX_DEPTH * body.cloud.spacing[surface.index]
             worst = int(np.argmax(over))
             if over[worst] > 0.0:
                 x, y = body.places[surface.index[worst]].tolist()
@@ -103,7 +102,7 @@ def _named(body: _Body, surface: str) -> str:
 
 
 def _crossing(outline: DeformedOutline) -> tuple[float, float] | None:
-    """Where two chords of an outline cross that do not follow each other."""
+    """Intersection of two chords of an outline that are not adjacent, if there is one."""
     start, way = outline.edges[:, :2], outline.edges[:, 2:] - outline.edges[:, :2]
     low, high = np.minimum(start, start + way), np.maximum(start, start + way)
     one, other = np.nonzero(((low[:, None] < high[None]) & (high[:, None] > low[None])).all(axis=2))
@@ -116,7 +115,7 @@ def _crossing(outline: DeformedOutline) -> tuple[float, float] | None:
     one, other, between, across = one[slanted], other[slanted], between[slanted], across[slanted]
     mine = (between[:, 0] * way[other, 1] - between[:, 1] * way[other, 0]) / across
     theirs = (between[:, 0] * way[one, 1] - between[:, 1] * way[one, 0]) / across
-    # Neighbours share an end.
+    # Adjacent chords share an end.
     inner = (np.minimum(mine, theirs) > 1e-6) & (np.maximum(mine, theirs) < 1.0 - 1e-6)
     if not inner.any():
         return None

@@ -1,4 +1,4 @@
-"""Where contacts at finite strain touch along a path, and with how many nodes."""
+"""Contact patches along a path at finite strain, and their numbers of nodes."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from mlsanm_cli.contact.finite.exact import AnyContact, Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 
-ACROSS, AT = 14.0, 1e-3
+NODES_PER_WIDTH, REFERENCE_ACCURACY = 14.0, 1e-3
 """Nodes over the width of a contact at this accuracy; errors decrease with their square. Forces of half a
 disk on a block are 0.13 % off with 11 nodes."""
-ENOUGH = 0.6
-"""This part of the nodes that are asked for is enough."""
-FINER = 8.0
-"""Nodes become at most so many times finer at a time: to their distance the width is known."""
-LEAST = 0.02
-"""Patches that carry less than this part of a contact's force do not count."""
+SUFFICIENT_SHARE = 0.6
+"""Part of the requested nodes that suffices."""
+MAX_REFINEMENT = 8.0
+"""Largest refinement at a time: the width of a patch is known to the distance of its nodes."""
+MIN_FORCE_SHARE = 0.02
+"""Patches with less than this part of the force of a contact are ignored."""
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Closed nodes ``numbers`` (k,) of a contact's slave that follow each other, over a ``width``."""
+    """Consecutive closed nodes ``numbers`` (k,) of a slave, over a ``width``."""
 
     numbers: IntArray
     width: float
@@ -38,10 +38,9 @@ class Patch:
 
 @dataclass
 class Touched:
-    """What contacts have touched so far in a run, by name: for each side spacings (c,) that patches of states
-    wanted ask for, infinite where none do, and which nodes were near a patch at all (``swept``); the fewest
-    nodes ``across`` a patch, the force (2,) on the slave in states wanted by position, and which are
-    ``coarse``."""
+    """Patches of a run so far, by contact: for each side the spacings (c,) required in the requested states,
+    infinite where there is no patch, and the nodes near any patch (``swept``); the fewest nodes ``across`` a
+    patch, the force (2,) on the slave in the requested states by position, and the ``coarse`` contacts."""
 
     spacing: dict[str, list[FloatArray]] = field(default_factory=dict)
     swept: dict[str, list[BoolArray]] = field(default_factory=dict)
@@ -51,7 +50,7 @@ class Touched:
 
     @classmethod
     def read(cls, figures: Mapping[str, Any]) -> Touched:
-        """From the figures that a run has stored."""
+        """From the stored figures of a run."""
         stored = dict(figures.get("touched", {}))
         for name in ("spacing", "swept"):
             stored[name] = {
@@ -65,11 +64,11 @@ class Touched:
         return asdict(self)
 
     def add(self, scene: FiniteScene, step: FiniteStep) -> None:
-        """Take in a finished step."""
+        """Add the patches of a finished step."""
         wanted = list(step.saved)
         if step.state.position == round(step.state.position):
             wanted.append(step.state)
-        # Before loading surfaces only just touch.
+        # Before loading there are no patches.
         wanted = [state for state in wanted if state.position > 0.0]
         for state in {one.position: one for one in (*wanted, step.state)}.values():
             if state.pressed is None:
@@ -95,19 +94,19 @@ class Touched:
         for been, mark in zip(swept, marks, strict=True):
             been |= mark
         count, asked = len(patch.numbers), across_of(case, name)
-        # A corner that touches by itself does so with one node, however fine they are.
+        # A corner in contact has one node, whatever the spacing.
         if not wanted or (count == 1 and int(patch.numbers[0]) in sides[0].corners):
             return
         self.across[name] = min(self.across.get(name, count), count)
-        if count < ENOUGH * asked and name not in self.coarse:
+        if count < SUFFICIENT_SHARE * asked and name not in self.coarse:
             self.coarse.append(name)
         finest = float(sides[0].weight[patch.numbers].min())
         for mine, mark in zip(spacing, marks, strict=True):
-            mine[mark] = np.minimum(mine[mark], max(patch.width / asked, finest / FINER))
+            mine[mark] = np.minimum(mine[mark], max(patch.width / asked, finest / MAX_REFINEMENT))
 
     def wanted(self, contact: str) -> Iterator[FloatArray]:
-        """For each side of a contact the spacings (c,) that are asked for: what was touched on the way only
-        is like the nearest that is."""
+        """Required spacings (c,) of each side of a contact; nodes that only intermediate states touch get
+        that of the nearest node with one."""
         for spacing, swept in zip(self.spacing[contact], self.swept[contact], strict=True):
             known, places = np.flatnonzero(np.isfinite(spacing)), np.flatnonzero(swept)
             found = np.full(len(spacing), np.inf)
@@ -118,14 +117,13 @@ class Touched:
 
 
 def across_of(case: Case, contact: str) -> float:
-    """Nodes over a patch that the accuracy of a contact asks for."""
+    """Nodes over a patch required for the accuracy of a contact."""
     accuracy = next(one.accuracy for one in case.contact if one.name == contact)
-    return ACROSS * float(np.sqrt(AT / accuracy))
+    return NODES_PER_WIDTH * float(np.sqrt(REFERENCE_ACCURACY / accuracy))
 
 
 def patches(contact: AnyContact, pressed: Pressed, here: slice) -> Iterator[Patch]:
-    """The patches of a contact in a state, those that carry something; what is ``here`` among all slaves'
-    nodes is its own."""
+    """Loaded patches of a contact in a state; its nodes are ``here`` in the state's arrays."""
     slave, closed = contact.slave, pressed.sets.closed[here]
     load = np.hypot(pressed.pressure[here], pressed.shear[here]) * slave.weight
     numbers = np.flatnonzero(closed)
@@ -134,18 +132,18 @@ def patches(contact: AnyContact, pressed: Pressed, here: slice) -> Iterator[Patc
         yield Patch(np.array([near]), float(slave.weight[near]))
     if not load.sum():
         return
-    # A node between closed ones that is open is none of an edge.
+    # A single open node between closed ones does not divide a patch.
     parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 2) + 1)
     if slave.around is not None and len(parts) > 1 and numbers[0] + slave.count - numbers[-1] <= 2:
         parts = [np.concatenate([parts[-1], parts[0]]), *parts[1:-1]]
     for part in parts:
-        if load[part].sum() >= LEAST * load.sum():
+        if load[part].sum() >= MIN_FORCE_SHARE * load.sum():
             yield Patch(part, float(slave.weight[part].sum()))
 
 
 def between_nodes(side: ContactSide, pressed: Pressed, here: slice) -> bool:
-    """Whether a side none of whose nodes, ``here`` among all slaves', is closed may touch between them: by
-    how it and what it faces turn against each other from the nearest node to the next."""
+    """Whether a side without closed nodes may touch between them, by the relative rotation of the surfaces
+    from the nearest node to the next; its nodes are ``here`` in the state's arrays."""
     gap, near = pressed.gap[here], int(np.argmin(pressed.gap[here]))
     beside = slice(max(near - 1, 0), near + 2)
     against = (side.outward + pressed.normal[here])[beside]
@@ -154,7 +152,7 @@ def between_nodes(side: ContactSide, pressed: Pressed, here: slice) -> bool:
 
 
 def _widened(side: ContactSide, numbers: IntArray) -> BoolArray:
-    """The nodes (c,) of a side that are ``numbers`` or next to them."""
+    """Mask (c,) of the nodes ``numbers`` of a side and the adjacent ones."""
     found = np.zeros(side.count, dtype=bool)
     for step in (-1, 0, 1):
         beside = numbers + step
@@ -163,8 +161,8 @@ def _widened(side: ContactSide, numbers: IntArray) -> BoolArray:
 
 
 def _faced(side: ContactSide, places: FloatArray, width: float) -> BoolArray:
-    """The nodes (c,) of a master within the ``places`` along it that a patch of a ``width`` faces, and next
-    to them."""
+    """Mask (c,) of the nodes of a master within the arc lengths ``places`` that a patch of a ``width``
+    faces, and the adjacent ones."""
     middle = float(places[len(places) // 2])
     away, reach = side.arc - middle, places - middle
     if side.around is not None:

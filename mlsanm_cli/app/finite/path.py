@@ -1,5 +1,4 @@
-"""The path of one body without contact at finite strain: stage by stage, its equations renewed as it
-deforms."""
+"""Path of one body without contact at finite strain; its equations are renewed as it deforms."""
 
 from __future__ import annotations
 
@@ -17,26 +16,26 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.distance import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 
-MENDS = 25
-"""Updates with the new equations' own factor that take a state to them; each leaves about a fifth."""
+MAX_UPDATES = 25
+"""Largest number of updates with the factor of the new equations that correct a state; each leaves about a
+fifth."""
 UNLIMITED = 1_000_000
-PARTS = 8
-"""Parts of a step of power series over which work is added up: by its ends alone it was 0.7 % off where a
-column with two spacings across, bent beyond a right angle, was 9 % too stiff."""
+WORK_PARTS = 8
+"""Parts of a step of power series over which work is integrated: by its ends alone it was 0.7 % off for a
+column with two spacings across, bent beyond a right angle, that was 9 % too stiff."""
 SAME_LEVEL, SAME_STATE = 1e-12, 1e-3
 """Load factors, and displacements over the scene's length, of one state as two paths find it."""
-SAMPLES = 65
-"""Places of a step at which the slope of the load factor is looked at, to find where it turns."""
+LIMIT_SAMPLES = 65
+"""Points of a step at which the slope of the load factor is evaluated to find limit points."""
 
 
 def finite_path(
     scene: FiniteScene, mark: FiniteMark | None = None, renewals: Sequence[FiniteState] | None = None
 ) -> Iterator[FiniteStep]:
-    """All steps, the start first, or those behind a ``mark``. The equations are renewed in the states of
-    another path (``renewals_of``), or where the deformation asks for it.
+    """All steps from the initial state on, or those after a checkpoint ``mark``. The equations are renewed
+    in the states ``renewals`` of another path (``renewals_of``), or where the deformation requires it.
 
-    Raises NumericalError where the path breaks off, or where a state has no sense: det F <= 0, or a law that
-    has lost ellipticity."""
+    NumericalError if the path cannot be continued, if det F <= 0, or if the law has lost ellipticity."""
     stages, case = scene.stages, scene.case
     wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
     problem, x = _first_problem(scene), np.zeros(scene.unknowns)
@@ -63,7 +62,7 @@ def finite_path(
 
 
 def _first_problem(scene: FiniteScene) -> FiniteProblem:
-    """The equations of the reference state, scaled by what the linear body would do."""
+    """The equations of the undeformed state, scaled by the linear response."""
     (name, body), stages = scene.alone, scene.stages
     still = np.zeros(body.unknowns)
     projector = scene.projector(name, still, stages[0])
@@ -79,7 +78,7 @@ def _first_problem(scene: FiniteScene) -> FiniteProblem:
 
 
 def _taken_up(scene: FiniteScene, problem: FiniteProblem, mark: FiniteMark) -> FiniteProblem:
-    """The equations of a ``mark``: those that its state solves."""
+    """The equations that the state of a checkpoint solves."""
     start = replace(problem, start=mark.state.factors)
     for keeps in (False, True):
         projector = scene.projector(scene.alone[0], mark.station, mark.acting, keeps)
@@ -91,7 +90,7 @@ def _taken_up(scene: FiniteScene, problem: FiniteProblem, mark: FiniteMark) -> F
 
 
 class _Stage:
-    """The way through one stage."""
+    """Path through one stage."""
 
     def __init__(
         self,
@@ -113,14 +112,14 @@ class _Stage:
         self._spent = 0
 
     def take_up(self, mark: FiniteMark) -> None:
-        """Go on behind a ``mark``."""
+        """Continue from a checkpoint."""
         self.x, self._lam, self._previous = mark.state.displacement, mark.lam, mark.branch
         self._acting, self._levels = mark.acting, mark.levels.tolist()
         if mark.renewed:
             self._renew()
 
     def steps(self, x: FloatArray) -> Iterator[FiniteStep]:
-        """The steps from a state ``x`` (2N,) at the stage's start to its end, or from what was taken up."""
+        """Steps from the initial state ``x`` (2N,) of the stage, or from the checkpoint, to its end."""
         self.x, fresh = self.x if self._previous is not None else x, False
         while True:
             follower = follow(
@@ -153,7 +152,7 @@ class _Stage:
             self._renew()
 
     def _renewal_level(self) -> list[float]:
-        """The load factor of the next of the given renewals, if there is one."""
+        """Load factor of the next given renewal, if there is one."""
         return [one.position - self._stage for one in (self._renewals or ())[:1]]
 
     def _is_renewed_behind(self, step: Step) -> bool:
@@ -179,8 +178,8 @@ class _Stage:
         return FiniteMark(finished.state, self._station, self._acting, branch.length, *place)
 
     def _renew(self) -> None:
-        """Take the equations of the present state, and the state to them. Next to crushed corners that way
-        may lead nowhere: then they keep what their rows are left with, and the state solves them as it is."""
+        """Renew the equations at the current state, and correct the state. Next to crushed corners the
+        correction may fail: then the equations keep the residual of their rows, which the state solves."""
         factors = self.problem.factors(self._lam)
         self._station, self._acting = self.x, factors
         name = self._scene.alone[0]
@@ -195,16 +194,15 @@ class _Stage:
                     raise
 
     def _solving(self, problem: FiniteProblem) -> FloatArray:
-        """The state next to the present one that solves the equations of a ``problem``; NumericalError where
-        none is found."""
+        """The corrected state that solves the equations of a ``problem``. NumericalError if none is found."""
         x, rest = self.x, problem.residual(self.x, self._lam)
         options = _options(self._scene)
-        for _ in range(MENDS):
+        for _ in range(MAX_UPDATES):
             if np.abs(rest).max() <= options.goal:
                 break
             better = x - problem.length * rest
             left = problem.residual(better, self._lam)
-            # Where the way is longer than the station's own tangent is good for, Newton's method goes it.
+            # Larger corrections need Newton's method with new tangents.
             if not np.abs(left).max() < np.abs(rest).max():
                 break
             x, rest = better, left
@@ -230,7 +228,7 @@ class _Stage:
         turns = _turns(step.branch, self._stage) if step.order else ()
         spent, self._spent = step.factorizations + self._spent, 0
         counts = (step.order, step.iterations, spent, step.solves)
-        parts = np.arange(1.0, PARTS) / PARTS * step.branch.length if step.order else ()
+        parts = np.arange(1.0, WORK_PARTS) / WORK_PARTS * step.branch.length if step.order else ()
         points = (step.branch.evaluate(part) for part in parts)
         way = tuple(self._state(lam, x, 0.0) for x, lam in points)
         return FiniteStep(state, passed, step.arc_length, *counts, turns, way=way)
@@ -241,7 +239,7 @@ class _Stage:
 
 
 def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
-    """The case's method; steps are counted over the whole path."""
+    """Options of the case's method; steps are counted over the whole path, not here."""
     solver = scene.case.solver
     if solver.method == "newton":
         return NewtonOptions(tolerance=solver.tolerance, max_steps=UNLIMITED, control="arc-length")
@@ -249,8 +247,8 @@ def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
 
 
 def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
-    """The limit points within a step."""
-    a = np.linspace(0.0, branch.length, SAMPLES)
+    """Limit points within a step."""
+    a = np.linspace(0.0, branch.length, LIMIT_SAMPLES)
     slope = branch.derivative_weights(a) @ branch.terms[1]
     found = []
     for k in np.flatnonzero(slope[:-1] * slope[1:] < 0.0):

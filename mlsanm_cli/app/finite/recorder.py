@@ -1,4 +1,4 @@
-"""The run directory of a run at finite strain."""
+"""Writer of the run directory at finite strain."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ TALLIES = (
     "factorizations",
     "solves",
 )
-"""What is counted along the path."""
+"""Quantities accumulated along the path."""
 
 
 class FiniteRecorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
 
-    ``steps`` counts finished ones; the state at the start is none.
+    ``steps`` counts finished steps, without the initial state.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class FiniteRecorder(RunWriter):
         self.turns: list[Turn] = []
 
     def start(self, scene: FiniteScene) -> FiniteMark | None:
-        """Store the bodies and their contacts; what the path continues from, None where it begins."""
+        """Store bodies and contacts; returns the checkpoint to continue from, if there is one."""
         with self._clock.phase("output"):
             datasets: dict[str, Value] = {}
             for name, body in scene.bodies.items():
@@ -106,7 +106,7 @@ class FiniteRecorder(RunWriter):
             return self._take_up(scene, self._earlier) if self._earlier else None
 
     def _take_up(self, scene: FiniteScene, before: FiniteEarlier) -> FiniteMark | None:
-        """Go on behind what is recorded."""
+        """Continue an earlier recording."""
         if before.mark is None:
             return None
         self.last, self._rows = before.mark.state, before.rows
@@ -123,7 +123,7 @@ class FiniteRecorder(RunWriter):
         return before.mark
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
-        """Store one finished step with the fields wanted within it."""
+        """Store a finished step with the requested fields within it."""
         state = step.state
         with self._clock.phase("output"):
             between = [one for one in step.saved if one is not state]
@@ -148,7 +148,7 @@ class FiniteRecorder(RunWriter):
             more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
             assert step.mark is not None
             latest = partial(plain_mark, step.mark, figures | more)
-            # Before the rows: a resumed run drops the events of steps that are not in its file.
+            # Before the rows: a resumed run drops events of steps that are not in run.h5.
             event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
             self._events.write("step", **event, length=step.length)
             self._file.add(rows, datasets, latest=latest)
@@ -178,7 +178,7 @@ class FiniteRecorder(RunWriter):
         self.stability = min(self.stability, step.state.stability)
         forces = SceneForces.of(scene, step.state)
         self.largest = max(self.largest, forces.size)
-        # Bodies that only move have forces of round-off.
+        # Rigid motion leaves round-off in the forces.
         stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         tiny = ROUND_OFF * stiffest * float(np.abs(step.state.displacement).max())
         found = EnergyError.of(scene, step.state)
@@ -192,16 +192,16 @@ class FiniteRecorder(RunWriter):
 
     @property
     def estimate(self) -> float:
-        """The estimated error of the energy, over the largest on the path."""
+        """Largest estimated error of the energy over the largest energy on the path."""
         return float(self.unaccounted / self.energy) if self.energy else 0.0
 
     @property
     def energy_error(self) -> float:
-        """The work of the stresses less that of the forces on their bodies, over the largest energy."""
+        """Internal less external work of the bodies over the largest energy."""
         return sum(map(abs, self.missing.values())) / (0.5 * self.energy) if self.energy else 0.0
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
-        """Record a failure, and write the last good state as failure.vtu."""
+        """Record a failure and write the last accepted state as failure.vtu."""
         self._console.phase("writing the failed state")
         with self._clock.phase("output"):
             if self.last is not None:
@@ -210,15 +210,15 @@ class FiniteRecorder(RunWriter):
             self._events.write("failure", reason=error.message, hint=error.hint)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
-        """Close everything; summary.json comes last, so that its presence means the run is over."""
+        """Close all files; summary.json is written last, so that its presence means the run has ended."""
         if self.last is not None:
             self.write_path()
         super().finish(summary)
 
 
 def _stored(scene: FiniteScene, fields: Mapping[str, FiniteFields], number: int) -> dict[str, Value]:
-    """The fields asked for, as the saved state of a number; with stresses the stretches and ratios of
-    volumes."""
+    """Datasets of the requested fields of saved state ``number``; with the stress also stretches and volume
+    ratio."""
     wanted: list[str] = list(scene.case.output.fields)
     if "stress" in wanted:
         wanted += ["stretch", "volume_ratio"]
@@ -230,7 +230,7 @@ def _stored(scene: FiniteScene, fields: Mapping[str, FiniteFields], number: int)
 
 
 def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, VtuPart]:
-    """The same as VTU files take them."""
+    """The requested fields as VTU parts."""
     wanted, parts = scene.case.output.fields, {}
     for name, found in fields.items():
         data = vtu_data(found, wanted)

@@ -1,8 +1,8 @@
-"""Nodes of contacts at finite strain, from a first run: pressures live at nodes, and only a run shows where
-bodies touch and over which width.
+"""Automatic refinement of contacts at finite strain from the patches of a first run.
 
-Runs are repeated with finer nodes until all patches of contact have those that the contact's accuracy asks
-for, or ``MOST`` times. Only contacts get them the spacings of whose bodies are left to us.
+Pressures are nodal, and places and widths of the patches are known from a run only. Runs are repeated with
+finer nodes until all patches have the nodes required for the accuracy of their contacts, at most ``MAX_RUNS``
+times. Only contacts between bodies with automatic spacings are refined.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.patches import ACROSS, AT, Touched
+from mlsanm_cli.app.finite.patches import NODES_PER_WIDTH, REFERENCE_ACCURACY, Touched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
-from mlsanm_cli.app.scene.default_spacing import BAND, SLOWER
+from mlsanm_cli.app.scene.default_spacing import NODAL_BAND, NODAL_GROWTH
 from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
@@ -29,19 +29,19 @@ from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.errors import CaseError, NumericalError
 
-MOST = 3
-"""Runs that are repeated at most."""
-LARGEST, COARSER = 5000, 1.5
-"""Nodes of a scene up to which contacts refine them, and how much coarser zones are tried where these would
-be more."""
+MAX_RUNS = 3
+"""Largest number of repeated runs."""
+MAX_NODES, COARSENING = 5000, 1.5
+"""Largest number of nodes of a refined scene, and the factor by which spacings are increased until it has no
+more."""
 STRAIGHT = 1e-9
 NO_ZONES = np.zeros((0, 5))
 
 
 @dataclass(frozen=True)
 class ContactPass:
-    """What came of a run: the fewest nodes ``across`` a patch of each contact, the contacts' forces (2,) at
-    the states wanted, by position, and whether it was ``done``."""
+    """Result of a run: the fewest nodes ``across`` a patch of each contact, the contacts' forces (2,) in the
+    requested states by position, and whether the run was completed (``done``)."""
 
     nodes: int
     across: Mapping[str, int]
@@ -51,8 +51,9 @@ class ContactPass:
 
 @dataclass(frozen=True)
 class Refinement:
-    """Segments and spacings of finer nodes, ``zones`` (z, 5), those of the run ``before``, what ``passes``
-    have found, how finer nodes ``failed``, if they did, and whether there are ``fewer`` than asked for."""
+    """Segments with spacings, ``zones`` (z, 5), of this run and of the run ``before``; the results of the
+    earlier ``passes``, the message of a refined run that ``failed``, and whether there are ``fewer`` nodes
+    than required."""
 
     zones: FloatArray = field(default_factory=NO_ZONES.copy)
     before: FloatArray = field(default_factory=NO_ZONES.copy)
@@ -62,7 +63,7 @@ class Refinement:
 
     @classmethod
     def read(cls, figures: Mapping[str, Any]) -> Refinement:
-        """From the figures that a run has stored, if it has."""
+        """From the stored figures of a run, if there are any."""
         if "refinement" not in figures:
             return cls()
         stored = dict(figures["refinement"])
@@ -76,21 +77,21 @@ class Refinement:
 
     @property
     def asked(self) -> tuple[Zone, ...]:
-        """The zones of finer nodes."""
+        """The zones with prescribed spacings."""
         return tuple(
-            Zone(Segment((a, b), (c, d)), fine, BAND * fine, SLOWER)
+            Zone(Segment((a, b), (c, d)), fine, NODAL_BAND * fine, NODAL_GROWTH)
             for a, b, c, d, fine in self.zones.tolist()
         )
 
     @property
     def warnings(self) -> Iterator[str]:
-        """What users should know of it, usually nothing."""
+        """Warnings of a refinement that failed or is incomplete."""
         if self.failed:
-            yield f"with finer nodes in contact the path stops, these are the ones before: {self.failed}"
+            yield f"the results are from the run before the last refinement, which failed: {self.failed}"
         if self.fewer:
             yield (
-                f"contacts have fewer nodes than their accuracy asks for, as more than {LARGEST} nodes would "
-                "be needed: raise contact.accuracy, or refine where bodies touch with body.refine"
+                f"contacts have fewer nodes than their accuracy requires: more than {MAX_NODES} nodes would "
+                "be needed; raise contact.accuracy, or refine where bodies touch with body.refine"
             )
 
 
@@ -101,7 +102,7 @@ def refined(
     failure: NumericalError | None,
     context: RunContext,
 ) -> tuple[Refinement, SceneModel] | None:
-    """How the next run is to be refined, with its clouds; None where the last one is as it should be."""
+    """Refinement and clouds of the next run, None if the last one is final."""
     case, nodes = scene.case, scene.unknowns // 2
     if known.failed:
         return None
@@ -109,7 +110,7 @@ def refined(
         back = Refinement(known.before, passes=known.passes[:-1], failed=failure.message)
         return back, place(case, context, back.asked)
     passes = (*known.passes, ContactPass(nodes, touched.across, touched.forces, failure is None))
-    zones = wanted_zones(scene, touched) if len(passes) <= MOST else NO_ZONES
+    zones = wanted_zones(scene, touched) if len(passes) <= MAX_RUNS else NO_ZONES
     fewer = False
     while len(zones):
         found = Refinement(zones, known.zones, passes, fewer=fewer)
@@ -118,17 +119,17 @@ def refined(
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
-        if nodes < count <= LARGEST:
+        if nodes < count <= MAX_NODES:
             return found, finer
-        if count <= nodes or (fewer and nodes > LARGEST):
+        if count <= nodes or (fewer and nodes > MAX_NODES):
             return None
-        zones, fewer = zones * [1.0, 1.0, 1.0, 1.0, COARSER], True
+        zones, fewer = zones * [1.0, 1.0, 1.0, 1.0, COARSENING], True
     return None
 
 
 def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
-    """Segments and their spacings (z, 5) that contacts ask for; none where all have enough nodes."""
-    own = [contact for contact in scene.contacts if _left_to_us(scene.case, contact)]
+    """Segments and spacings (z, 5) required by the contacts, empty if all have enough nodes."""
+    own = [contact for contact in scene.contacts if _is_automatic(scene.case, contact)]
     if not any(contact.name in touched.coarse for contact in own):
         return NO_ZONES
     rows: list[FloatArray] = []
@@ -143,15 +144,15 @@ def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
     return found
 
 
-def _left_to_us(case: Case, contact: AnyContact) -> bool:
+def _is_automatic(case: Case, contact: AnyContact) -> bool:
     """Whether the spacings of all bodies of a contact are automatic."""
     names = {side.body for side in contact.sides}
     return all(one.spacing == "auto" and not one.has_nodes for one in case.body if one.name in names)
 
 
 def _segments(side: ContactSide, spacing: FloatArray) -> Iterator[FloatArray]:
-    """Rows (5,) of segments between nodes (c,) with finite ``spacing``; straight ones of one spacing are
-    taken together."""
+    """Rows (5,) of segments between nodes with finite ``spacing`` (c,); collinear ones with equal spacing
+    are merged."""
     last: FloatArray | None = None
     for one in range(side.count if side.around is not None else side.count - 1):
         other = (one + 1) % side.count
@@ -169,7 +170,7 @@ def _segments(side: ContactSide, spacing: FloatArray) -> Iterator[FloatArray]:
 
 
 def _continues(last: FloatArray, row: FloatArray) -> bool:
-    """Whether a segment goes on with another one in its direction."""
+    """Whether a segment continues another one in its direction with equal spacing."""
     before, way = last[2:4] - last[:2], row[2:4] - row[:2]
     bend = before[0] * way[1] - before[1] * way[0]
     straight = abs(bend) <= STRAIGHT * float(np.hypot(*before) * np.hypot(*way))
@@ -177,12 +178,12 @@ def _continues(last: FloatArray, row: FloatArray) -> bool:
 
 
 def contact_errors(known: Refinement, touched: Touched) -> dict[str, float]:
-    """By contact, the estimated error of its force, both components, over the largest force of all: what it
-    has changed by from the run before, if there is one, and what its nodes are known to leave."""
+    """Estimated error of the force of each contact over the largest force: the larger of the error expected
+    from its number of nodes and that extrapolated from the change since the previous run."""
     size = max((math.hypot(*f) for one in touched.forces.values() for f in one.values()), default=0.0)
     found = {}
     for name, across in touched.across.items():
-        found[name] = AT * (ACROSS / across) ** 2
+        found[name] = REFERENCE_ACCURACY * (NODES_PER_WIDTH / across) ** 2
         before = known.passes[-1] if known.passes else None
         if before is None or name not in before.across or not size:
             continue

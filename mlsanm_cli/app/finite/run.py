@@ -28,7 +28,7 @@ from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.verdict import FEW_WAVES
+from mlsanm_cli.app.finite.verdict import ELLIPTICITY_WARNING
 from mlsanm_cli.app.output.summary import Ending, head, probe_figures
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
@@ -48,7 +48,7 @@ def run_finite(
     context: RunContext,
     origin: RunOrigin | None = None,
 ) -> Mapping[str, Any]:
-    """Follow the path and write the run directory, or continue with a run of that ``origin``; the mapping of
+    """Follow the path and write the run directory, or continue the run ``origin``; returns the content of
     summary.json."""
     case, earlier = loaded.case, interrupted_run(origin) if origin is not None else None
     refinement = Refinement.read(earlier.figures) if earlier else Refinement()
@@ -71,13 +71,13 @@ def run_finite(
         refinement, prepared = finer
         earlier = None
         run_dir.prepare(directory, force=True)
-        context.console.note("again, with finer nodes in contact")
+        context.console.note("repeating the run with finer nodes in contact")
 
 
 def _followed(
     scene: FiniteScene, recorder: FiniteRecorder, context: RunContext
 ) -> tuple[NumericalError | None, KeyboardInterrupt | None]:
-    """Go along the path; what failed, or has stopped it."""
+    """Follow the path; returns the error or the interrupt that ended it, if any."""
     try:
         mark = recorder.start(scene)
         context.stop_gently()
@@ -102,7 +102,7 @@ def _ending(
     failure: NumericalError | None,
     stop: KeyboardInterrupt | None,
 ) -> Ending:
-    """How the path ended."""
+    """The end of the path."""
     if stop is not None:
         ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
         context.console.note(ending.hint)
@@ -119,10 +119,10 @@ def _ending(
 
 
 def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
-    """Warn of, or refuse, a last state that is not reliable."""
+    """Warn of an inaccurate last state. NumericalError if its forces are not balanced."""
     assert recorder.last is not None
     waves = extremes(scene, recorder.last)["ellipticity"]
-    if waves < FEW_WAVES:
+    if waves < ELLIPTICITY_WARNING:
         recorder.warn(
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
@@ -137,7 +137,7 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
             recorder.warn(text)
     for text in held_at_points(scene, recorder.last):
         recorder.warn(text)
-    # What single nodes hold a body with is not known from its stress.
+    # Reactions at single nodes are not known from the stress.
     single = any(body.elastic.held_nodes for body in scene.bodies.values())
     if recorder.balance > BALANCE_LIMIT and not single:
         raise NumericalError(
@@ -149,7 +149,7 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
 def _summary(
     scene: FiniteScene, recorder: FiniteRecorder, ending: Ending, quality: Quality, clock: Clock
 ) -> dict[str, Any]:
-    """The content of summary.json, as far as the run came."""
+    """Content of summary.json for the completed part of the path."""
     state, nodes = recorder.last, scene.unknowns // 2
     summary = head(ending, recorder, recorder.steps, state.position if state else None)
     if ending.hint:

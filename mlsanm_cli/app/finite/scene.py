@@ -1,4 +1,4 @@
-"""From a case and its clouds to bodies at finite strain with their loads and contacts."""
+"""Assembly of bodies at finite strain with their loads and contacts."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.solve.load_factors import stage_factors
 
-TOUCHING = 0.01
-"""Nodes drawn as near to an obstacle as this part of the length they stand for touch it."""
-LIGHT, OUTERMOST = 0.3, 4
-"""Weight of the tractions near the ends of sides that friction holds up to their corners, as a part of that
-of others, and at how many nodes. What they lack there, where stresses are singular, would move the whole
-body: blocks with friction on all of their top, 30 % down with nu = 0.44 or with a fifth of shear, swayed when
-their equations were renewed, and stopped at 0.46 to 0.9 of the path."""
+TOUCH_TOLERANCE = 0.01
+"""Initial gap to an obstacle, relative to the length of a node, below which the node touches."""
+END_WEIGHT, END_NODES = 0.3, 4
+"""Weight of the tractions near the ends of sides that friction holds up to their corners, relative to others,
+and number of their nodes. Their error, where stresses are singular, would move the whole body: blocks with
+friction on their whole top, compressed by 30 % with nu = 0.44 or sheared by a fifth, swayed when their
+equations were renewed, and stopped at 0.46 to 0.9 of the path."""
 
 
 @dataclass(frozen=True)
 class FiniteScene:
-    """All ``bodies`` by name with their loads, which move from stage to stage: ``stages`` (T + 1, L). The
-    bodies' loads beyond these are the motions of ``loose`` bodies, ``driven`` obstacles and ``plates`` (d,),
-    then unit tractions x, y at the nodes of their sides in ``contacts``.
+    """``bodies`` by name with their loads, whose factors at the ends of stages are ``stages`` (T + 1, L).
+    Further loads of the bodies are the motions (d,) of ``loose`` bodies, ``driven`` obstacles and
+    ``plates``, then unit tractions x, y at the nodes of their sides in ``contacts``.
 
-    ``supports`` names the bodies and surfaces of every support and of every load that holds a displacement.
+    ``supports`` names bodies and surfaces of every support and of every load that prescribes displacements.
     """
 
     case: Case
@@ -68,13 +68,13 @@ class FiniteScene:
 
     @property
     def free(self) -> int:
-        """Unknown motions (d): load factors behind those of the case."""
+        """Number d of unknown rigid motions: load factors after those of the case."""
         plates = sum(len(one.components) for one in self.plates)
         return sum(one.count for one in self.loose) + len(self.driven) + plates
 
     @property
     def in_increments(self) -> bool:
-        """Whether several bodies, contacts or unknown motions are followed by increments."""
+        """Whether the path is followed by increments: several bodies, contacts or unknown motions."""
         return bool(self.contacts or self.free) or len(self.bodies) > 1
 
     @property
@@ -84,28 +84,28 @@ class FiniteScene:
 
     @property
     def alone(self) -> tuple[str, FiniteBody]:
-        """The only body, and its name."""
+        """Name and body of a scene with one body."""
         ((name, body),) = self.bodies.items()
         return name, body
 
     @property
     def unknowns(self) -> int:
-        """Displacements of all bodies."""
+        """Number 2N of displacements of all bodies."""
         return sum(body.unknowns for body in self.bodies.values())
 
     @property
     def size(self) -> float:
-        """The largest extent of a body."""
+        """Largest extent of a body."""
         return max(float(np.ptp(body.elastic.model.nodes, axis=0).max()) for body in self.bodies.values())
 
     def parts(self, displacement: FloatArray) -> dict[str, FloatArray]:
-        """By body, its own of the displacements (2N,) of all."""
+        """Displacements (2N,) of all bodies divided by body."""
         ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
 
     def shown(self, displacement: FloatArray, surface: FloatArray) -> FloatArray:
-        """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the ``surface`` (2s,):
-        to what changes from node to node there clouds by themselves answer wrongly."""
+        """Displacements (2N,) of all bodies with those of the ``surface`` (2s,) at the nodes of sides in
+        contact: clouds by themselves represent tractions that alternate from node to node wrongly."""
         found, first = displacement.copy(), 0
         own = self.parts(found)
         for side in (one for contact in self.contacts for one in contact.sides):
@@ -115,8 +115,8 @@ class FiniteScene:
         return found
 
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
-        """By body, the factors of all its loads: the case's and free motions, ``factors`` (L + d,), then its
-        own of the tractions (2s,) at the nodes of all sides in contact."""
+        """Factors of all loads by body: ``factors`` (L + d,) of the case and of the free motions, then the
+        body's part of the ``traction`` (2s,) at the nodes of all sides in contact."""
         found, first = {name: [factors] for name in self.bodies}, 0
         for contact in self.contacts:
             for side in contact.sides:
@@ -126,7 +126,7 @@ class FiniteScene:
 
     @cached_property
     def weights(self) -> Mapping[str, Weights]:
-        """The weights of the bodies' rows, for the whole path."""
+        """Weights of the equations of the bodies, constant over the path."""
         found = {}
         for name, body in self.bodies.items():
             sides = [side for contact in self.contacts for side in contact.sides if side.body == name]
@@ -134,14 +134,14 @@ class FiniteScene:
             found[name] = Weights.of(body, np.concatenate([NO_ROWS, *rows]))
             for side in self.upright.get(name, ()):
                 number = np.arange(side.count)
-                ends = number[np.minimum(number, side.count - 1 - number) < OUTERMOST]
-                found[name].nodes[side.traction_rows(body.elastic, ends)] *= LIGHT
+                ends = number[np.minimum(number, side.count - 1 - number) < END_NODES]
+                found[name].nodes[side.traction_rows(body.elastic, ends)] *= END_WEIGHT
         return found
 
     @cached_property
     def upright(self) -> Mapping[str, list[ContactSide]]:
-        """Sides that touch an obstacle with friction up to both of their corners, as they are drawn, by their
-        bodies, those that are not loose."""
+        """Sides, by body, that initially touch an obstacle with friction up to both corners; only of bodies
+        that are not loose."""
         found: dict[str, list[ContactSide]] = {}
         loose = {one.body for one in self.loose if one.count}
         for contact in self.contacts:
@@ -149,7 +149,7 @@ class FiniteScene:
             if not isinstance(contact, RigidContact) or not contact.friction or side.body in loose:
                 continue
             gap = contact.seen(side.places, side.outward, np.zeros(contact.motion.shape[1]))[0]
-            if None not in side.wedges and (gap < TOUCHING * side.weight)[[0, -1]].all():
+            if None not in side.wedges and (gap < TOUCH_TOLERANCE * side.weight)[[0, -1]].all():
                 found.setdefault(side.body, []).append(side)
         return found
 
@@ -167,7 +167,7 @@ class FiniteScene:
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
-    """Take over clouds, conditions and loads of a scene that the checks have let pass."""
+    """Assemble a checked scene at finite strain."""
     solver = direct_solver(case)
     loose, driven, plates = free_motions_of(case, prepared)
     free = sum(one.count for one in loose) + len(driven) + sum(len(one.components) for one in plates)
@@ -178,14 +178,14 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         pinned, moves = pins_of(prepared, name, loose)
         loose = tuple(replace(one, moves=moves) if one.body == name else one for one in loose)
         held_nodes = (*prepared.held_nodes[name], *pinned)
-        # Pins turn with bodies that may turn; of others they say that these do not.
+        # Pins rotate with bodies that may rotate; those of others prevent the rotation.
         turning = len(pinned) if moves.shape[0] == moves.shape[1] else 0
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
         sides = [side for contact in contacts for side in contact.sides if side.body == name]
         loads = plated(name, elastic, plates, with_more(_loads(case, prepared, name, elastic), free))
         if moves.shape[1]:
-            # The last rows of single nodes are the pins'.
+            # The rows of the pins are the last ones of single nodes.
             last = elastic.rows - 3 * elastic.pieces.count
             loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
             first += moves.shape[1]
@@ -197,7 +197,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
 
 
 def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> AnyContact:
-    """A side of a body against another's, or against a rigid obstacle, in a scene of so many ``free``
+    """Contact of a side with that of another body or a rigid obstacle; ``free`` is the number of free
     motions."""
     found = next(one for one in case.contact if one.name == pairing.name)
     slave = _side(prepared, pairing.slave_body, pairing.slave)
@@ -228,12 +228,12 @@ def _side(prepared: SceneModel, body: str, surface: Surface) -> ContactSide:
 
 
 def material_of(case: Case, body: str) -> Material:
-    """What a body of a case is made of."""
+    """Material of a body."""
     return case.material[next(one.material for one in case.body if one.name == body)]
 
 
 def law_of(case: Case, body: str) -> Law:
-    """The law of a body of a case at finite strain."""
+    """Finite-strain law of a body."""
     material = material_of(case, body)
     assert material.law != "linear"
     assert material.E is not None
@@ -242,7 +242,7 @@ def law_of(case: Case, body: str) -> Law:
 
 
 def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Bodies and surfaces by the label of a support, or by the name of a load that holds displacements."""
+    """Bodies and surfaces by the label of a support or the name of a load that prescribes displacements."""
     found: dict[str, tuple[Place, ...]] = {
         s.place.label: (s.place,) for s in case.support if s.place is not None
     }
@@ -255,7 +255,7 @@ def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
 
 
 def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Loads:
-    """All that acts on a body, by load number."""
+    """All loads on a body."""
     count = len(case.moved)
     sources = np.zeros((body.rows, count))
     tractions: dict[str, FloatArray] = {}
@@ -282,7 +282,7 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
 
 
 def warming_of(case: Case, prepared: SceneModel, name: str) -> tuple[Warming, ...]:
-    """What stretches a body freely."""
+    """Thermal strains of a body."""
     alpha = material_of(case, name).alpha
     return tuple(
         Warming(one.number, float(alpha) * one.values, partial(_expansion, float(alpha), one.field))
@@ -296,7 +296,7 @@ def _expansion(alpha: float, field: Field, points: FloatArray) -> FloatArray:
 
 
 def _force(prepared: SceneModel, name: str, nodes: int, count: int) -> FloatArray | None:
-    """The force (n, 2, L) per volume of a body, if there is any."""
+    """Body force (n, 2, L) per volume, if there is any."""
     own = [load for load in prepared.acting.body_forces if load.body == name]
     if not own:
         return None

@@ -1,4 +1,4 @@
-"""States of a path at finite strain, the steps between them, and what a path continues from."""
+"""States, steps and checkpoints of a path at finite strain."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from mlsanm_cli.continuation import Branch
 
 @dataclass(frozen=True)
 class FiniteState:
-    """One state of the path: position, load factors (L,), nodal displacement (2N,) of all bodies in turn,
-    residual; in contact also ``pressed``, what Newton's method found there, and of friction the slips (c,) so
-    far and the work (c,) per length of the slave that it has dissipated."""
+    """State of the path: position, load factors (L,), nodal displacement (2N,) of all bodies in order,
+    residual; in contact also the converged solution ``pressed``, and with friction the accumulated slip (c,)
+    and the dissipated work (c,) per length of the slave."""
 
     position: float
     factors: FloatArray
@@ -30,11 +30,11 @@ class FiniteState:
 
     @property
     def stability(self) -> float:
-        """How well the contacts resist pressures that change from node to node."""
+        """Relative stiffness of the contacts against pressures that alternate from node to node."""
         return np.inf if self.pressed is None else self.pressed.stability
 
     def shown(self, scene: FiniteScene) -> FloatArray:
-        """The displacements (2N,) by which bodies are shown."""
+        """Displacements (2N,) for output."""
         return scene.shown(self.displacement, self.pressed.surface) if self.pressed else self.displacement
 
     @property
@@ -50,7 +50,7 @@ class FiniteState:
 
 @dataclass(frozen=True)
 class Turn:
-    """A limit point: where the load factors turn back, and whether it is a maximum of them."""
+    """A limit point of the load factor, a maximum or a minimum."""
 
     position: float
     maximum: bool
@@ -58,10 +58,10 @@ class Turn:
 
 @dataclass(frozen=True)
 class FiniteStep:
-    """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
-    one), what it cost, limit points in it, and states on the ``way`` of a power series.
+    """A finished step: the state at its end, the requested states within it in order (including its end),
+    its counters, its limit points, and intermediate states ``way`` of a power series.
 
-    ``renewed`` means that the equations were renewed at its end; ``mark`` is what the path continues from.
+    ``renewed``: the equations were renewed at its end; ``mark`` is the checkpoint at its end.
     """
 
     state: FiniteState
@@ -79,12 +79,13 @@ class FiniteStep:
 
 @dataclass(frozen=True)
 class FiniteMark:
-    """What a path continues from: a ``state``; the ``station`` (2N,) of the equations of all bodies in turn,
-    and ``acting`` (l,), the factors of the bodies' loads there, in turn; the ``pace``, of contacts the next
-    increment, of power series the length of the last step.
+    """Checkpoint of a path: a ``state``; the expansion point ``station`` (2N,) of the equations of all
+    bodies in order, and the factors ``acting`` (l,) of their loads there; ``pace``, the next increment with
+    contact, the length of the last step of power series.
 
-    Power series also know the ``stage`` and the part ``lam`` of it, the ``direction`` (2N + 1,) of the path,
-    ``levels`` of the stage still to come, and whether equations are to be ``renewed`` first.
+    Power series also store the ``stage`` and the load factor ``lam`` within it, the ``direction`` (2N + 1,)
+    of the path, the requested ``levels`` left in the stage, and whether the equations are to be ``renewed``
+    first.
     """
 
     state: FiniteState
@@ -99,7 +100,7 @@ class FiniteMark:
 
     @property
     def branch(self) -> Branch | None:
-        """The direction as a straight piece of path, if there is any."""
+        """The direction as a linear branch, if there is one."""
         if not self.direction.size:
             return None
         x = np.stack([self.state.displacement, self.direction[:-1]])
@@ -107,7 +108,7 @@ class FiniteMark:
 
 
 def renewals_of(steps: Sequence[FiniteStep]) -> tuple[FiniteState, ...]:
-    """The states in which a path has renewed its equations, in their order."""
+    """The states in which a path has renewed its equations, in order."""
     return tuple(
         before.state
         for before, after in pairwise(steps)

@@ -1,4 +1,4 @@
-"""Whether a state at finite strain has any sense, and what to say where a path breaks off."""
+"""Admissibility of a state at finite strain, and the error of a path that cannot be continued."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.law import determinant
 
-FEW_WAVES = 0.1
-"""Below this part of the shear modulus the acoustic tensor is so soft that a run warns."""
+ELLIPTICITY_WARNING = 0.1
+"""Least eigenvalue of the acoustic tensor over the shear modulus below which a run warns."""
 _LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
 
 
 def check_deformation(
     scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray
 ) -> None:
-    """Raise NumericalError, with body and node, where det F <= 0 or the law has lost ellipticity in a state
-    of load ``factors`` (L,) and the ``displacement`` (2N,) of all bodies."""
+    """NumericalError, with body and node, if det F <= 0 or the law has lost ellipticity in a state of load
+    ``factors`` (L,) and ``displacement`` (2N,) of all bodies."""
     for name, own in scene.parts(displacement).items():
         _check_body(scene, name, position, factors, own)
 
@@ -50,14 +50,14 @@ def _check_body(
 def path_failure(
     scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, outcome: Outcome
 ) -> NumericalError:
-    """What to say of a path of one body that broke off behind its last state."""
+    """Error of a path of one body that cannot be continued from its last state."""
     name, body = scene.alone
     gradient = body.gradient(displacement)
     volume = 1.0 + determinant(gradient)
     waves = body.ellipticity(displacement, factors)
     node, soft = int(np.argmin(volume)), int(np.argmin(waves))
     where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
-    if waves[soft] < FEW_WAVES:
+    if waves[soft] < ELLIPTICITY_WARNING:
         place = _place(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)

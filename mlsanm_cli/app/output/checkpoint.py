@@ -1,4 +1,4 @@
-"""What a run continues from as run.h5 stores it, in /checkpoint, and back."""
+"""The checkpoint of a run: conversion to and from the datasets of /checkpoint in run.h5."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
 
 REFINEMENT = "checkpoint/refinement"
 
-Made = TypeVar("Made")
+Record = TypeVar("Record")
 
 
 @dataclass(frozen=True)
 class InterruptedRun:
-    """What an earlier process left of a run: the rows of its path and the seconds they took; if there are
-    any, the ``last`` row's state, what the path continues from, and ``figures`` counted so far; the
-    refinement of its clouds, if that is over."""
+    """The data of an interrupted run: the rows of its path and the seconds they took; if there are any, the
+    state of the ``last`` row, the checkpoint from which the path continues, and the ``figures`` counted so
+    far; the refinement of its clouds, if that was complete."""
 
     rows: int
     seconds: float
@@ -38,7 +38,7 @@ class InterruptedRun:
 def plain_checkpoint(
     last: State, checkpoint: Checkpoint | None, figures: Mapping[str, Any]
 ) -> dict[str, Value]:
-    """As datasets: the state of the last row, what the path continues from, and what was counted."""
+    """The state of the last row, the checkpoint of the path, and the figures, as datasets."""
     found = {**flattened("checkpoint/last", last), **flattened("checkpoint/path", checkpoint)}
     return {**found, "checkpoint/figures": as_text(figures)}
 
@@ -49,10 +49,10 @@ def plain_refinement(refinement: Refinement) -> str:
 
 
 def interrupted_run(origin: RunOrigin) -> InterruptedRun:
-    """What a run stored to continue from. RunError if it is damaged or of another version."""
+    """The stored data of an interrupted run. Raises RunError if they are damaged or of another version."""
     stored = origin.checkpoint
     try:
-        # Without rows nothing need be there.
+        # Without rows there may be no checkpoint.
         started = origin.rows > 0 or "last" in stored
         return InterruptedRun(
             rows=origin.rows,
@@ -67,16 +67,16 @@ def interrupted_run(origin: RunOrigin) -> InterruptedRun:
 
 
 def unreadable(error: Exception) -> RunError:
-    """What to say of a checkpoint that makes an ``error``."""
+    """The RunError for a checkpoint whose reading raised an ``error``."""
     return RunError(
         f"the checkpoint of the run cannot be read: {error!r}",
-        "it is damaged, or of another version of mlsanm; run the case again with --force",
+        "it is damaged or from another version of mlsanm; run the case again with --force",
     )
 
 
 def as_text(value: Any) -> str:
     """Plain values as JSON."""
-    # Unlike in summary.json, nan is stored as such.
+    # Unlike in summary.json, nan is kept.
     return json.dumps(value, default=_plain)
 
 
@@ -85,7 +85,7 @@ def _plain(value: Any) -> Any:
 
 
 def flattened(name: str, value: Any) -> dict[str, Value]:
-    """All numbers and arrays of a dataclass, and of those in it, by their paths; nothing of None."""
+    """All numbers and arrays of a dataclass and those nested in it, by path; None is omitted."""
     if value is None:
         return {}
     if is_dataclass(value):
@@ -94,8 +94,8 @@ def flattened(name: str, value: Any) -> dict[str, Value]:
     return {name: np.asarray(value)}
 
 
-def restored(kind: type[Made], stored: Mapping[str, Any], **more: Any) -> Made:
-    """A dataclass from its arrays and numbers, and ``more`` that is made of several."""
+def restored(kind: type[Record], stored: Mapping[str, Any], **more: Any) -> Record:
+    """A dataclass from its arrays and numbers, and from ``more`` values for its nested dataclasses."""
     own = {name: value for name, value in stored.items() if name not in more}
     return kind(**{name: value if value.ndim else value.item() for name, value in own.items()}, **more)
 

@@ -1,7 +1,7 @@
-"""Where fields are written: at the nodes, or under contacts on grids of their own at points as fine as these.
+"""The points at which fields are written: the nodes and, under contact grids, points as fine as the grids.
 
-Bodies know their fields between the nodes too: a smooth remainder and a closed form. What is largest lies a
-part of the contact's width below the surface, where the cloud may have no node at all.
+Fields between the nodes are known: a smooth remainder and a closed form. The largest stress lies a part of
+the contact's width below the surface, where the cloud may have no node.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
-ACROSS = 12.0
-"""Points over the half-width of a patch of contact."""
-REACH, GROWTH = 1.5, 0.25
-"""Within so many half-widths points are even, beyond their distances grow."""
-MOST = 12
-"""Patches of one contact that are looked at closely, the widest first."""
-FINER = 0.7
-"""Zones that are hardly finer than the cloud are left out."""
+PER_HALF_WIDTH = 12.0
+"""Points over the half-width of a contact patch."""
+FINE_RADIUS, GROWTH = 1.5, 0.25
+"""Radius of the fine zone in half-widths, and growth of the spacing beyond it."""
+MAX_PATCHES = 12
+"""Largest number of patches of a contact with fine points, the widest first."""
+MIN_REFINEMENT = 0.7
+"""Zones whose spacing is above this part of that of the cloud are omitted."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class Views:
 
     @classmethod
     def of(cls, built: CondensedScene, memo: Memo = NO_CACHE) -> Views:
-        """Finer points for the bodies whose clouds are coarser than what a contact does to them; the states
-        at the ends of the stages show where that is. Scenes that touch over the same intervals share them."""
+        """Finer points for the bodies whose clouds are too coarse for their contact patches at the ends of
+        stages. Scenes with the same patches share them by the ``memo``."""
         clouds, finer = {}, {}
         for body in built.case.body:
             model = built.scene.bodies[body.name].model
@@ -80,7 +80,7 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
             continue
         span = condensed.spans[pairing.name]
         closed = np.any([state.active[span] for state in ends], axis=0)
-        patches = sorted(_patches(pairing.grid, closed), key=lambda patch: patch[0] - patch[1])[:MOST]
+        patches = sorted(_patches(pairing.grid, closed), key=lambda patch: patch[0] - patch[1])[:MAX_PATCHES]
         for body, slave, _ in pairing.sides:
             if body != model.name:
                 continue
@@ -88,13 +88,16 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
                 half = 0.5 * (last - first)
                 place = pairing.grid.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
                 nearest = model.tree.query([place.real, place.imag])[1]
-                if half / ACROSS < FINER * model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]:
+                if (
+                    half / PER_HALF_WIDTH
+                    < MIN_REFINEMENT * model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]
+                ):
                     point = (float(place.real), float(place.imag))
-                    yield Zone.around(point, half / ACROSS, REACH * half, GROWTH)
+                    yield Zone.around(point, half / PER_HALF_WIDTH, FINE_RADIUS * half, GROWTH)
 
 
 def _patches(grid: ContactGrid, closed: BoolArray) -> list[tuple[float, float]]:
-    """Where stretches of ``closed`` places (m,) begin and end."""
+    """Start and end of the runs of ``closed`` grid nodes (m,)."""
     steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
     firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) + 1
     nodes = grid.hats.nodes

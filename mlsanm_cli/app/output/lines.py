@@ -1,4 +1,4 @@
-"""Surfaces in contact and obstacles as lines, for files and pictures."""
+"""Contact surfaces and obstacles as lines, for files and pictures."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ from mlsanm_cli.solve.functionals import platen_displacements, slave_arc, slave_
 from mlsanm_cli.solve.state import State
 from mlsanm_cli.startup import cKDTree
 
-APART = 3.0
-"""Places of a contact further apart than so many times what they stand for are no neighbours."""
-CIRCLE = 181
-"""Points of a circle."""
-BEYOND = 0.75
-"""A plane is drawn so many diameters of the scene to both sides."""
-NEAREST = 8
+MAX_NEIGHBOR_DISTANCE = 3.0
+"""Contact nodes are neighbours up to this distance, relative to the mean of their weights (lengths)."""
+CIRCLE_POINTS = 181
+PLANE_LENGTH = 0.75
+"""Length of a plane to both sides, in diameters of the scene."""
+NEAREST_EDGES = 8
 
 
 def contact_lines(
@@ -51,9 +50,9 @@ def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
 
 
 def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
-    """Points (k, 2) and pairs of neighbours (e, 2) of every contact's obstacle before loading.
+    """Points (k, 2) and pairs of neighbours (e, 2) of the obstacle of every contact before loading.
 
-    Planes, which have no end, are as long as a scene in the box from ``low`` (2,) to ``high`` (2,) is wide.
+    Planes are drawn with a length relative to the scene, whose box is from ``low`` (2,) to ``high`` (2,).
     """
     return {
         contact.name: _drawn(contact.obstacle, low, high)
@@ -63,7 +62,7 @@ def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[
 
 
 def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) -> FloatArray:
-    """How far (2,) an obstacle has moved, from what its loads have ``moved`` it; all agree."""
+    """Displacement (2,) of an obstacle, from the displacements ``moved`` by load, which are all equal."""
     names = [load.name for load in case.load if isinstance(load, ObstacleMotion) and load.obstacle == contact]
     return next((moved[name] for name in names if name in moved), np.zeros(2))
 
@@ -83,7 +82,7 @@ def _contact(
         "arc_length": slave_arc(pairing),
     }
     if pairing.name in built.condensed.tangential:
-        # Without friction it is not computed, and no viewer knows what to do with nan.
+        # Without friction the slip is not computed; viewers cannot show nan.
         data["slip"] = record.slip
     load = record.pressure[:, None] * normal + record.traction[:, None] * tangent
     moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
@@ -92,28 +91,26 @@ def _contact(
 
 
 def _neighbours(pairing: Pairing) -> IntArray:
-    """Pairs (e, 2) of the candidates of a contact that follow each other along the surface."""
+    """Pairs (e, 2) of candidates of a contact that are adjacent along the surface."""
     chosen = pairing.candidate
     arc, weight, points = pairing.arc[chosen], pairing.weight[chosen], pairing.points[chosen]
     numbers = np.arange(len(arc), dtype=np.int64)
     pairs = np.stack([numbers[:-1], numbers[1:]], axis=1)
-    together = np.diff(arc) <= APART * 0.5 * (weight[1:] + weight[:-1])
+    together = np.diff(arc) <= MAX_NEIGHBOR_DISTANCE * 0.5 * (weight[1:] + weight[:-1])
     pairs = pairs[together]
     if pairing.slave.curve.closed and len(arc) > 2:
         across = float(np.hypot(*(points[0] - points[-1])))
-        if across <= APART * 0.5 * (weight[0] + weight[-1]):
+        if across <= MAX_NEIGHBOR_DISTANCE * 0.5 * (weight[0] + weight[-1]):
             pairs = np.concatenate([pairs, [[numbers[-1], 0]]])
     return pairs
 
 
 def along_boundary(cloud: Cloud, values: FloatArray, points: FloatArray) -> FloatArray:
-    """Nodal ``values`` (n, c) at ``points`` (m, 2) on a cloud's boundary, linear between its nodes.
-
-    So lines lie on the surface that the cloud's triangles have.
-    """
+    """Nodal ``values`` (n, c) at ``points`` (m, 2) on the boundary of a cloud, linear between its nodes, as
+    on the edges of its triangles."""
     first, last = cloud.edges.T
     start, along = cloud.points[first], cloud.points[last] - cloud.points[first]
-    count = min(NEAREST, len(start))
+    count = min(NEAREST_EDGES, len(start))
     near = cKDTree(start + 0.5 * along).query(points, k=count)[1].reshape(len(points), count)
     offset = points[:, None] - start[near]
     share = (offset * along[near]).sum(axis=2) / (along[near] ** 2).sum(axis=2)
@@ -131,10 +128,10 @@ def _drawn(obstacle: AnyObstacle, low: FloatArray, high: FloatArray) -> tuple[Fl
         normal = np.array(obstacle.normal) / np.hypot(*obstacle.normal)
         middle = 0.5 * (low + high)
         foot = middle - ((middle - np.array(obstacle.point)) @ normal) * normal
-        reach = BEYOND * float(np.hypot(*(high - low))) * np.array([normal[1], -normal[0]])
+        reach = PLANE_LENGTH * float(np.hypot(*(high - low))) * np.array([normal[1], -normal[0]])
         points = np.array([foot - reach, foot + reach])
     elif isinstance(obstacle, DiskObstacle):
-        angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE)
+        angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         points = np.array(obstacle.center) + obstacle.radius * ring
     else:

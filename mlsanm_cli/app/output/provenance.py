@@ -1,4 +1,4 @@
-"""Where a result comes from: versions, machine, command."""
+"""Provenance of a result: versions, machine, command."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
 
 @lru_cache(maxsize=1)
 def cpu() -> str:
-    """The processor's name where the system reports it, else its architecture."""
+    """The name of the processor if the system reports it, else its architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -50,8 +50,8 @@ def _versions() -> str:
 
 
 def _version(package: str) -> str:
-    """The version of an installed package, which need not be imported."""
+    """The version of an installed package, without importing it."""
     found = distribution(package)
-    # The standard library would parse all of it, some thousand lines of licences in numpy's.
+    # importlib.metadata would parse the whole file, which has thousands of lines of licences for numpy.
     named = re.search(r"^Version: *(\S+)", found.read_text("METADATA") or "", re.MULTILINE)
     return named[1] if named else found.version

@@ -1,4 +1,4 @@
-"""The run directory during a run."""
+"""Recording of a run in its directory."""
 
 from __future__ import annotations
 
@@ -39,20 +39,18 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, fields_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
 
-NOTICED = 2.0
-"""Seconds after which the rest of a path is estimated: before, nobody waits."""
-
-NAMED = 2
-"""Loads by which a stage is called."""
-
+ESTIMATE_AFTER = 2.0
+"""Seconds after which the remaining time of a path is shown."""
+MAX_STAGE_LOADS = 2
+"""Largest number of loads in the name of a stage."""
 TALLIES = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
-"""What a recorder counts along the path, a resumed run counts further."""
+"""Counts and maxima along the path, which a resumed run continues."""
 
 
 class Recorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
 
-    With ``earlier`` it continues with the files of an earlier process, behind the last step in them.
+    With ``earlier`` it continues the files of an interrupted run after their last step.
     """
 
     def __init__(
@@ -67,7 +65,7 @@ class Recorder(RunWriter):
         super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
         self._case = loaded.case
         self._lines = LinesWriter(directory)
-        # The clock of /path/seconds continues from where it stopped.
+        # /path/seconds continue.
         self._started -= earlier.seconds if earlier else 0.0
         self._earlier = earlier
         self._pace: tuple[float, float] | None = None
@@ -88,11 +86,11 @@ class Recorder(RunWriter):
 
     @property
     def steps(self) -> int:
-        """Finished steps; the state at the start is none."""
+        """Number of finished steps, without the state at the start."""
         return max(self._rows - 1, 0)
 
     def start(self, adapted: Adapted) -> Checkpoint | None:
-        """Store the model; what its path continues from, None where it begins."""
+        """Stores the model; returns the checkpoint from which the path continues, None for a new path."""
         built, self._starts = adapted.built, adapted.accuracy.solutions
         with self._clock.phase("output"):
             self._views = Views.of(built, self._memo)
@@ -106,7 +104,7 @@ class Recorder(RunWriter):
             return self._take_up(built, self._earlier) if self._earlier else None
 
     def _take_up(self, built: CondensedScene, before: InterruptedRun) -> Checkpoint | None:
-        """Go on behind what is recorded."""
+        """Restores the state of the recorder after the last recorded step."""
         if before.last is None:
             return None
         self.last, self._rows = before.last, before.rows
@@ -123,8 +121,8 @@ class Recorder(RunWriter):
         return before.checkpoint
 
     def step(self, built: CondensedScene, step: PathStep) -> None:
-        """Add one finished step: its series, its row, the fields wanted within it, and what the run continues
-        from. All of it is written together, some time later."""
+        """Adds a finished step: its series, its row, the fields saved within it, and the checkpoint. All of
+        it is written together, some time later."""
         state, index = step.state, self._rows
         with self._clock.phase("output"):
             rows = [recording.step_row(built, state, self.path_figures(step, state.position, state.residual))]
@@ -156,22 +154,21 @@ class Recorder(RunWriter):
         self._console.step(index, state.position, state.residual, text)
 
     def _progress(self, position: float) -> list[str]:
-        """How far the path is, since when, and how long the rest takes if it continues like this; nothing
-        where nobody waits."""
+        """Progress of the path, elapsed and estimated remaining time; empty during the first seconds."""
         now, stages = time.monotonic(), len(self._case.stage)
         self._pace = self._pace or (now, position)
         begun, first = self._pace
-        if now - begun < NOTICED or not first < position < stages:
+        if now - begun < ESTIMATE_AFTER or not first < position < stages:
             return []
         left = (now - begun) * (stages - position) / (position - first)
         number = math.floor(position)
-        names = ", ".join(list(self._case.stage[number])[:NAMED])
+        names = ", ".join(list(self._case.stage[number])[:MAX_STAGE_LOADS])
         stage = f"stage {number + 1} of {stages} ({names}), " if stages > 1 else ""
         passed = self._clock.wall_seconds
         return [f"{stage}{100.0 * position / stages:.0f} %", f"{passed:.0f} s, {left:.0f} s left"]
 
     def _count(self, built: CondensedScene, step: PathStep) -> None:
-        """Add a step, fields and all, to what is known of the path."""
+        """Adds a step to the totals of the path."""
         self.last = step.state
         self._rows += 1
         states = (step.state, *step.saved)
@@ -193,14 +190,14 @@ class Recorder(RunWriter):
         datasets: dict[str, Value],
         attributes: dict[str, Mapping[str, Attribute]],
     ) -> None:
-        """Add the fields wanted of states to what goes to run.h5, and write their VTU files."""
+        """Adds the fields of saved states to the additions of run.h5, and writes their VTU files."""
         wanted = tuple(dict.fromkeys(self._case.output.fields))
         stress = bool({"stress", "von_mises", "strain"} & set(wanted))
         found = fields_of(built, states, stress, self._starts)
         for state, (fields, residual) in zip(states, found, strict=True):
             if stress:
                 self.stressed = state, fields
-            # Unlike max of Python, that of numpy loses no nan.
+            # numpy's maximum, unlike max, propagates nan.
             self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
             shown = recording.shown_fields(built, self._views, state, fields, stress)
             clouds = self._views.clouds
@@ -222,7 +219,7 @@ class Recorder(RunWriter):
         clouds: Mapping[str, Cloud],
         fields: Mapping[str, Fields],
     ) -> None:
-        """NumericalError where a body lies inside another one, a warning where one lies inside itself."""
+        """Raises NumericalError if bodies overlap; warns if a body overlaps itself or surfaces slide far."""
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
         for name, message in large_slides(built, state, clouds, moved):
@@ -240,8 +237,8 @@ class Recorder(RunWriter):
                 self.warn(message)
 
     def check_linear(self, built: CondensedScene) -> float:
-        """How well the linear systems are solved over the saved states, or in the last if none was saved,
-        which is then looked at for overlaps."""
+        """The largest error of the linear solver over the saved states; of the last state if none was saved,
+        which is then also checked for overlaps."""
         if self.linear_residual is None and self.last is not None:
             fields, self.linear_residual = fields_of(built, [self.last], stress=False, starts=self._starts)[0]
             clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
@@ -249,15 +246,14 @@ class Recorder(RunWriter):
         return self.linear_residual or 0.0
 
     def stress_fields(self, built: CondensedScene, state: State) -> Mapping[str, Fields]:
-        """The fields of all bodies with stresses in a state; they are solved for unless it was saved last."""
+        """The fields of all bodies in a state with stresses; recomputed unless it was the last one saved."""
         if self.stressed is not None and self.stressed[0] is state:
             return self.stressed[1]
         return fields_of(built, [state], stress=True, starts=self._starts)[0][0]
 
     def failure(self, error: NumericalError, prepared: SceneModel, built: CondensedScene | None) -> None:
-        """Record a failure, and write failure.vtu: the state that was judged last, or the model if none was.
-
-        That state is the last good one where the path itself broke off, or where the other has no numbers.
+        """Records a failure, and writes failure.vtu: the state that was checked last, or the last good one if
+        the path ended there or the other is not finite; the model if there is no state.
         """
         path = self.directory / run_dir.FAILURE_FILE
         state = self.checked if self.checked is not None and self.checked.is_finite else self.last
@@ -279,7 +275,7 @@ class Recorder(RunWriter):
             self._events.write("failure", **texts, **self.failed_at)
 
     def interfaces(self, built: CondensedScene) -> None:
-        """Write the path, and every contact's final state, as CSV."""
+        """Writes the path and the final state of every contact as CSV."""
         if self.last is None:
             return
         with self._clock.phase("output"):

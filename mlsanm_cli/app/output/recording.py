@@ -1,4 +1,4 @@
-"""Turns states of the path into what is stored: rows of run.h5, fields, tables, figures of the summary."""
+"""Conversion of states of the path into stored data: rows of run.h5, fields, tables, summary figures."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc, slave_points
 from mlsanm_cli.solve.state import State
 
-PRESSED = 1e-9
-"""Cone ratios are reported of nodes whose pressure is above this part of the peak; below, they are
+MIN_PRESSURE = 1e-9
+"""Part of the peak pressure above which nodes have a cone ratio (traction over friction limit); below, it is
 round-off."""
 
 
 def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[str, Value]:
-    """Bodies and contacts as they are before loading."""
+    """Bodies and contacts before loading."""
     found: dict[str, Value] = {}
     for name, cloud in clouds.items():
         found |= body_datasets(name, cloud, built.scene.bodies[name].model.settings.degree)
@@ -54,15 +54,14 @@ def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[s
 
 
 def operators_digest(built: CondensedScene) -> str:
-    """A digest of all that the path of a scene follows from, apart from its loads: equal for equal
-    operators."""
+    """A digest of the condensed operators, which without the loads determine the path."""
     condensed = built.condensed
     maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
     return digest(maps, condensed.weight)
 
 
 def map_datasets(built: CondensedScene) -> dict[str, Value]:
-    """What else follows from the unknowns that series hold: forces, slips, what probes observe."""
+    """The maps from the unknowns of the series to forces, slips and the values of probes."""
     condensed = built.condensed
     slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
     kinds = (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes))
@@ -102,7 +101,7 @@ def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
     """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
     span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
     pressure = state.pressure[span]
-    pressed = state.closed[span] & (pressure > PRESSED * pressure.max(initial=0.0))
+    pressed = state.closed[span] & (pressure > MIN_PRESSURE * pressure.max(initial=0.0))
     limit = built.condensed.friction[own][pressed] * pressure[pressed]
     return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 
@@ -154,8 +153,8 @@ def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> di
 def record_summary(
     record: ContactRecord, arc: FloatArray, pressure: FloatArray, force: FloatArray
 ) -> dict[str, Any]:
-    """The engineer's figures by a contact's ``record``, its ``pressure`` (c,) at ``arc`` lengths (c,), in one
-    row also where the contact goes all around, and its ``force`` (2,)."""
+    """Summary figures from the ``record`` of a contact, its ``pressure`` (c,) at ``arc`` lengths (c,), which
+    are contiguous also on a closed surface, and its ``force`` (2,)."""
     return {
         "peak_pressure": float(pressure.max(initial=0.0)),
         "half_width": half_width(arc, pressure),
@@ -172,7 +171,7 @@ def record_summary(
 def shown_fields(
     built: CondensedScene, views: Views, state: State, fields: Mapping[str, Fields], stress: bool
 ) -> dict[str, Fields]:
-    """The fields at the points where they are written, stresses only if asked for."""
+    """The fields at the points where they are written, with stresses if requested."""
     return {
         name: _shown(built, views.finer[name], state, values, stress) if name in views.finer else values
         for name, values in fields.items()
@@ -194,7 +193,7 @@ def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stre
 
 
 def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, Value]:
-    """The fields asked for, as the saved state of a number."""
+    """The requested fields of the saved state with this number, as datasets."""
     return {
         place("fields", str(number), body, name): np.ascontiguousarray(getattr(values, name))
         for body, values in fields.items()
@@ -205,12 +204,12 @@ def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, 
 def vtu_states(
     clouds: Mapping[str, Cloud], fields: Mapping[str, Fields], wanted: tuple[str, ...]
 ) -> dict[str, VtuPart]:
-    """The fields asked for at the points of ``clouds``, as VTU files take them."""
+    """The requested fields at the points of ``clouds``, for VTU files."""
     return {name: body_part(clouds[name], vtu_data(values, wanted)) for name, values in fields.items()}
 
 
 def vtu_data(fields: Any, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """The fields asked for by name, stresses with the one across the plane."""
+    """The requested fields by name, with the out-of-plane component of stresses."""
     data = {name: getattr(fields, name) for name in wanted}
     return {
         name: np.column_stack([values, fields.stress_zz]) if name == "stress" else values
@@ -219,13 +218,12 @@ def vtu_data(fields: Any, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
 
 
 def body_part(cloud: Cloud, data: Mapping[str, NDArray[Any]]) -> VtuPart:
-    """A body as VTU files take it, with the ``data`` of its nodes and the numbers of its boundaries."""
+    """A body for VTU files, with nodal ``data`` and the numbers of its boundaries."""
     return VtuPart(cloud.points, cloud.triangles, {"boundary_tag": boundary_tags(cloud), **data})
 
 
 def boundary_tags(cloud: Cloud) -> NDArray[np.int32]:
-    """0 inside, k on the k-th boundary, whose pieces have one number; a corner node counts to the later
-    one."""
+    """0 inside, k on the k-th boundary with all its pieces; a corner node belongs to the later one."""
     tags = np.zeros(len(cloud.points), dtype=np.int32)
     numbers: dict[str, int] = {}
     for surface in cloud.surfaces.values():
@@ -235,7 +233,7 @@ def boundary_tags(cloud: Cloud) -> NDArray[np.int32]:
 
 def model_bodies(prepared: SceneModel) -> list[VtuPart]:
     """The nodes of all bodies with tags, spacings, outward normals (zero inside) and, for contact candidates,
-    the way to their virtual nodes."""
+    the vectors to their projections."""
     bodies = []
     for name, model in prepared.models.items():
         cloud = model.cloud

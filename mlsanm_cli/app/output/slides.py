@@ -1,8 +1,7 @@
-"""Surfaces that slide along each other further than small displacements allow.
+"""Warnings of relative sliding beyond the validity of small displacements.
 
-At small strain every place in contact has its partner from before loading. Where both have moved on along
-each other by a part of the contact's width, others meet, and pressures are reported at places that have
-moved.
+At small strain contact partners are those of the undeformed state. If they slide by a considerable part of
+the contact's width, other points touch, and pressures are reported at points that have moved.
 """
 
 from __future__ import annotations
@@ -22,20 +21,20 @@ from mlsanm_cli.solve.functionals import platen_displacements, slave_points
 from mlsanm_cli.solve.state import State
 from mlsanm_cli.startup import cKDTree
 
-FAR = 0.25
-"""Slides above this part of a contact's width are warned of: a half-cylinder dragged by half of the contact's
-half-width has its pressure off by as much."""
+MAX_SLIDE = 0.25
+"""Sliding distance over the contact's width above which there is a warning: the pressure of a half-cylinder
+dragged by half of the contact's half-width is displaced by as much."""
 
 
 def large_slides(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
 ) -> Iterator[tuple[str, str]]:
-    """Contacts by name whose sides slide too far in a state with the ``displacements`` (n, 2) of all bodies
-    at the points of ``clouds``, and a warning of each."""
+    """Names of contacts whose sides slide too far in a state, with a warning for each; ``displacements``
+    (n, 2) are those of all bodies at the points of ``clouds``."""
     obstacles = {contact.name: contact.obstacle for contact in built.case.contact}
     moved = platen_displacements(built, state)
     for pairing in built.condensed.pairings:
-        # Nothing changes along a plane.
+        # Sliding along a plane changes nothing.
         if isinstance(obstacles.get(pairing.name), PlaneObstacle):
             continue
         chosen = pairing.candidate
@@ -50,13 +49,14 @@ def large_slides(
             other = _at(partner, pairing.master_body, clouds, displacements)
         slid = float(np.abs(((own - other) * pairing.tangent[chosen][closed]).sum(axis=1)).max())
         width = float(pairing.weight[chosen][closed].sum())
-        if slid > FAR * width:
+        if slid > MAX_SLIDE * width:
             yield (
                 pairing.name,
                 f"the surfaces of contact {pairing.name} slide along each other by {slid:.3g} at position "
-                f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain both are "
-                f"pressed where they met as drawn, which on one of them is off by as much; set model.strain "
-                f'= "finite" (material law "saint-venant-kirchhoff" extends the same elasticity)',
+                f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures "
+                f"act on the points that faced each other initially, an error of this distance on one side; "
+                f'set model.strain = "finite" (material law "saint-venant-kirchhoff" extends the same '
+                f"elasticity)",
             )
 
 

@@ -1,4 +1,4 @@
-"""summary.json: what a run says of itself."""
+"""The content of summary.json."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from mlsanm_cli.system import peak_memory_mb
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: "done", "failed" or "stopped", why, what to change, a failed certificate's value, and
-    the ``[[stop]]`` that ended it, in words."""
+    """How a run ended: status ("done", "failed" or "stopped"), reason, hint, the coercivity estimate of an
+    unstable discretisation, and the ``[[stop]]`` condition that ended it, in words."""
 
     status: str
     reason: str
@@ -44,7 +44,7 @@ class Ending:
 
 
 def head(ending: Ending, recorder: RunWriter, steps: int, position: float | None) -> dict[str, Any]:
-    """What every summary begins with."""
+    """The first entries of every summary."""
     return {
         "status": ending.status,
         "stop_reason": ending.reason,
@@ -57,7 +57,7 @@ def head(ending: Ending, recorder: RunWriter, steps: int, position: float | None
 
 
 def probe_figures(record: ProbeRecord) -> dict[str, Any]:
-    """A probe's final values."""
+    """The final values of a probe."""
     return {
         "displacement": record.displacement.tolist(),
         "stress": record.stress.tolist(),
@@ -68,7 +68,7 @@ def probe_figures(record: ProbeRecord) -> dict[str, Any]:
 def summarise(
     case: Case, ending: Ending, adapted: Adapted | None, quality: Quality, recorder: Recorder, clock: Clock
 ) -> dict[str, Any]:
-    """The content of summary.json, as far as the run came."""
+    """The content of summary.json, as far as known when the run ended."""
     built = adapted.built if adapted is not None else None
     state = recorder.last
     summary = head(ending, recorder, recorder.steps, state.position if state else None)
@@ -131,7 +131,7 @@ def summarise(
 
 
 def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
-    """Beyond which figures a run fails; ``stability`` fails below, ``error_estimate`` only warns."""
+    """The limits beyond which a run fails: ``stability`` is a lower limit, ``error_estimate`` only warns."""
     found = {
         "residual": case.solver.tolerance,
         "linear_residual": LINEAR_LIMIT,
@@ -144,7 +144,7 @@ def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
 
 
 def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
-    """What polishing changed over all levels, and its cost."""
+    """The largest changes by polishing over all levels, and its cost."""
     return {
         "levels": len(levels),
         "pressure": max(level.pressure for level in levels),
@@ -154,7 +154,7 @@ def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
 
 
 def _contact(built: CondensedScene, name: str, state: State, cone: float | None) -> dict[str, Any]:
-    """A contact's figures, with the reference's next to them where the case names one."""
+    """The figures of a contact, with those of the reference solution if the case has one."""
     pairing = next(p for p in built.condensed.reported if p.name == name)
     figures = recording.contact_summary(built, pairing, state) | {"max_cone_ratio": cone}
     profile = reference_profile(built, pairing, state)
@@ -169,7 +169,7 @@ def _contact(built: CondensedScene, name: str, state: State, cone: float | None)
 
 
 def _symmetry(built: CondensedScene) -> str | None:
-    """The line about which the nodes of all bodies are placed symmetrically, if they are."""
+    """The symmetry line of the nodes of all bodies, None if there is none."""
     mirrors = [body.model.cloud.mirror for body in built.scene.bodies.values()]
     lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
     return lines.pop() if len(lines) == 1 else None

@@ -1,4 +1,4 @@
-"""The files that every run writes as it begins, warns and ends."""
+"""The files that are common to all runs."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_ato
 from mlsanm_cli.io.vtu import StateWriter
 
 
-class Followed(Protocol):
-    """What all steps of a path know of themselves."""
+class StepCounts(Protocol):
+    """The counts that steps of all paths have."""
 
     @property
     def length(self) -> float: ...
@@ -47,7 +47,7 @@ class RunWriter(Closing):
         context: RunContext,
         rows: int | None = None,
     ) -> None:
-        """Begin the files, or append after so many ``rows`` of run.h5. RunError."""
+        """Creates the files, or opens those of a run with this number of ``rows``. Raises RunError."""
         self.directory = directory
         self._clock, self._console, self._memo = context.clock, context.console, context.memo
         file = directory / run_dir.RUN_FILE
@@ -76,22 +76,22 @@ class RunWriter(Closing):
         self.residual = 0.0
 
     def warn(self, message: str) -> None:
-        """A warning on the console, in the events and in the summary, once."""
+        """Issues a warning on the console, in the events and in the summary, once."""
         if message in self.warnings:
             return
         self.warnings.append(message)
         self._events.write_once("warning", message=message)
         self._console.warning(message)
 
-    def count(self, step: Followed, residuals: Iterable[float]) -> None:
-        """Add what a step took, and the ``residuals`` of its states, to the totals."""
+    def count(self, step: StepCounts, residuals: Iterable[float]) -> None:
+        """Adds the counts of a step and the ``residuals`` of its states to the totals."""
         self.iterations += step.iterations
         self.factorizations += step.factorizations
         self.solves += step.solves
         self.residual = max(self.residual, *residuals)
 
-    def path_figures(self, step: Followed, position: float, residual: float) -> dict[str, float]:
-        """The columns of the path that all steps have, at the end of a step."""
+    def path_figures(self, step: StepCounts, position: float, residual: float) -> dict[str, float]:
+        """The common columns of the path at the end of a step."""
         return {
             "position": position,
             "step_length": step.length,
@@ -103,18 +103,18 @@ class RunWriter(Closing):
         }
 
     def write_path(self) -> None:
-        """Write the path as a table."""
+        """Writes path.csv."""
         write_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
 
     def finish(self, summary: Mapping[str, Any]) -> None:
-        """Close everything; summary.json comes last, so that its presence means the run is over."""
+        """Closes all files; summary.json is written last, so that its presence means that the run is over."""
         self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
         self._file.set_status(str(summary["status"]))
         self.close()
         write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
 
     def close(self) -> None:
-        """Close the files; twice is allowed."""
+        """Closes the files; may be called twice."""
         try:
             self._file.close()
         finally:
@@ -122,7 +122,7 @@ class RunWriter(Closing):
 
 
 def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
-    """A body as run.h5 stores it, with the ``degree`` of its local polynomials."""
+    """The datasets of a body, with the ``degree`` of its local polynomials."""
     surfaces = cloud.surfaces.values()
     boundary = ("bodies", name, "boundary")
     return {

@@ -1,4 +1,4 @@
-"""``mlsanm plot --animate``: a run along its path, as GIF or MP4 files."""
+"""``mlsanm plot --animate``: the path of a run as GIF or MP4 files."""
 
 from __future__ import annotations
 
@@ -17,28 +17,27 @@ from mlsanm_cli.io.plots.animation import animate_bodies, animate_pressure
 from mlsanm_cli.io.run_reader import RunData
 
 FRAMES = 40
-FEWEST = 2
+MIN_FRAMES = 2
 
 
 def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
-    """The files: pressures of contacts along the path, from its series, or the bodies at saved positions.
-
-    Raises RunError where there is nothing that moves.
+    """Writes pressures of contacts along the path, from its series, or the bodies at saved positions; returns
+    the files. Raises RunError if there are fewer than two states.
     """
     if "bodies" in choice.what or choice.field is not None or not run.contacts:
         return [_bodies(run, case, choice)]
     names = [choice.contact] if choice.contact is not None else list(run.contacts)
     if choice.out is not None and len(names) > 1:
-        raise RunError("-o names one picture, and there are several contacts", "add --contact")
+        raise RunError("-o names one picture, but there are several contacts", "add --contact")
     return [_pressure(run, case, name, choice) for name in names]
 
 
 def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
     stored = np.asarray(run.path.position)
     even = np.linspace(float(stored[0]), float(stored[-1]), FRAMES)
-    # Without series a position between stored states is not known.
+    # Without series only stored states are known.
     places = even if run.path.order.any() else np.unique(stored)
-    if len(places) < FEWEST:
+    if len(places) < MIN_FRAMES:
         raise RunError("the run has one state only", "an animation needs at least two")
     levels = [float(place) for place in places]
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
@@ -57,9 +56,9 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
 
 
 def _bodies(run: RunData, case: Case, choice: Choice) -> Path:
-    if len(run.states) < FEWEST:
+    if len(run.states) < MIN_FRAMES:
         raise RunError(
-            "fields are saved at one position only, and an animation needs at least two",
+            "fields are saved at one position only; an animation needs at least two",
             "list several positions in output.at and run again",
         )
     shown = [shown_bodies(run, case, state, choice.field) for state in run.states]

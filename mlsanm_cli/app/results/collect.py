@@ -1,4 +1,4 @@
-"""``mlsanm collect``: one row per run, with what differs between their cases and what came out."""
+"""``mlsanm collect``: one row per run, with the parameters that differ and the results."""
 
 from __future__ import annotations
 
@@ -22,17 +22,16 @@ FIGURES = (
     *("energy_error", "stability"),
     *("error_estimate", "warnings", "seconds", "peak_memory_mb"),
 )
-"""What of a summary becomes columns."""
+"""Entries of a summary that become columns."""
 
 Row = dict[str, Any]
 
 
 def collect(rundirs: Sequence[Path]) -> list[Row]:
-    """One row per run: directory, status, the case's keys that are not alike everywhere, figures.
+    """One row per run: directory, status, the keys that differ between the cases, figures.
 
-    Runs that failed, were stopped or are still running have rows too, with the figures they have; so do
-    directories that hold no readable run, with status "unreadable". Files next to run directories, as
-    ``sweep.csv``, are left out.
+    Failed, stopped and running runs have rows with the figures available, and directories without a readable
+    run rows with status "unreadable". Files among the arguments, as ``sweep.csv``, are ignored.
     """
     rundirs = [place for place in rundirs if not place.is_file() or place.name == run_dir.RUN_FILE]
     heads, cases, results = zip(*map(_run, rundirs), strict=True) if rundirs else ((), (), ())
@@ -47,7 +46,7 @@ def collect(rundirs: Sequence[Path]) -> list[Row]:
 
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The rows as CSV with a header; lists in one cell, nothing where a run has no such figure."""
+    """The rows as CSV with a header; lists in one cell, empty cells for missing figures."""
     stream = io.StringIO()
     if rows:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
@@ -57,12 +56,12 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write the rows as a CSV file, whole or not at all; RunError if it cannot be written."""
+    """Writes the rows as a CSV file, atomically. Raises RunError if that fails."""
     write_text(path, as_csv(rows))
 
 
 def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
-    """A run's place and status, its case and its figures."""
+    """Directory and status of a run, its case and its figures."""
     row: Row = {"directory": str(directory), "status": "unreadable", "stop_reason": None}
     try:
         head = read_origin(directory)
@@ -84,7 +83,7 @@ def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
 
 
 def _columns(figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures as single values: the components of a vector in columns of their own."""
+    """Figures as single values, vectors by component."""
     columns: dict[str, Any] = {}
     for name, value in figures.items():
         if isinstance(value, list) and len(value) == 2 and not any(isinstance(part, str) for part in value):

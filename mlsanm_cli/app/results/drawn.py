@@ -1,4 +1,4 @@
-"""Where supports hold and loads act, for pictures: from a case and the boundaries of its bodies."""
+"""Symbols of supports, loads and obstacles for pictures, from a case and the boundaries of its bodies."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.io.plots.marks import ConditionMarks
 from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
 
-TICKS, ARROWS = 40, 7
-"""Ticks along a held boundary, and arrows along one that a pressure acts on, at most."""
+MAX_TICKS, MAX_ARROWS = 40, 7
+"""Largest number of ticks along a supported boundary, and of arrows along a loaded one."""
 Arrow = tuple[FloatArray, FloatArray, FloatArray, str]
 NO_FACTORS: Mapping[str, float] = {}
 UNMOVED: Mapping[str, FloatArray] = {}
@@ -41,12 +41,12 @@ def marks_of(
     factors: Mapping[str, float] = NO_FACTORS,
     displaced: Mapping[str, FloatArray] = UNMOVED,
 ) -> ConditionMarks:
-    """The signs of a case's supports, loads and obstacles.
+    """The symbols of the supports, loads and obstacles of a case.
 
-    ``touching`` are points (m, 2) of the contacts, where the loads of obstacles are drawn; ``moved`` how far
-    (2,) loads have moved platens and obstacles, which are drawn ``scale`` times as far; ``displaced`` the
-    nodes of bodies (n, 2), drawn so too. Loads have ``factors``: those of zero are left out, negative ones
-    point the other way, and obstacles have turned by them.
+    ``touching`` are points (m, 2) of the contacts, at which loads of obstacles are drawn; ``moved`` the
+    displacements (2,) of platens and obstacles by load, ``displaced`` the nodal displacements (n, 2) of
+    bodies, both drawn ``scale`` times as large. Loads with a factor of zero in ``factors`` are omitted,
+    arrows of negative ones reversed; factors also rotate obstacles.
     """
     points = np.concatenate([body.points for body in bodies.values()])
     lines = obstacles(case, points.min(axis=0), points.max(axis=0))
@@ -57,7 +57,7 @@ def marks_of(
     held, nodes = [], []
     for support in case.support:
         if support.place is not None:
-            index, normals = _along(bodies[support.place.body], support.place, TICKS)
+            index, normals = _along(bodies[support.place.body], support.place, MAX_TICKS)
             held.append((shown[support.place.body][index], normals))
         elif support.body is not None and support.near is not None:
             near = bodies[support.body].points
@@ -78,7 +78,7 @@ def marks_of(
 
 
 def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> ConditionMarks:
-    """The signs in a saved state of a run, whose displacements are drawn ``scale`` times as large."""
+    """The symbols in a saved state of a run, with displacements multiplied by ``scale``."""
     row = int(np.abs(run.path.position - state.position).argmin())
     moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
     touching = {}
@@ -93,7 +93,7 @@ def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> Condi
 
 
 def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, float]) -> FloatArray:
-    """Points (k, 2) of an obstacle as loads have turned it."""
+    """Points (k, 2) of an obstacle, rotated by its loads."""
     angle, pivot = 0.0, (0.0, 0.0)
     obstacle = next(one.obstacle for one in case.contact if one.name == contact)
     for load in case.load:
@@ -106,14 +106,14 @@ def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, fl
 
 def boundary_nodes(body: BodyData, place: Place) -> tuple[IntArray, FloatArray]:
     """Node numbers (k,) and outward normals (k, 2) along the boundaries of a place, in their order."""
-    # Pieces of a boundary are numbered behind a stroke.
+    # Pieces of a boundary are called "name/number".
     owner = np.array([name.partition("/")[0] for name in body.boundary_name])
     chosen = np.concatenate([np.flatnonzero(owner == edge) for edge in place.edges])
     return body.boundary_index[chosen], body.boundary_normal[chosen]
 
 
 def _along(body: BodyData, place: Place, most: int) -> tuple[IntArray, FloatArray]:
-    """Numbers (k,) and normals (k, 2) evenly among the nodes of a place, on the part of it that counts."""
+    """Indices (k,) and normals (k, 2) of evenly distributed nodes of a place, at most ``most``."""
     index, normal = boundary_nodes(body, place)
     points = body.points[index]
     if place.ends is not None:
@@ -143,7 +143,7 @@ def _arrows(
         if isinstance(load, ObstacleMotion):
             if load.obstacle in touching:
                 place = touching[load.obstacle].mean(axis=0) + scale * moved.get(load.name, np.zeros(2))
-                # An obstacle pushes: its arrow ends where it touches.
+                # An obstacle pushes: its arrow ends at the contact.
                 yield from _one(place, _control(load), -_control(load), load.name)
             continue
         body, places = bodies[load.place.body], shown[load.place.body]
@@ -152,7 +152,7 @@ def _arrows(
             half = len(index) // 2
             yield from _one(places[index[half]], _control(load), normals[half], load.name)
             continue
-        index, normals = _along(body, load.place, ARROWS)
+        index, normals = _along(body, load.place, MAX_ARROWS)
         for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
             yield from _one(point, _vector(load, normal, place), normal, load.name)
 
@@ -170,7 +170,7 @@ def _control(load: Platen | ObstacleMotion) -> FloatArray:
 def _vector(load: Traction | Pressure | Displacement, normal: FloatArray, place: FloatArray) -> FloatArray:
     """The direction of a load along a boundary, at a ``place`` (2,) with an outward ``normal`` (2,)."""
     if isinstance(load, Pressure):
-        # A table is drawn as if it were positive.
+        # A table is drawn as a positive pressure.
         return -normal if load.pressure is None else -np.sign(_at(load.pressure, place)) * normal
     if isinstance(load, Displacement):
         return _numbers(load.components, place)
@@ -187,5 +187,5 @@ def _at(given: float | str, place: FloatArray) -> float:
     try:
         return value_at(given, *place.tolist()) if isinstance(given, str) else given
     except ExpressionError:
-        # Of a point between the nodes, for which alone expressions must have values: an arrow like others.
+        # Expressions need values at nodes only; a drawn point may lie elsewhere.
         return 1.0

@@ -1,4 +1,4 @@
-"""Whether a run directory already holds what is asked for."""
+"""Whether a directory already contains a completed run of a case."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mlsanm_cli.io.summary import read_json
 
 
 def held_case(directory: Path) -> str | None:
-    """The hash of the case whose run, finished or not, lies in ``directory``; None without a readable one."""
+    """The hash of the case of the run in ``directory``, complete or not; None without a readable run."""
     try:
         return str(read_origin(directory).attributes.get("case_hash", ""))
     except RunError:
@@ -22,7 +22,7 @@ def held_case(directory: Path) -> str | None:
 
 
 def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
-    """The summary of a run of this very case by this version that ended well, None where there is none."""
+    """The summary of a completed run of this case by this version, None if there is none."""
     try:
         known = read_origin(directory).attributes
         wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}

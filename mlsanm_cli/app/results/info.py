@@ -1,4 +1,4 @@
-"""``mlsanm info``: what a run directory says about its run, finished or not."""
+"""``mlsanm info``: summary and provenance of a run, complete or not."""
 
 from __future__ import annotations
 
@@ -31,9 +31,8 @@ PROVENANCE = (
 def info(rundir: Path) -> Mapping[str, Any]:
     """The summary of a run and its provenance.
 
-    A run without summary.json is still running or was killed; which of both follows from the lock of the
-    directory. Its figures are those of the finished steps in run.h5. Raises RunError for a directory that
-    holds no readable run.
+    A run without summary.json is still running or was killed, which the lock of the directory distinguishes;
+    its figures are those of the steps in run.h5. Raises RunError for a directory without a readable run.
     """
     run = read_run(rundir)
     summary_file = run.directory / run_dir.SUMMARY_FILE
@@ -43,7 +42,7 @@ def info(rundir: Path) -> Mapping[str, Any]:
 
 
 def _unfinished(run: RunData) -> dict[str, Any]:
-    """What run.h5 holds of a run that did not write its summary."""
+    """The figures in run.h5 of a run without summary.json."""
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
     writer = holder(run.directory)
     if writer is not None:

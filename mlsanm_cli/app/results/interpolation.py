@@ -1,4 +1,4 @@
-"""How far values are off that are interpolated between two stored states."""
+"""Estimated error of interpolation between two stored states."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData
 
-ROUGHEST = 0.25
-"""Nothing is interpolated that would be off by more than this part of its largest value around."""
+MAX_ERROR = 0.25
+"""Largest estimated error of interpolated values, relative to the largest of the two states."""
 
 SAME_STAGE = 1e-12
-"""Positions this close to the end of a stage belong to it."""
+"""Positions within this distance of the end of a stage belong to it."""
 EDGE = 0.5
 """Errors shrink like this power of the distance of the states: pressures grow like the root of the distance
 from an edge of contact, which moves with the load (Hertz: 0.120 of the peak there, 0.117 estimated)."""
 
 
 def interpolation_error(position: FloatArray, history: FloatArray, row: int, share: float) -> float:
-    """The estimated largest error (absolute) of a mean of two rows of a ``history`` (S+1, ...).
+    """The estimated largest absolute error of the interpolation between two rows of a ``history`` (S+1, ...).
 
-    ``share`` is the weight of ``row``, the rest that of the row before; ``position`` (S+1,). It is the error
-    of stored rows next to the gap, interpolated from their neighbours of the same stage, times a power of
-    the distances. Infinite if there are no three rows of one stage.
+    ``share`` is the weight of ``row``, the rest that of the row before; ``position`` is (S+1,). The estimate
+    is the error of adjacent stored rows, interpolated from their neighbours in the same stage, times a power
+    of the ratio of distances. Infinite if a stage has fewer than three rows.
     """
     gap = position[row] - position[row - 1]
     found = []
@@ -43,10 +43,10 @@ def interpolation_error(position: FloatArray, history: FloatArray, row: int, sha
 
 
 def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray) -> float | None:
-    """The estimated error of interpolated ``histories`` (S+1, ...), called ``name``, over the largest value
-    of the first around the level; None where that is not interpolated.
+    """The estimated error of interpolated ``histories`` (S+1, ...), called ``name``, relative to the largest
+    value of the first in the adjacent rows; None if the level is not interpolated.
 
-    Raises RunError where the error is too large or not known.
+    Raises RunError if the error is too large or unknown.
     """
     if level.how != INTERPOLATED:
         return None
@@ -55,7 +55,7 @@ def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray)
     largest = float(np.abs(np.asarray(histories[0])[level.row - 1 : level.row + 1]).max(initial=0.0))
     missed = max(interpolation_error(position, one, level.row, level.share) for one in histories)
     error = missed / largest if missed else 0.0
-    if error > ROUGHEST:
+    if error > MAX_ERROR:
         raise RunError(
             f"nothing is stored between positions {before:.6g} and {after:.6g}, "
             f"which are too far apart to interpolate {name}",

@@ -17,9 +17,9 @@ from mlsanm_cli.io.run_reader import BodyData
 
 
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
-    """Draw the bodies coloured by their spacing, with what acts on them.
+    """Draws the bodies coloured by their spacing, with supports, loads, obstacles and contacts.
 
-    Raises RunError for suffixes that are not those of a picture, and if the file cannot be written.
+    Raises RunError for an unknown suffix, and if the file cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise RunError(f"{path}: picture formats are {', '.join(SUFFIXES)}", "the suffix selects the format")
@@ -38,7 +38,7 @@ def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
 
 
 def stored(cloud: Cloud) -> BodyData:
-    """A body's nodes and boundaries as a run keeps them."""
+    """Nodes and boundaries of a body as stored by a run."""
     surfaces = cloud.surfaces.values()
     return BodyData(
         cloud.points,

@@ -15,18 +15,18 @@ from mlsanm_cli.app.results.probe import seen_at
 from mlsanm_cli.app.results.views import along_surface, chosen_state, field_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Place
-from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import ContactData, RunData
 
-POINTS, FEWEST = 301, 2
-"""Points of a line, and those that have to lie in a body it runs through."""
+LINE_POINTS, MIN_INSIDE = 301, 2
+"""Points of a line, and least number of them in a body that it crosses."""
 COLUMNS = ("ux", "uy", "xx", "yy", "xy", "von_mises")
 
 
 def draw_together(path: Path, runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> None:
-    """One picture of several runs. Raises RunError for kinds that are not drawn so."""
+    """Draws several runs in one picture. Raises RunError for kinds that do not support it."""
     kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
     if kind == "line":
         draw_line(path, runs, cases, choice)
@@ -62,9 +62,8 @@ def draw_together(path: Path, runs: Sequence[RunData], cases: Sequence[Case], ch
 
 
 def draw_line(path: Path, runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> None:
-    """A field along a boundary, as ``block.top``, or along the straight line ``X,Y:X,Y``, at saved positions.
-
-    Raises RunError for lines that are none, or that meet no body.
+    """Draws a field along a boundary such as ``block.top``, or along the straight line ``X,Y:X,Y``, at saved
+    positions. Raises RunError for an invalid line, and for one that crosses no body.
     """
     assert choice.along is not None
     field = choice.field or "von_mises"
@@ -117,7 +116,7 @@ def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Plot
 def _along(
     run: RunData, case: Case, along: str, field: str, position: float
 ) -> list[tuple[str, FloatArray, FloatArray]]:
-    """Of every body that is met its name, distances (k,) and values (k,), nan where it is not."""
+    """For every body crossed: name, distances (k,) and values (k,), nan outside the body."""
     ends = along.split(":")
     if len(ends) == 1:
         return [("", *_on_boundary(run, case, along, field, position))]
@@ -128,16 +127,18 @@ def _along(
     except ValueError:
         message = f'"{along}" is neither a boundary nor a line'
         raise RunError(message, "as in --along block.top or --along 0,0:0,-1") from None
-    share = np.linspace(0.0, 1.0, POINTS)
+    share = np.linspace(0.0, 1.0, LINE_POINTS)
     points = first + share[:, None] * (last - first)
     level = level_at(run, position)
     found = []
     for name, body in run.bodies.items():
-        inside = belongs(body.points, body.boundary_index, body.boundary_normal, body.boundary_name, points)
-        if inside.sum() < FEWEST:
+        inside = inside_body(
+            body.points, body.boundary_index, body.boundary_normal, body.boundary_name, points
+        )
+        if inside.sum() < MIN_INSIDE:
             continue
         seen = seen_at(run, case, name, points[inside], level)
-        values = np.full(POINTS, np.nan)
+        values = np.full(LINE_POINTS, np.nan)
         values[inside] = _column(seen, field)
         found.append((name, share * float(np.hypot(*(last - first))), values))
     if not found:
@@ -169,7 +170,7 @@ def _on_boundary(
 
 
 def _names(runs: Sequence[RunData]) -> list[str]:
-    """What runs are called: the last parts of their directories, as many as distinguish them."""
+    """Names of runs: the last parts of their directories, as many as needed to distinguish them."""
     parts = [run.directory.resolve().parts for run in runs]
     for count in range(1, max(map(len, parts)) + 1):
         names = ["/".join(part[-count:]) for part in parts]

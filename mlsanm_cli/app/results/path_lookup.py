@@ -1,4 +1,4 @@
-"""The state of a stored run at any position of its path, and how it is known there."""
+"""The state of a stored run at any position of its path, and the origin of its values."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_series
 
 STORED, SERIES, LINEAR, INTERPOLATED = "stored", "series", "linear", "interpolated"
-SAME = 1e-12
-"""Positions this close, per stage, are the same."""
-MIXTURE = 1e-9
-"""A level is a mixture of saved ones where their load factors give its own to this part."""
+POSITION_TOLERANCE = 1e-12
+"""Difference per stage below which positions are equal."""
+SUPERPOSITION_TOLERANCE = 1e-9
+"""Relative error below which the load factors of a level are a linear combination of saved ones."""
 
 
 @dataclass(frozen=True)
 class Level:
     """A position of a path.
 
-    ``how`` is its state known: from row ``row``, from the series of the step that ends there, or as the mean
-    of that row and the one before, the row's weight ``share``: exactly without contact that may open or where
-    no load moves, else interpolated.
+    ``how`` its state is known: stored in ``row``, from the series of the step that ends there, or as a mean
+    of that row, with the weight ``share``, and the one before: exact without unilateral contact or if the
+    load factors are constant ("linear"), else "interpolated".
 
-    Of series ``pressure`` and ``gap`` (m,), ``motion`` (k,) and ``traction`` (n,), over all contacts.
+    Series give ``pressure`` and ``gap`` (m,), ``motion`` (k,) and ``traction`` (n,), over all contacts.
     """
 
     position: float
@@ -41,11 +41,11 @@ class Level:
 
     @property
     def unknowns(self) -> FloatArray:
-        """What the stored maps take (1 + u,)."""
+        """The argument (1 + u,) of the stored maps."""
         return np.concatenate([[1.0], self.factors, self.motion, self.pressure, self.traction])
 
     def between(self, history: FloatArray) -> FloatArray:
-        """A history (S+1, ...) at this level, unless it is known by series."""
+        """A history (S+1, ...) at this level, if it is not known by series."""
         row = np.asarray(history[self.row], dtype=np.float64)
         if self.how == STORED:
             return row
@@ -56,19 +56,19 @@ class Level:
 def level_at(run: RunData, position: float) -> Level:
     """The level of a path position.
 
-    Raises RunError where the path does not reach the position, and between stored states at finite strain.
+    Raises RunError if the path does not reach it, and between stored states at finite strain.
     """
     rows = np.asarray(run.path.position)
     finite = run.is_finite
     if not len(rows):
         raise RunError(f"{run.directory} holds no finished step yet")
-    # Not of the position asked for: one that is infinite would be close to all.
-    slack = SAME * max(float(rows[-1]), 1.0)
+    # Not relative to the requested position, which may be infinite.
+    slack = POSITION_TOLERANCE * max(float(rows[-1]), 1.0)
     last = float(rows.max())
     if not rows[0] - slack <= position <= last + slack:
         raise RunError(
             f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {last:g}",
-            "a position is the number of finished stages plus the finished fraction of the current one",
+            "a position is the number of completed stages plus the fraction of the current one",
         )
     nothing = np.zeros(0)
     same = np.flatnonzero(np.abs(rows - position) <= slack)
@@ -101,7 +101,7 @@ def level_at(run: RunData, position: float) -> Level:
 
 
 def _factors(run: RunData, row: int, share: float) -> FloatArray:
-    """Load factors (L,), which go straight from stage to stage."""
+    """Load factors (L,), which are linear within a stage."""
     history = np.array([np.asarray(values) for values in run.path.factors.values()])
     if share == 1.0:
         return np.asarray(history[:, row], dtype=np.float64)
@@ -109,10 +109,10 @@ def _factors(run: RunData, row: int, share: float) -> FloatArray:
 
 
 def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, str]:
-    """Displacements (n, 2) of a body's nodes at a level whose fields are saved, and how they are known.
+    """Nodal displacements (n, 2) of a body at a level, and their origin.
 
-    Without contact every state is a sum of others; the saved ones then give any level whose load factors they
-    span. Raises RunError where that cannot be had.
+    Without unilateral contact states can be superposed: saved ones give any level whose load factors are a
+    linear combination of theirs. Raises RunError if the displacements are neither saved nor given by that.
     """
     saved = [state for state in run.states if "displacement" in state.bodies[body]]
     if not saved:
@@ -121,13 +121,13 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
             'add "displacement" to output.fields, or a [[probe]] at the point',
         )
     for state in saved:
-        if abs(state.position - level.position) <= SAME * max(abs(level.position), 1.0):
+        if abs(state.position - level.position) <= POSITION_TOLERANCE * max(abs(level.position), 1.0):
             return state.bodies[body]["displacement"], STORED
     if not run.unilateral_contacts and not run.is_finite:
         known = np.array([level_at(run, state.position).factors for state in saved])
         shares = np.linalg.lstsq(known.T, level.factors, rcond=None)[0]
         missed = np.abs(shares @ known - level.factors).max(initial=0.0)
-        if missed <= MIXTURE * max(np.abs(level.factors).max(initial=0.0), 1.0):
+        if missed <= SUPERPOSITION_TOLERANCE * max(np.abs(level.factors).max(initial=0.0), 1.0):
             fields = np.array([state.bodies[body]["displacement"] for state in saved])
             return np.asarray(np.einsum("s,snd->nd", shares, fields), dtype=np.float64), LINEAR
     places = ", ".join(f"{state.position:g}" for state in saved)

@@ -1,4 +1,4 @@
-"""``mlsanm plot``: pictures of a run, made from what its directory holds."""
+"""``mlsanm plot``: pictures of a run from its directory."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from mlsanm_cli.io.plots.friction import plot_loop, plot_traction
 from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
 from mlsanm_cli.io.run_reader import RunData, read_run
 
-MOST_LEVELS = 6
+MAX_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
 CURVE_POINTS = 801
-AT_REST = 1e-3
-"""What moves along a contact by less than this part of its slip is not what it slips by."""
+MIN_TANGENTIAL_MOTION = 1e-3
+"""Tangential displacement of a platen, relative to the slip, below which a loop is drawn over the slip."""
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 
 
@@ -49,14 +49,13 @@ class _Draw(Protocol):
 def plot(
     rundir: Path | Sequence[Path], *, formats: tuple[str, ...] = ("png",), choice: Choice | None = None
 ) -> list[Path]:
-    """Draw the run in ``rundir`` and return the files written into it.
+    """Draws the run in ``rundir`` and returns the files written.
 
-    Pressure along every contact, with friction its tractions and the loop of their sum over a platen's
-    displacement, contact force and peak pressure along the path (forces of loads and supports in a scene
-    without contact), and the deformed bodies at the last saved position; of these what ``choice`` asks for.
-    Several runs are drawn over each other, as curves. A run that failed or was stopped is drawn as far as it
-    came. Raises RunError for a directory without a readable run, or without any state, and for choices of
-    what there is not.
+    Pictures, selected by ``choice``: pressure along every contact; with friction its tractions and the loop
+    of the tangential force over a platen's displacement; contact force and peak pressure along the path
+    (without contact, forces of loads and supports); the deformed bodies at the last saved position. Several
+    runs are drawn in one picture. Failed and stopped runs are drawn up to their last step. Raises RunError
+    for a directory without a readable run or without any state, and for choices not available in the run.
     """
     places = [rundir] if isinstance(rundir, Path) else list(rundir)
     choice = choice or Choice()
@@ -91,7 +90,7 @@ def plot(
     if len(pictures) > 1:
         names = ", ".join(" ".join(filter(None, (kind, subject))) for kind, subject, _ in pictures)
         raise RunError(
-            f"-o names one picture, and there are {len(pictures)}: {names}", "add --what or --contact"
+            f"-o names one picture, but there are {len(pictures)}: {names}", "add --what or --contact"
         )
     pictures[0][2](choice.out)
     return [choice.out]
@@ -115,7 +114,7 @@ def _refuse_suffix(file: Path, suffixes: Sequence[str]) -> None:
 
 
 def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:
-    """Kind, subject and drawing function of every picture that is wanted and that the run has data for."""
+    """Kind, subject and drawing function of every chosen picture for which the run has data."""
     for kind, subject, draw in _all_pictures(run, case, choice):
         if choice.wants(kind, subject if kind in OF_CONTACT else ""):
             yield kind, subject, draw
@@ -142,11 +141,11 @@ def _all_pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[st
 
 
 def _levels(run: RunData) -> list[float]:
-    """Positions whose pressure is drawn: the saved ones that the path reached, and its end."""
+    """Positions at which pressures are drawn: the saved ones and the end of the path."""
     end = float(run.path.position[-1])
     saved = sorted({state.position for state in run.states if 0.0 < state.position < end})
-    if len(saved) >= MOST_LEVELS:
-        chosen = np.linspace(0, len(saved) - 1, MOST_LEVELS - 1).round().astype(int)
+    if len(saved) >= MAX_LEVELS:
+        chosen = np.linspace(0, len(saved) - 1, MAX_LEVELS - 1).round().astype(int)
         saved = [saved[i] for i in chosen]
     return [*saved, end]
 
@@ -157,7 +156,7 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
     profile = _reference(run, case, name)
     if at and at[-1] != float(run.path.position[-1]):
-        # The formula is known for the end of the path.
+        # The reference solution is that of the end of the path.
         profile = None
     labels = [f"position {level:.4g}" for level in levels]
     words = load_words(run, case, levels[-1]) if len(levels) == 1 or len(case.stage) == 1 else ""
@@ -172,7 +171,7 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
         plot_pressure(path, name, arc, pressure[:, order], labels, None, along, **shared)
         return
     x = np.linspace(profile.coordinate[0], profile.coordinate[-1], CURVE_POINTS)
-    # The ends of the loaded part belong to the curve, however wide the candidates reach.
+    # The curve includes the ends of the loaded part, however far the candidates extend.
     edges = np.array([-profile.half_width, profile.half_width])
     x = np.union1d(x, edges[(edges > x[0]) & (edges < x[-1])])
     curve = ReferenceCurve(x, profile.curve(x), REFERENCE_NAMES.get(profile.label, profile.label))
@@ -183,11 +182,11 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
 def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[float, ...]) -> None:
     contact = run.contacts[name]
     friction = next(one.coefficient for one in case.contact if one.name == name)
-    # What is bonded has no limit.
+    # Bonds have no friction limit.
     coefficient = friction if np.isfinite(friction) else 0.0
     position = at[-1] if at else float(run.path.position[-1])
     (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
-    # What places do is stored step by step: within one it is that of its end.
+    # The contact status is stored by step: within a step it is that of its end.
     row = level_at(run, position).row
     limit = coefficient * np.maximum(found["pressure"], 0.0)
     most = np.maximum(limit, np.abs(found["traction"]))
@@ -207,16 +206,17 @@ def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
 
 
 def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool = False) -> None:
-    """Tangential force on the master against the displacement along it of the platen that moves most.
+    """Draws the tangential force on the master over the tangential displacement of the platen that moves
+    most.
 
-    Where there is no platen, or ``over_slip``, against the mean slip.
+    Without a platen, or with ``over_slip``, over the mean slip.
     """
     contact = run.contacts[name]
     force, (n_x, n_y) = tangential_force(run, name), mean_normal(run, name)
     along = {load: moved @ np.array([n_y, -n_x]) for load, moved in run.path.displacements.items()}
     moved, label = slips(contact), "mean slip of the surfaces"
     load = max(along, key=lambda one: float(np.ptp(along[one])), default="")
-    if load and not over_slip and float(np.ptp(along[load])) > AT_REST * float(np.ptp(moved)):
+    if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
     plot_loop(
         path,

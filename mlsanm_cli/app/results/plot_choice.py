@@ -72,7 +72,7 @@ def refuse_nonsense(choice: Choice, runs: int) -> None:
 
 
 def load_words(run: RunData, case: Case, position: float) -> str:
-    """A position in words: the stage if there are several, and factors of the loads that move in it."""
+    """A position in words: the stage if there are several, and the factors of the loads that change in it."""
     stages = len(case.stage)
     number = min(max(int(np.ceil(position)), 1), stages)
     factors = dict(zip(run.path.factors, level_at(run, position).factors, strict=True))

@@ -1,4 +1,4 @@
-"""``mlsanm probe``: stored quantities of a run at any level of its path."""
+"""``mlsanm probe``: results of a run at any level of its path."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from mlsanm_cli.app.scene.loads import temperature_of
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Temperature, stored_case
-from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_run
-from mlsanm_cli.mechanics.body_model import enough_neighbors, known_tips
+from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.startup import cKDTree
 
 QUANTITIES = ("pressure", "traction", "gap", "slip")
@@ -41,7 +42,7 @@ Row = dict[str, Any]
 
 
 def contents(rundir: Path) -> Mapping[str, Any]:
-    """What can be probed in a run."""
+    """The results available in a run."""
     run = read_run(rundir)
     rows = run.path.position
     return {
@@ -63,7 +64,7 @@ def probe_contact(
     frictional = bool(_friction(case)[name])
     for wanted in quantities:
         if wanted in ("traction", "slip") and not frictional:
-            raise RunError(f'contact "{name}" has no friction and so no {wanted}', "ask for pressure or gap")
+            raise RunError(f'contact "{name}" has no friction and so no {wanted}', "use pressure or gap")
     chosen = quantities or (QUANTITIES if frictional else ("pressure", "gap"))
     contact = run.contacts[name]
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
@@ -105,7 +106,7 @@ def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact:
 def probe_named(
     rundir: Path | RunData, at: Sequence[float], name: str, field: str | None = None
 ) -> list[Row]:
-    """What a ``[[probe]]`` of the case has seen."""
+    """Displacement and stress at a ``[[probe]]`` of the case."""
     run, case = _read(rundir)
     _known(name, run.probes, "[[probe]]")
     body, point = next((p.body, np.array([p.point])) for p in case.probe if p.name == name)
@@ -133,11 +134,11 @@ def probe_point(
     point: tuple[float, float],
     field: str | None = None,
 ) -> list[Row]:
-    """Displacement and stress of a body at any point, where the fields of the level are saved.
+    """Displacement and stress of a body at any point, at levels with saved fields.
 
-    Values and derivatives of the local polynomials of the run's degree, fitted to the nodes' displacements.
-    The ghost scheme's polynomials lean on ghosts, which are not stored: without them stresses at surfaces
-    were off by as much as they are.
+    Values and derivatives of the local polynomials of the run's degree, fitted to the nodal displacements.
+    Not for the ghost scheme, whose ghosts are not stored: without them stresses at surfaces had errors of
+    100 %.
     """
     run, case = _read(rundir)
     _known(body, run.bodies, "body")
@@ -161,8 +162,8 @@ def probe_point(
 
 
 def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
-    """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), where its
-    fields are saved at the level. Raises RunError as `probe_point` does."""
+    """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), at a level with saved
+    fields. Raises RunError as `probe_point` does."""
     _refuse_ghosts(case)
     displacement, _ = displacement_at(run, level, body)
     if run.is_finite:
@@ -177,7 +178,7 @@ def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Leve
 def _refuse_ghosts(case: Case) -> None:
     if case.mls.scheme == "ghost":
         raise RunError(
-            "fields of the ghost scheme are stored without the ghosts that values between nodes need",
+            "the ghosts of the ghost scheme, needed for values between nodes, are not stored",
             "run again with a [[probe]] at the point",
         )
 
@@ -219,7 +220,7 @@ def _position(level: Level) -> Row:
 
 
 def _interpolated(run: RunData, level: Level, name: str, *histories: FloatArray) -> Row:
-    """The estimated error of interpolated ``histories``; nothing where the level is not interpolated."""
+    """The estimated error of interpolated ``histories``; empty if the level is not interpolated."""
     error = checked_error(run, level, name, *histories)
     return {} if error is None else {"error": error}
 
@@ -229,7 +230,7 @@ def _friction(case: Case) -> dict[str, float]:
 
 
 def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
-    """What a stored map makes of the unknowns of a level."""
+    """The value of a stored map at a level."""
     found = run.maps[kind].get(name)
     if found is None:
         raise RunError(
@@ -241,7 +242,7 @@ def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
 
 
 def _span(run: RunData, case: Case, name: str, frictional_only: bool) -> slice:
-    """Places of a contact among the nodes of all contacts, or of those with friction."""
+    """Indices of a contact among the nodes of all contacts, or of those with friction."""
     first = 0
     for contact, friction in _friction(case).items():
         if contact not in run.maps["bonds"] and (friction or not frictional_only):
@@ -289,7 +290,7 @@ def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
 def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Stencils:
     """Stencils of value and first derivatives at ``points`` (e, 2) over the stored nodes."""
     data = run.bodies[body]
-    inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
+    inside = inside_body(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
     if not inside.all():
         x, y = points[~inside][0]
         message = f'({x:g}, {y:g}) lies outside body "{body}"'
@@ -301,7 +302,7 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
     settings = enough_neighbors(settings, material)
     edges = boundary_edges(data)
     corners = tips_of(data.points, edges, data.boundary_index, data.boundary_normal)
-    tips, sight = known_tips(corners, material, settings), visibility_criterion(data.points, edges)
+    tips, sight = enriched_tips(corners, material, settings), visibility_criterion(data.points, edges)
     return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight, tips=tips)
 
 
@@ -310,7 +311,7 @@ def _material(case: Case, body: str) -> PlaneMaterial:
 
 
 def _degrees(case: Case, body: str, level: Level, points: FloatArray) -> FloatArray:
-    """How much warmer (e,) than at the start the body is at ``points`` (e, 2)."""
+    """Temperature change (e,) of the body at ``points`` (e, 2)."""
     total = np.zeros(len(points))
     for load, factor in zip(case.load, level.factors, strict=True):
         if isinstance(load, Temperature) and load.owner == body:
@@ -319,7 +320,8 @@ def _degrees(case: Case, body: str, level: Level, points: FloatArray) -> FloatAr
 
 
 def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray) -> FloatArray:
-    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without that of free expansion."""
+    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without that of free thermal
+    expansion."""
     free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level, point)
     return np.concatenate([seen[:2], seen[2:] - free])
 
@@ -327,14 +329,14 @@ def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: Floa
 def _fields(
     case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray, field: str | None
 ) -> Row:
-    """Columns of a displacement and stress (5,) at a ``point`` (1, 2); of one field, or of all."""
+    """Columns of displacement and stress (5,) at a ``point`` (1, 2), for one field or all."""
     stress = seen[None, 2:]
     across = _material(case, body).out_of_plane_stress(stress, _degrees(case, body, level, point))
     return _columns(np.concatenate([seen, von_mises(stress, across)]), field)
 
 
 def _columns(values: FloatArray, field: str | None) -> Row:
-    """Displacement, stress and von Mises stress (6,) by name; of one field, or of all."""
+    """Displacement, stress and von Mises stress (6,) by name, for one field or all."""
     columns = [name for names in FIELDS.values() for name in names]
     wanted = FIELDS[field] if field else columns
     return {name: float(value) for name, value in zip(columns, values, strict=True) if name in wanted}

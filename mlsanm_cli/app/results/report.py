@@ -1,4 +1,4 @@
-"""``mlsanm report``: runs as one HTML file, with cases, pictures, tables, checks and where they come from."""
+"""``mlsanm report``: runs as one HTML file, with cases, pictures, tables, checks and provenance."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 DPI = 110
-"""Of pictures: three runs stay below 3 MB."""
-MOST_VARIED = 15
-"""Keys of cases that are shown side by side."""
-MOST_CONTACTS = 4
-"""Of more contacts only so many are drawn, those with the largest pressures."""
-ALONE = ("displacement", "energy")
-"""What errors are estimated of, other than pressures of contacts."""
+"""Resolution of pictures, at which a report on three runs is below 3 MB."""
+MAX_VARIED_KEYS = 15
+"""Largest number of differing keys that are compared."""
+MAX_CONTACTS = 4
+"""Largest number of contacts that are drawn, those with the largest pressures."""
+GLOBAL_ESTIMATES = ("displacement", "energy")
+"""Error estimates that are not of the pressures of a contact."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
 CHECKS = {
     "residual": ("equations of contact", "below"),
@@ -47,11 +47,11 @@ CAPTIONS = {
 
 
 def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
-    """Write a page about one run or several; the file is ``report.html`` in the run directory or, of several
-    runs, here.
+    """Writes a page about one run or several, by default to ``report.html`` in the run directory or, for
+    several runs, in the current one.
 
-    Raises RunError for directories without a readable run, and where the file cannot be written or is
-    somebody else's.
+    Raises RunError for directories without a readable run, and if the file cannot be written or is not a
+    report of mlsanm.
     """
     runs = [read_run(place) for place in rundirs]
     path = out or (runs[0].directory / run_dir.REPORT_FILE if len(runs) == 1 else Path(run_dir.REPORT_FILE))
@@ -139,10 +139,8 @@ def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
 
 
 def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, list[str]]]:
-    """Names and forces of loads and supports, those of contacts left out.
-
-    Loads that displace one boundary have its force together.
-    """
+    """Names and forces of loads and supports, without contacts; displacement loads on the same boundary have
+    one force."""
     places = {load.name: load.place for load in case.load if isinstance(load, Displacement)}
     zero = ROUND_OFF * max((abs(part) for force in forces.values() for part in force), default=0.0)
     joined: dict[Any, tuple[list[str], list[str]]] = {}
@@ -186,7 +184,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
         if value is None:
             rows.append([f"error estimate, {name}", "not available", "", ""])
             continue
-        what = f"error estimate, {name if name in ALONE else f'pressures of {name}'}"
+        what = f"error estimate, {name if name in GLOBAL_ESTIMATES else f'pressures of {name}'}"
         large = limit is not None and float(value) > limit
         limit_text = "" if limit is None else f"below {100.0 * float(limit):g} %"
         rows.append(
@@ -202,10 +200,10 @@ def _checks(summary: Mapping[str, Any]) -> str:
 
 def _pictures(run: RunData) -> Iterator[str]:
     peaks = {name: float(contact.pressure.max(initial=0.0)) for name, contact in run.contacts.items()}
-    drawn = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CONTACTS]
+    drawn = sorted(peaks, key=lambda name: -peaks[name])[:MAX_CONTACTS]
     if len(drawn) < len(peaks):
         yield html.paragraph(
-            f"Drawn are {len(drawn)} of {len(peaks)} contacts, those with the largest pressures."
+            f"{len(drawn)} of {len(peaks)} contacts are drawn, those with the largest pressures."
         )
     with tempfile.TemporaryDirectory() as place, resolution(DPI):
         for kind in ("bodies", "pressure", "traction", "loop", "force", "peak"):
@@ -214,14 +212,14 @@ def _pictures(run: RunData) -> Iterator[str]:
                 try:
                     plot(run.directory, choice=Choice(what=(kind,), contact=subject or None, out=file))
                 except RunError:
-                    # What the run has nothing for: no friction, no contact, no fields.
+                    # Not available in this run: without friction, contact or fields.
                     continue
                 caption = CAPTIONS[kind].format(subject=subject)
                 yield html.image(file.read_bytes(), _described(run, kind, subject), caption)
 
 
 def _described(run: RunData, kind: str, subject: str) -> str:
-    """A picture in words."""
+    """The alternative text of a picture."""
     caption = CAPTIONS[kind].format(subject=subject)
     if kind != "pressure":
         return f"{caption}, of bodies {', '.join(run.bodies)}" if kind == "bodies" else caption
@@ -229,11 +227,11 @@ def _described(run: RunData, kind: str, subject: str) -> str:
     arc = run.contacts[subject].arc_length
     peak = float(pressure.max(initial=0.0))
     where = f" at arc length {arc[pressure.argmax()]:.4g}" if peak > 0.0 else ""
-    return f"{caption}: {peak:.5g} at most{where}, at the end of the path"
+    return f"{caption}: at most {peak:.5g}{where}, at the end of the path"
 
 
 def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
-    """What differs between the cases, and the figures that count."""
+    """The keys that differ between the cases, and the main figures."""
     rows = collect([run.directory for run in runs])
     keys = [key for key in rows[0] if key not in ("directory", "stop_reason")]
     figures = [
@@ -242,8 +240,8 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     first = keys.index("status") + 1
     last = next((index for index, key in enumerate(keys) if key == "position"), len(keys))
     varied = keys[first:last]
-    # Cases that have little in common are distinguished by their files, further down.
-    varied = varied if len(varied) <= MOST_VARIED else []
+    # The files of very different cases are shown below.
+    varied = varied if len(varied) <= MAX_VARIED_KEYS else []
     chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
     lines = [[_named(key), *(_number(row[key]) for row in rows)] for key in chosen]
     return html.table("The runs side by side", ["", *titles], lines)

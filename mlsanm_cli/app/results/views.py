@@ -1,4 +1,4 @@
-"""What a picture of the bodies shows: its colour, its deformation scale, its detail."""
+"""Pictures of bodies: the field shown, the deformation scale, the detail."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mlsanm_cli.app.results.history import pressures_at
-from mlsanm_cli.app.results.path_lookup import SAME
+from mlsanm_cli.app.results.path_lookup import POSITION_TOLERANCE
 from mlsanm_cli.app.results.plot_choice import FIELDS
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray, IntArray
@@ -22,22 +22,23 @@ from mlsanm_cli.io.run_reader import BodyData, ContactData, RunData, SavedState
 from mlsanm_cli.mechanics.elasticity import von_mises
 
 COMPONENTS = ("xx", "yy", "xy")
-VISIBLE = 0.05
-"""Displacements are shown as large as this part of the scene, at most."""
-OVERLAP = 0.003
-"""Enlarged displacements may make touching surfaces overlap by this part of the detail shown, at most."""
-DETAIL = 2.5
-"""Half-widths of the contact that the detail shows on either side of its middle."""
-CLOSES, CLOSED = 6, 1.5
-"""A surface of at least so many nodes is closed where its last one is so many spacings from the first."""
-WHOLE = 0.5
-"""A contact that takes up more than this part of the scene needs no detail."""
+MAX_SHOWN_DISPLACEMENT = 0.05
+"""Largest displacement shown, relative to the size of the scene."""
+MAX_OVERLAP = 0.003
+"""Largest overlap of touching surfaces due to enlarged displacements, relative to the size of the detail."""
+DETAIL_HALF_WIDTHS = 2.5
+"""Extent of the detail on both sides of the middle of the contact, in its half-widths."""
+MIN_CLOSED_NODES, CLOSED_SPACINGS = 6, 1.5
+"""A surface with at least so many nodes is closed if its last node is within so many spacings of the
+first."""
+MAX_DETAIL = 0.5
+"""Part of the scene above which a contact needs no detail."""
 
 
 def scalar_of(
     case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray
 ) -> tuple[FloatArray, str]:
-    """Von Mises stress (n,) where it was saved or follows from stresses, else the size of the displacements;
+    """Von Mises stress (n,) if it was saved or follows from stresses, else the magnitude of displacements;
     and its name."""
     scalar = fields.get("von_mises")
     heated = any(isinstance(load, Temperature) and load.owner == body for load in case.load)
@@ -45,7 +46,7 @@ def scalar_of(
     if scalar is None and "stress" in fields and not heated and not finite:
         material = materials(case)[next(b.material for b in case.body if b.name == body)]
         scalar = von_mises(fields["stress"], material.out_of_plane_stress(fields["stress"]))
-    # A plane stiffness leaves the stress across the plane open.
+    # For a plane stiffness the out-of-plane stress is unknown.
     if scalar is not None and not np.isnan(scalar).any():
         return scalar, "von Mises stress"
     return np.hypot(displacement[:, 0], displacement[:, 1]), "displacement"
@@ -58,9 +59,8 @@ def field_of(
     displacement: FloatArray,
     field: str | None,
 ) -> tuple[FloatArray, str]:
-    """A field (n,) of a body, and its name with its unit; without a ``field`` that of `scalar_of`.
-
-    Raises RunError for one that was not saved.
+    """A field (n,) of a body and its label with unit; by default that of `scalar_of`. Raises RunError if it
+    was not saved.
     """
     if field is None:
         scalar, label = scalar_of(case, body, fields, displacement)
@@ -98,7 +98,7 @@ def chosen_state(run: RunData, position: float | None) -> SavedState:
     if position is None:
         return run.states[-1]
     for state in run.states:
-        if abs(state.position - position) <= SAME * max(abs(position), 1.0):
+        if abs(state.position - position) <= POSITION_TOLERANCE * max(abs(position), 1.0):
             return state
     places = ", ".join(f"{state.position:g}" for state in run.states) or "nowhere"
     raise RunError(f"fields are saved at position {places}, not at {position:g}", "name it in output.at")
@@ -116,15 +116,15 @@ def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
     largest = max(float(np.hypot(*body.displacement.T).max(initial=0.0)) for body in bodies)
     if largest == 0.0:
         return 1.0
-    limit = VISIBLE * size / largest
+    limit = MAX_SHOWN_DISPLACEMENT * size / largest
     for contact in run.contacts.values():
         loaded = contact.pressure[-1] > THRESHOLD * contact.pressure[-1].max(initial=0.0)
         if not loaded.any():
             continue
         closed_gap = float(contact.gap[0][loaded].max())
-        detail = DETAIL * float(np.ptp(contact.points[loaded], axis=0).max())
+        detail = DETAIL_HALF_WIDTHS * float(np.ptp(contact.points[loaded], axis=0).max())
         if closed_gap > 0.0:
-            limit = min(limit, 1.0 + OVERLAP * detail / closed_gap)
+            limit = min(limit, 1.0 + MAX_OVERLAP * detail / closed_gap)
     if limit < 2.0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(limit))
@@ -147,8 +147,8 @@ def contact_window(
     if len(loaded) < 2 or pressure.max() <= 0.0:
         return None
     low, high = loaded.min(axis=0), loaded.max(axis=0)
-    half = DETAIL * 0.5 * float((high - low).max())
-    if not 0.0 < 2.0 * half <= WHOLE * _size(bodies):
+    half = DETAIL_HALF_WIDTHS * 0.5 * float((high - low).max())
+    if not 0.0 < 2.0 * half <= MAX_DETAIL * _size(bodies):
         return None
     middle = 0.5 * (low + high)
     away = [np.hypot(*(body.points - middle).T) for body in bodies]
@@ -161,7 +161,11 @@ def along_surface(contact: ContactData, pressure: FloatArray) -> tuple[IntArray,
     """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
     surface that closes around a body begin where pressures (m,) are furthest away."""
     arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
-    if len(arc) < CLOSES or step > CLOSED * float(np.diff(arc).max()) or CLOSES * step > arc[-1] - arc[0]:
+    if (
+        len(arc) < MIN_CLOSED_NODES
+        or step > CLOSED_SPACINGS * float(np.diff(arc).max())
+        or MIN_CLOSED_NODES * step > arc[-1] - arc[0]
+    ):
         return np.arange(len(arc)), arc
     return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
 

@@ -1,4 +1,4 @@
-"""From a validated case and its clouds to the mechanical scene: pairs, supports, rigid motions, systems."""
+"""The mechanical scene of a validated case on its clouds: pairs, supports, rigid motions, linear systems."""
 
 from __future__ import annotations
 
@@ -33,37 +33,34 @@ from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
-from mlsanm_cli.mechanics.springs import gripped, occupying
+from mlsanm_cli.mechanics.springs import gripped, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-
-
-TIED = 1e-9
-"""Distances that differ by less than this part of the spacing are the same."""
-HIGH, LOW = 4, 2
-"""Degrees that "auto" takes."""
-FEWEST = 30
-"""The higher one needs so many neighbours."""
-ACROSS = 3.5
-"""And so many spacings across all parts: with four nodes across portal frames were useless at degree 4, and
-2 % off at degree 2, with three rings were 42 and 20 % off."""
-OFF_POINT = 1e-3
-"""Nodes held farther than this part of the spacing from where a support was put are reported."""
+TIE_TOLERANCE = 1e-9
+"""Distances that differ by less than this part of the spacing are equal."""
+HIGH_DEGREE, LOW_DEGREE = 4, 2
+"""Degrees that "auto" selects."""
+MIN_HIGH_NEIGHBORS = 30
+"""Neighbours required by the high degree."""
+MIN_HIGH_SPACINGS = 3.5
+"""Spacings across all parts required by the high degree: portal frames with four nodes across were useless at
+degree 4 and 2 % off at degree 2, rings with three were 42 and 20 % off."""
+MAX_SUPPORT_OFFSET = 1e-3
+"""Distance from the point of a support to its node, in spacings, above which there is a note."""
 
 
 @dataclass(frozen=True)
 class SceneModel:
-    """A scene without its factorised systems: what can be said before anything is solved.
+    """A scene before its linear systems are assembled and factorised.
 
-    ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
-    by one, ``acting`` the loads' values, ``rigid_constraints`` all that moves rigidly, ``probes`` the points
-    to observe,
-    ``notes`` what a person should know, ``ranges`` the contacts that may have grids of their own,
-    ``held_motions`` what of loose bodies is held although nothing resists it, and ``loose_motions`` those in
-    which nothing else moves, as a scene has them, ``weak`` those that are hardly resisted.
+    ``held[body][surface]`` are the fixed components, ``held_nodes[body]`` the fixed (node, component) pairs
+    of single nodes, ``acting`` the loads, ``rigid_constraints`` platens, obstacles and floating bodies,
+    ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the contacts that may have
+    contact grids. ``held_motions`` are the free rigid modes fixed at zero, ``loose_motions`` those of
+    floating bodies only, and ``weak`` those with very little resistance.
     """
 
     models: Mapping[str, BodyModel]
@@ -81,19 +78,19 @@ class SceneModel:
 
 
 def mls_settings(case: Case, low: bool = False) -> MlsSettings:
-    """The operators' settings; with ``low`` of a body that a degree left to us had better be low for."""
+    """Settings of the operators; ``low`` selects the low degree if the case leaves the degree open."""
     neighbors, degree, small = case.mls.neighbors, case.mls.degree, case.model.strain == "small"
     asked = neighbors if isinstance(neighbors, int) else None
     if degree == "auto":
-        few = asked is not None and asked < FEWEST
+        few = asked is not None and asked < MIN_HIGH_NEIGHBORS
         low = low or few or case.mls.scheme != "least-squares"
-        degree = LOW if low else HIGH
-    # How displacements grow at corners is known of small strains only.
+        degree = LOW_DEGREE if low else HIGH_DEGREE
+    # Corner singularities are known for small strains only.
     return MlsSettings(degree, asked, case.mls.scheme, corners=small)
 
 
 def estimated(case: Case) -> bool:
-    """Whether errors can be estimated: what friction has done would have to be followed again."""
+    """Whether errors are estimated at a higher degree; with friction the path would have to be repeated."""
     known = case.mls.degree == "auto" or case.mls.degree in DEGREES
     return known and not any(contact.friction for contact in case.contact)
 
@@ -106,9 +103,9 @@ def prepare(
     grids: bool = True,
     low: bool = False,
 ) -> SceneModel:
-    """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did. Contacts off all
-    corners are to get ``grids`` of their own; a degree that is left to us is to be ``low``.
+    """Stencils, pairs and conditions; models ``before`` are reused where the cloud is the same.
 
+    ``grids``: contacts away from corners may have contact grids; ``low``: "auto" selects the low degree.
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
     """
@@ -135,15 +132,15 @@ def prepare(
     models = {}
     for body in case.body:
         try:
-            # Meshes are not made for wide stencils: errors of an eye with eight elements across were 1 % at
-            # degree 2 and 12 % at degree 4. Nor are the tips of slits smooth enough.
+            # Nodes of meshes are not suited to wide stencils: errors of an eye with eight elements across
+            # were 1 % at degree 2 and 12 % at degree 4. Nor are tips of slits smooth enough.
             cloud = clouds[body.name]
-            hardly = cloud.sight is not None or cloud.thinnest.spacings < ACROSS
-            models[body.name] = modelled(body, low or body.has_nodes or hardly)
+            difficult = cloud.sight is not None or cloud.thinnest.spacings < MIN_HIGH_SPACINGS
+            models[body.name] = modelled(body, low or body.has_nodes or difficult)
         except NumericalError:
             if mls_settings(case) == mls_settings(case, low=True):
                 raise
-            # Parts too thin for the higher degree.
+            # Some part is too thin for the high degree.
             models[body.name] = modelled(body, low=True)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     grips = {
@@ -152,25 +149,24 @@ def prepare(
     }
     free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
     occupied = {
-        name: sides | dict.fromkeys(occupying(loads.springs[name], models[name].cloud, models[name].material))
+        name: sides
+        | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
         for name, sides in held.items()
     }
-    # At finite strain pressures live at the nodes.
+    # At finite strain pressures are nodal.
     grids = grids and case.model.strain == "small"
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
-    # Of higher degrees nodal contacts are less stable, but where sides answer in closed form, too. Bonds have
-    # tractions longer than their nodes are apart: at degree 2 the stress in a fibre was 1.9 % off.
-    unsure = [
-        one for one in pairings if not (one.bonded or one.name in ranges or case.model.strain != "small")
-    ]
-    nodal = {name for pairing in unsure for name in pairing.bodies}
-    models |= {body.name: modelled(body, low=True) for body in case.body if body.name in nodal}
+    # Contacts with nodal pressures are less stable at higher degrees. Tractions of bonds vary slowly between
+    # nodes: at degree 2 the stress in a fibre was 1.9 % off.
+    nodal = [one for one in pairings if not (one.bonded or one.name in ranges)]
+    low_bodies = {name for one in nodal for name in one.bodies} if case.model.strain == "small" else ()
+    models |= {body.name: modelled(body, low=True) for body in case.body if body.name in low_bodies}
     try:
         found = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), free, loads, ranges)
     except CaseError:
         if not ranges:
             raise
-        # What resists may lie beyond the ranges, as a chamfer does.
+        # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
         return prepare(case, clouds, memo, before, grids=False, low=low)
     return SceneModel(
         models,
@@ -189,7 +185,7 @@ def prepare(
 
 
 def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:
-    """The surfaces of every body that are in contact."""
+    """The surfaces of every body that may be in contact."""
     found: dict[str, set[str]] = {name: set() for name in prepared.models}
     for pairing in prepared.pairings:
         if pairing.name in prepared.ranges:
@@ -209,8 +205,8 @@ def assemble_bodies(
     memo: Memo = NO_CACHE,
     before: Mapping[str, ElasticBody] = NOTHING,
 ) -> mechanics.Scene:
-    """Set up every body's system, once for bodies that are alike; it is factorised within ``timed()`` when it
-    is first used. Of the bodies ``before``, of the same case, those stay whose models did."""
+    """Assembles the system of every body, once for translated copies; it is factorised within ``timed()``
+    on first use. Bodies ``before``, of the same case, are reused if their models are the same."""
     bodies: dict[str, ElasticBody] = {}
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
@@ -294,7 +290,7 @@ def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
 
 
 def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], ...]:
-    """The (node, component) pairs that supports of single nodes hold at zero."""
+    """The (node, component) pairs that supports of single nodes fix at zero."""
     pairs = []
     for support in case.support:
         if support.body == body and support.near is not None:
@@ -304,14 +300,13 @@ def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], 
 
 
 def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
-    """The node nearest to a point; of several at one distance the first, whatever the round-off."""
+    """The node nearest to a point, the first of several at the same distance up to round-off."""
     away = np.hypot(*(cloud.points - np.array(point)).T)
-    return int(np.flatnonzero(away <= away.min() + TIED * cloud.spacing.min())[0])
+    return int(np.flatnonzero(away <= away.min() + TIE_TOLERANCE * cloud.spacing.min())[0])
 
 
 def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> list[str]:
-    """Notes of supports that hold a node next to the point that they name. Raises CaseError where that lies
-    outside their body by more than its spacing."""
+    """Notes on supports whose node is not at the given point. CaseError if that is outside the body."""
     notes, problems = [], []
     for number, support in enumerate(case.support):
         if support.body is None or support.near is None:
@@ -321,13 +316,13 @@ def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> list[str]:
         x, y = cloud.points[node].tolist()
         away = float(np.hypot(x - support.near[0], y - support.near[1]))
         place = f"({support.near[0]:g}, {support.near[1]:g})"
-        if away > cloud.spacing[node] and not cloud.holds(np.array([support.near]))[0]:
+        if away > cloud.spacing[node] and not cloud.contains(np.array([support.near]))[0]:
             message = f'{place} lies outside body "{support.body}"'
             hint = f"its nearest node is at ({x:g}, {y:g}), {away:.3g} away"
             problems.append(CaseProblem(f"support.{number}.near", message, hint=hint))
-        elif away > OFF_POINT * cloud.spacing[node]:
+        elif away > MAX_SUPPORT_OFFSET * cloud.spacing[node]:
             near = f"the support of {support.body} near {place}"
-            notes.append(f"{near} holds its node at ({x:g}, {y:g}), {away:.3g} away")
+            notes.append(f"{near} fixes the node at ({x:g}, {y:g}), {away:.3g} away")
     if problems:
         raise CaseError(tuple(problems))
     return notes
@@ -337,7 +332,7 @@ def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
     probes, problems = [], []
     for probe in case.probe:
         point = np.array([probe.point])
-        if not clouds[probe.body].holds(point)[0]:
+        if not clouds[probe.body].contains(point)[0]:
             x, y = probe.point
             message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
             hint = "give coordinates of the undeformed body"

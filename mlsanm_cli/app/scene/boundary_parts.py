@@ -1,4 +1,4 @@
-"""Parts of boundaries: where outlines, and clouds that came with them, are cut for conditions on parts."""
+"""Parts of boundaries: outlines, and clouds from files, are cut at the ends of conditions on parts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import AT_END, BoundaryRun, range_of, run_of
+from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, range_of, run_of
 from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
@@ -20,19 +20,16 @@ from mlsanm_cli.cloud.joined import cut
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 
-FAR = 0.1
-"""The ends of a part of a boundary are within this part of its length of it."""
+MAX_END_DISTANCE = 0.1
+"""Largest distance of the given end of a part from the boundary, relative to the boundary's length."""
 
 
 def outline_of(case: Case, body: Body) -> Outline:
-    """The body's outline, cut where parts of boundaries begin and end.
-
-    Raises CaseError for parts without sense.
-    """
+    """The outline of a body, cut at the ends of parts of boundaries. Raises CaseError for invalid parts."""
     return cut(drawn(body.shape), cuts_of(case, body))
 
 
-def _parted(case: Case) -> Iterator[tuple[str, Place]]:
+def _partial_conditions(case: Case) -> Iterator[tuple[str, Place]]:
     """Keys and places of all conditions on parts of boundaries."""
     for index, support in enumerate(case.support):
         if support.place is not None and support.ends is not None:
@@ -47,10 +44,10 @@ def _parted(case: Case) -> Iterator[tuple[str, Place]]:
 
 
 def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
-    """Where the curves of a body's outline as drawn are cut, by their numbers: at the ends of parts that are
-    loaded, held or in contact, and where tractions jump."""
+    """Arc lengths at which the curves of a body's original outline are cut, by curve number: at the ends of
+    loaded, fixed and contacting parts, and where tractions are discontinuous."""
     cuts: dict[int, list[float]] = {}
-    for key, place in _parted(case):
+    for key, place in _partial_conditions(case):
         if place.body != body.name:
             continue
         run = run_of(case, place, key)
@@ -58,13 +55,13 @@ def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
         assert place.ends is not None
         for name, end in zip(("from", "to"), place.ends, strict=True):
             at, away = run.nearest(end)
-            if away > FAR * whole:
+            if away > MAX_END_DISTANCE * whole:
                 message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
-                raise CaseError((CaseProblem(f"{key}.{name}", message, hint="a point on it, or near it"),))
+                raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
             _add_cut(cuts, run, body, at)
-        if range_of(run, place)[1] <= AT_END * whole:
+        if range_of(run, place)[1] <= END_TOLERANCE * whole:
             message = "the part of the boundary between these points has no length"
-            raise CaseError((CaseProblem(f"{key}.to", message, hint="two points apart"),))
+            raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:
         if isinstance(load, Pressure | Traction) and load.owner == body.name:
             for profile in profiles(body.shape, load):
@@ -75,7 +72,7 @@ def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
 
 
 def _add_cut(cuts: dict[int, list[float]], run: BoundaryRun, body: Body, at: float) -> None:
-    """Cut a run at an arc length, at a node if the nodes are there already, unless it is cut there."""
+    """Adds a cut of a run at an arc length (with given nodes: at the nearest one), unless it exists."""
     for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
         if not start <= at <= start + curve.length:
             continue
@@ -84,7 +81,7 @@ def _add_cut(cuts: dict[int, list[float]], run: BoundaryRun, body: Body, at: flo
             assert isinstance(body.shape, Mesh | Points)
             nodes = imported_geometry(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
             s = float(nodes[np.argmin(np.abs(nodes - s))])
-        small = AT_END * curve.length
+        small = END_TOLERANCE * curve.length
         known = [*cuts.get(number, ()), *(() if curve.closed else (0.0, curve.length))]
         if all(abs(s - other) > small for other in known):
             cuts.setdefault(number, []).append(s)
@@ -92,7 +89,7 @@ def _add_cut(cuts: dict[int, list[float]], run: BoundaryRun, body: Body, at: flo
 
 
 def with_cuts(case: Case, body: Body, cloud: Cloud) -> Cloud:
-    """A cloud whose nodes came with the body, with its surfaces cut as the outline is."""
+    """A cloud from a file with its surfaces cut like the outline."""
     cuts = cuts_of(case, body)
     if not cuts:
         return cloud
@@ -112,7 +109,7 @@ def with_cuts(case: Case, body: Body, cloud: Cloud) -> Cloud:
 
 
 def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:
-    """The nodes of the parts of a surface cut at nodes at arc lengths ``places``."""
+    """Node positions of the parts of a surface cut at the nodes at arc lengths ``places``."""
     at = [int(np.argmin(np.abs(surface.arc_length - place))) for place in places]
     count = len(surface.index)
     if surface.curve.closed:

@@ -1,4 +1,4 @@
-"""Pieces of an outline end to end, from what a case calls a boundary."""
+"""Boundaries of a case as consecutive pieces of an outline."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import chain_of
 from mlsanm_cli.errors import CaseError, CaseProblem
 
-AT_END = 1e-6
-"""Ends of parts nearer than this part of a piece's length to its end are there."""
+END_TOLERANCE = 1e-6
+"""Distance from the end of a piece, relative to its length, below which a point coincides with the end."""
 
 
 @dataclass(frozen=True)
 class BoundaryRun:
-    """Pieces of a body's ``outline`` by their ``numbers`` in order, ``around`` if they are a whole loop."""
+    """Consecutive pieces of a body's ``outline`` by ``numbers``; ``around``: they form a closed loop."""
 
     outline: Outline
     numbers: tuple[int, ...]
@@ -33,11 +33,11 @@ class BoundaryRun:
 
     @property
     def starts(self) -> list[float]:
-        """Arc lengths where the pieces begin, and where the last one ends."""
+        """Arc lengths at the starts of the pieces and at the end of the last one."""
         return [*accumulate((curve.length for curve in self.curves), initial=0.0)]
 
     def nearest(self, point: tuple[float, float]) -> tuple[float, float]:
-        """The arc length nearest to a point, and how far that is."""
+        """The arc length of the nearest point of the run, and the distance."""
         best = (0.0, math.inf)
         for curve, start in zip(self.curves, self.starts, strict=False):
             s = curve.closest(np.array([point]))
@@ -45,19 +45,19 @@ class BoundaryRun:
             if away < best[1]:
                 at = float(s[0])
                 for end in (0.0, curve.length):
-                    at = end if abs(at - end) <= AT_END * curve.length and not curve.closed else at
+                    at = end if abs(at - end) <= END_TOLERANCE * curve.length and not curve.closed else at
                 best = start + at, away
         return best
 
 
 def run_of(case: Case, place: Place, key: str) -> BoundaryRun:
-    """The pieces of a place in the outline as drawn. Raises CaseError where they do not join."""
+    """The pieces of a place in the original outline. Raises CaseError if they do not join."""
     body = next(one for one in case.body if one.name == place.body)
     return run_on(drawn(body.shape), place, key)
 
 
 def run_on(outline: Outline, place: Place, key: str) -> BoundaryRun:
-    """The pieces of a place in an outline. Raises CaseError where they do not join."""
+    """The pieces of a place in an outline. Raises CaseError if they do not join."""
     numbers = [number for edge in place.edges for number in numbers_of(outline, edge)]
     found = chain_of(outline, numbers)
     if found is None:
@@ -69,7 +69,7 @@ def run_on(outline: Outline, place: Place, key: str) -> BoundaryRun:
 
 
 def _groups(outline: Outline, numbers: Sequence[int]) -> list[str]:
-    """The names of pieces that do join, group by group."""
+    """The names of the pieces, in groups that join."""
     left, groups = sorted(set(numbers)), list[str]()
     while left:
         group = left[:1]
@@ -81,7 +81,7 @@ def _groups(outline: Outline, numbers: Sequence[int]) -> list[str]:
 
 
 def range_of(run: BoundaryRun, place: Place) -> tuple[float, float]:
-    """Where along a run a part of it begins, and its length."""
+    """Arc length of the start of a part of a run, and the length of the part."""
     assert place.ends is not None
     (one, _), (other, _) = (run.nearest(end) for end in place.ends)
     if run.around or run.curves[0].closed:

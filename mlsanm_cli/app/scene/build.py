@@ -1,4 +1,4 @@
-"""From a case to the condensed problem, phase by phase."""
+"""The condensed problem of a case, phase by phase."""
 
 from __future__ import annotations
 
@@ -38,26 +38,27 @@ from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.load_factors import stage_factors
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
-MOST_IDLE = 6
-"""So many motions are tried one at a time."""
-CARRIED = 1e-3
-"""What a hold may carry, as a part of all that presses: clouds that are not quite symmetric."""
+MAX_SINGLE_TRIALS = 6
+"""Largest number of motions that are fixed one at a time."""
+MAX_CARRIED = 1e-3
+"""Largest force of a fixed motion relative to the contact force; it is not 0, as clouds are not exactly
+symmetric."""
 Idle = Mapping[tuple[str, int], Mapping[str, FloatArray]]
-"""Motions to be held, by the bodies and components that they are held by: the velocities (3,) of every body
-in one, as a scene has them."""
-MANY = 50_000
-"""Scenes of more nodes are announced: they take a while, and may be a typing error."""
-WIDER = 1.5
-WIDENINGS = 6
-_WITHOUT_SIZE = {"load", "stage", "output"}
-_CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
-"""What of a case and of its contacts does not change its size."""
-_WRITTEN = {"title", "output"}
-"""What of a case only changes what is written."""
+"""Motions to be fixed: by body and component that are fixed, the velocities (3,) of every body in the
+motion."""
+ANNOUNCED_NODES = 50_000
+"""Scenes with more nodes are announced: they take long, and may be due to a typing error."""
+REACH_GROWTH = 1.5
+MAX_ENLARGEMENTS = 6
+_SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
+_CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
+"""Sections of a case and keys of its contacts that do not affect its size."""
+_OUTPUT_SECTIONS = {"title", "output"}
+"""Sections of a case that only affect what is written."""
 
 
 def load_kernels(context: RunContext) -> Loaded:
-    """Load the compiled kernels; say so where they have to be compiled first, or cannot be kept."""
+    """Loads the compiled kernels; announces compilation, and warns if they cannot be kept."""
     with context.phase("jit"):
         if not is_warm():
             context.console.phase("compiling kernels, once for this installation (about 15 s)")
@@ -68,15 +69,15 @@ def load_kernels(context: RunContext) -> Loaded:
 
 
 def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
-    """All that can show that a case cannot be run as written, on its own clouds.
+    """The scene on its initial clouds, with all checks that precede solving.
 
-    Raises CaseError for a scene that memory cannot hold, and contacts and platens without sense.
+    Raises CaseError for a scene that exceeds the memory, and for invalid contacts and platens.
     """
     load_kernels(context)
     try:
         with context.phase("cloud"):
             size = context.memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
-        if sum(size.nodes.values()) > MANY:
+        if sum(size.nodes.values()) > ANNOUNCED_NODES:
             nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
             context.console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
         prepared = place(loaded.case, context)
@@ -88,18 +89,18 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
 
 
 def _placing_key(case: Case) -> str:
-    """Equal for cases that differ in what is written and in coefficients of friction above 0 only."""
-    content = {key: part for key, part in resolved_mapping(case).items() if key not in _WRITTEN}
+    """A key that is equal for cases that differ only in output and in positive coefficients of friction."""
+    content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
     contacts = zip(content.pop("contact", []), case.contact, strict=True)
     kinds = [(part, one.friction if one.bonded else one.coefficient > 0.0) for part, one in contacts]
     return digest(content, [{**part, "friction": kind} for part, kind in kinds])
 
 
 def _size_key(case: Case) -> str:
-    """Equal for cases of the same size."""
-    content = {key: part for key, part in resolved_mapping(case).items() if key not in _WITHOUT_SIZE}
+    """A key that is equal for cases of equal size."""
+    content = {key: part for key, part in resolved_mapping(case).items() if key not in _SECTIONS_WITHOUT_SIZE}
     contacts = [
-        {key: part for key, part in contact.items() if key not in _CONTACTS_WITHOUT_SIZE}
+        {key: part for key, part in contact.items() if key not in _CONTACT_KEYS_WITHOUT_SIZE}
         for contact in content.pop("contact", [])
     ]
     return digest(content, contacts)
@@ -111,8 +112,8 @@ def place(
     zones: tuple[Zone, ...] = (),
     before: SceneModel | None = None,
 ) -> SceneModel:
-    """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says, and
-    bodies that come out as ``before`` stay. Cases that differ in coefficients of friction share them."""
+    """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
+    equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
     if zones or before is not None:
         return _placed(case, context, zones, before)
     kept = context.memo.value("placed", _placing_key(case), partial(_placed, case, context))
@@ -136,21 +137,21 @@ def condense_scene(
     context: RunContext,
     before: Scene | None = None,
 ) -> CondensedScene:
-    """Set up the bodies' systems, condense, and find the reach of every contact.
+    """Assembles the systems of the bodies, condenses, and determines the reach of every contact.
 
-    Bodies whose models are those of the scene ``before`` keep their systems.
+    Bodies with the same model as in the scene ``before`` keep their systems.
     """
     idle = {weak.idle: weak.motion for weak in prepared.weak if weak.idle is not None}
     if idle:
         driven = tuple(weak for weak in prepared.weak if weak.idle is None)
-        built = _held(case, replace(prepared, weak=driven), idle, context, before)
+        built = _with_fixed_motions(case, replace(prepared, weak=driven), idle, context, before)
         if built is not None:
             return built
     try:
-        return _completed(case, prepared, context, before)
+        return _condensed_scene(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
         for group in _idle_translations(prepared):
-            built = _held(case, prepared, group, context, before)
+            built = _with_fixed_motions(case, prepared, group, context, before)
             if built is not None:
                 return built
         hint = pull_hint(case, prepared.pairings)
@@ -160,10 +161,11 @@ def condense_scene(
 
 
 def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
-    """Translations of floating bodies that no load drives, one at a time, then all in one direction.
+    """Translations of floating bodies without a load in their direction, one at a time, then all of one
+    direction.
 
-    Surfaces may resist a motion where they curve, and yet touch where they are flat only: the motion is then
-    undetermined, and zero by symmetry.
+    Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the motion is
+    then undetermined, and zero by symmetry.
     """
     idle = [
         (constraint.body, motion.component)
@@ -172,17 +174,17 @@ def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
         for motion in constraint.motions
         if motion.prescribed is None and motion.component != ROTATION and not motion.force.any()
     ]
-    groups = [[one] for one in idle[:MOST_IDLE]]
+    groups = [[one] for one in idle[:MAX_SINGLE_TRIALS]]
     groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
     for group in filter(None, groups):
         yield {(body, component): {body: np.eye(3)[component]} for body, component in group}
 
 
-def _held(
+def _with_fixed_motions(
     case: Case, prepared: SceneModel, idle: Idle, context: RunContext, before: Scene | None
 ) -> CondensedScene | None:
-    """The scene with ``idle`` motions held at zero, or None where it has no state, or what holds them would
-    carry something."""
+    """The scene with ``idle`` motions fixed at zero; None if it has no state, or if forces are needed to fix
+    them."""
     constraints = tuple(
         held_at_zero(one, [component for body, component in idle if body == one.body])
         if isinstance(one, FloatingBody)
@@ -192,7 +194,7 @@ def _held(
     motions = (*prepared.held_motions, *idle.values())
     held = replace(prepared, rigid_constraints=constraints, held_motions=motions)
     with suppress(UnbalancedError, NoStateError):
-        built = _completed(case, held, context, before)
+        built = _condensed_scene(case, held, context, before)
         if _carry_nothing(built, idle):
             names = ", ".join(f"body {body}: {MOTIONS[component]}" for body, component in idle)
             context.console.note(f"{names} is fixed at 0 (no load and no stiffness in this direction)")
@@ -201,8 +203,8 @@ def _held(
 
 
 def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> bool:
-    """Whether what is ``held`` carries no force at the end of any stage: a body that its loads push out of
-    its contacts is not at rest."""
+    """Whether no force is needed to fix the motions ``held`` at the end of any stage: a body that its loads
+    push out of its contacts is not in equilibrium."""
     for state in built.ends:
         pressed = float(built.condensed.weight @ state.pressure)
         for body, component in held:
@@ -211,12 +213,14 @@ def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> 
             )[0]
             if component == ROTATION:
                 carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
-            if abs(carried) > CARRIED * pressed:
+            if abs(carried) > MAX_CARRIED * pressed:
                 return False
     return not built.ends_early
 
 
-def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Scene | None) -> CondensedScene:
+def _condensed_scene(
+    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None
+) -> CondensedScene:
     @contextmanager
     def factorising() -> Iterator[None]:
         with context.phase("factorization", "factorising"):
@@ -231,7 +235,7 @@ def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Sc
             search = partial(searched_ends, case, scene, stages)
             found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
         if found is None:
-            return _completed(case, _without_grids(case, prepared, context), context, None)
+            return _condensed_scene(case, _without_grids(case, prepared, context), context, None)
         condensed, ends = found
     else:
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
@@ -242,8 +246,8 @@ def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Sc
 
 
 def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:
-    """A scene whose contacts do not settle on grids, at the lower degree, at which some do, or if that is
-    what it has with nodal pressures."""
+    """A scene whose contact grids do not converge, at the low degree, which may help; if it has that, with
+    nodal pressures."""
     placed = {name: model.cloud for name, model in prepared.models.items()}
     with context.phase("operators"):
         low = prepare(case, placed, context.memo, prepared.models, low=True)
@@ -259,9 +263,9 @@ def _condense(
     stages: FloatArray,
     context: RunContext,
 ) -> tuple[Condensed, tuple[ExactState, ...]]:
-    """Condense; where a contact's reach is automatic, widen it until no node left out touches."""
+    """Condenses; an automatic reach of a contact is enlarged until no excluded node touches."""
     fixed = {contact.name: contact.reach for contact in case.contact}
-    for _ in range(WIDENINGS):
+    for _ in range(MAX_ENLARGEMENTS):
         with context.phase(
             "condensation", f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes"
         ):
@@ -285,11 +289,11 @@ def _condense(
             pairing
             if pairing.bonded
             else pairing.with_reach(
-                WIDER * float(pairing.gap[touched[pairing.name] | pairing.candidate].max())
+                REACH_GROWTH * float(pairing.gap[touched[pairing.name] | pairing.candidate].max())
             )
             for pairing in pairings
         )
     raise NumericalError(
-        f"the contact zone was still growing after {WIDENINGS} enlargements",
-        "refine the surfaces over the whole zone that comes into contact, or set contact.NAME.reach",
+        f"the contact zone was still growing after {MAX_ENLARGEMENTS} enlargements",
+        "refine the surfaces over the whole contact zone, or set contact.NAME.reach",
     )

@@ -1,4 +1,4 @@
-"""What most likely is wrong with a scene, in the words of whoever drew it: distances, directions, signs."""
+"""Probable causes of errors in a scene in terms of the case: distances, directions, signs, units."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.startup import cKDTree
 
-FAR = 0.25
-"""Surfaces drawn apart by this part of the smaller body's size are reported of."""
-STRAIN = 0.1
-"""Strains from which on a linear model has errors of that order."""
-MOST = 0.99
-"""Strains beyond this part of all count as those at corners, where they have no bound."""
+MAX_INITIAL_GAP = 0.25
+"""Initial gap over the size of the smaller body above which there is a warning."""
+MAX_LINEAR_STRAIN = 0.1
+"""Strain above which there is a warning: the error of a linear model is of the same order."""
+STRAIN_QUANTILE = 0.99
+"""Larger strains are those at corners, where they are unbounded."""
 
 
 def no_opposite_surface_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
-    """Why no node of a contact's slave may face its partner."""
+    """A hint on why no node of a contact's slave faces the other side."""
     if isinstance(contact.obstacle, PolylineObstacle):
         return "the obstacle lies to the left of its line, seen in the order of its points: reverse the order"
     if contact.obstacle is not None:
@@ -38,16 +38,16 @@ def no_opposite_surface_hint(case: Case, contact: Contact, clouds: Mapping[str, 
     distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
     facing = [f"{side} faces {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
     return (
-        f"{' and '.join(facing)}, {distance:.3g} apart at least: contact surfaces must face each other; turn "
+        f"{' and '.join(facing)}, at least {distance:.3g} apart: contact surfaces must face each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
     )
 
 
 def _direction(way: FloatArray) -> str:
-    """A direction as on paper."""
+    """A direction in words: up, down, left, right."""
     x, y = (float(part) for part in way)
     if max(abs(x), abs(y)) < 0.1:
-        return "all around"
+        return "all directions"
     words = [
         word
         for part, (less, more) in ((y, ("down", "up")), (x, ("left", "right")))
@@ -57,26 +57,26 @@ def _direction(way: FloatArray) -> str:
 
 
 def distance_warnings(pairings: tuple[Pairing, ...], clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Contacts whose surfaces are drawn far apart."""
+    """Warnings of contacts with a large initial gap."""
     for pairing in pairings:
         size = min(float(np.ptp(clouds[body].points, axis=0).max()) for body in pairing.bodies)
         gap = float(pairing.gap.min()) + pairing.closed_by
-        if gap > FAR * size:
+        if gap > MAX_INITIAL_GAP * size:
             yield (
-                f"contact {pairing.name}: the surfaces are drawn {gap:.3g} apart, {gap / size:.2g} times the "
-                "size of the smaller body: move the bodies together, unless they are meant to travel so far"
+                f"contact {pairing.name}: the initial gap of {gap:.3g} is {gap / size:.2g} times the size of "
+                "the smaller body: move the bodies together, unless they are meant to move so far"
             )
 
 
 def pull_hint(case: Case, pairings: tuple[Pairing, ...]) -> str:
-    """Which forces pull bodies away from their contacts, "" where none do."""
+    """A hint on forces that pull bodies away from their contacts, "" if there are none."""
     found = []
     for load in case.load:
         force = _force(load)
         for pairing in pairings:
             if force is None or getattr(load, "owner", None) not in pairing.bodies:
                 continue
-            # The master's outward normal points at the slave.
+            # The normal of a pairing, the master's outward one, points to the slave.
             away = pairing.normal.mean(axis=0) * (1.0 if load.owner == pairing.slave_body else -1.0)
             if force @ away > 0.0:
                 found.append(f"load {load.name} pulls {load.owner} away from contact {pairing.name}")
@@ -84,7 +84,7 @@ def pull_hint(case: Case, pairings: tuple[Pairing, ...]) -> str:
 
 
 def _force(load: object) -> FloatArray | None:
-    """The direction of a load's force, where it is given by numbers."""
+    """The direction of the force of a load, None if it is not given by numbers."""
     if isinstance(load, Platen):
         moved = load.control
         held = [moved.get(axis, ("force", 0.0)) for axis in "xy"]
@@ -95,17 +95,17 @@ def _force(load: object) -> FloatArray | None:
 
 
 def strain_of(points: FloatArray, displacement: FloatArray, von_mises: FloatArray, modulus: float) -> float:
-    """How far a body is strained: by how much its displacements (n, 2) differ over its size, or the stresses
-    (n,) that most of it stays below over its stiffness, whichever is more."""
+    """Strain of a body: the range of its displacements (n, 2) over its size, or a high quantile of its
+    stresses (n,) over its stiffness, whichever is larger."""
     apart = float(np.ptp(displacement, axis=0).max()) / float(np.ptp(points, axis=0).max())
-    return max(apart, float(np.quantile(von_mises, MOST)) / modulus)
+    return max(apart, float(np.quantile(von_mises, STRAIN_QUANTILE)) / modulus)
 
 
 def strain_warnings(case: Case, strains: Mapping[str, float]) -> Iterator[str]:
-    """Bodies strained so far that a linear model no longer holds."""
+    """Warnings of bodies strained beyond the validity of a linear model."""
     materials = {body.name: body.material for body in case.body}
     for body, strain in strains.items():
-        if strain > STRAIN:
+        if strain > MAX_LINEAR_STRAIN:
             yield (
                 f"body {body} is strained or rotated by {100.0 * strain:.3g} %, but the linear model is "
                 f"valid for a few percent only; check the units of material.{materials[body]} against those "

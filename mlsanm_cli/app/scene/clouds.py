@@ -1,4 +1,4 @@
-"""From a case's bodies to outlines, spacings and clouds."""
+"""Spacings and node clouds of the bodies of a case."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from mlsanm_cli.app.scene.boundary_parts import outline_of, with_cuts
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.contact_sides import bond_ends, sides_of
 from mlsanm_cli.app.scene.default_spacing import (
-    ACROSS,
     GROWTH,
+    PER_THICKNESS,
     arc_zones,
     automatic_spacing,
     bends,
@@ -39,7 +39,7 @@ from mlsanm_cli.memo import NO_CACHE, Memo
 
 
 def spacing_of(case: Case, body: Body) -> Spacing:
-    """The spacing field of a body whose nodes we place."""
+    """The spacing field of a body whose nodes are placed."""
     outline = drawn(body.shape)
     far, zones = body.spacing, []
     if isinstance(far, str):
@@ -52,7 +52,7 @@ def spacing_of(case: Case, body: Body) -> Spacing:
         finite = case.model.strain == "finite" and not bends(outline)
         zones = [
             *arc_zones(outline, far, finer),
-            *narrow_zones(outline, far, ACROSS * finer, GROWTH),
+            *narrow_zones(outline, far, PER_THICKNESS * finer, GROWTH),
             *_contact_zones(case, body, far),
             *load_zones(case, body, far),
             *field_zones(case, body, far),
@@ -68,7 +68,7 @@ def spacing_of(case: Case, body: Body) -> Spacing:
 
 
 def _clamped(case: Case, body: str) -> Iterator[Place]:
-    """The sides of a body on which both displacements are given."""
+    """The sides of a body on which both displacements are prescribed."""
     given: list[Place | None] = [one.place for one in case.support if None not in (one.ux, one.uy)]
     for load in case.load:
         if isinstance(load, Displacement) and None not in load.components:
@@ -77,12 +77,12 @@ def _clamped(case: Case, body: str) -> Iterator[Place]:
             given += load.places
     for place in given:
         if place is not None and place.body == body:
-            # Boundaries that are clamped need not join.
+            # Clamped boundaries need not join.
             yield from [place] if place.ends else [Place((name,)) for name in place.boundaries]
 
 
 def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
-    """Finer nodes where a body's contacts are close to others of its boundaries."""
+    """Zones of finer nodes where contacts of a body are close to its other boundaries."""
     for contact in case.contact:
         sides = sides_of(case, contact)
         found = [
@@ -105,7 +105,7 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
 
 
 def _far(case: Case, name: str) -> float:
-    """The spacing of a body far from everything, infinite for nodes from a file."""
+    """The coarsest spacing of a body, infinite for nodes from a file."""
     body = next(one for one in case.body if one.name == name)
     if isinstance(body.spacing, float):
         return body.spacing
@@ -113,13 +113,13 @@ def _far(case: Case, name: str) -> float:
 
 
 def _finer(case: Case, body: Body) -> float:
-    """How much finer nodes a body needs than an isotropic one: what changes faster one way than the other is
-    resolved by the mean of both."""
+    """Ratio by which the spacing of a body is finer than that of an isotropic one: the geometric mean for
+    fields that vary at different rates along the axes."""
     return math.sqrt(materials(case)[body.material].stretch)
 
 
-def _brought(case: Case, body: Body, cloud: Cloud, line: SymmetryLine | None) -> Cloud:
-    """The cloud whose nodes came with the body, its own mirror image if a ``line`` is given and it is one."""
+def _from_file(case: Case, body: Body, cloud: Cloud, line: SymmetryLine | None) -> Cloud:
+    """The cloud of a body with nodes from a file, symmetric about ``line`` if that is given and they are."""
     cloud = with_cuts(case, body, cloud)
     if line is None:
         return cloud
@@ -131,12 +131,12 @@ def _brought(case: Case, body: Body, cloud: Cloud, line: SymmetryLine | None) ->
 def clouds(
     case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: SymmetryLine | None = None
 ) -> dict[str, Cloud]:
-    """Node clouds of all bodies, refined in ``zones`` beyond what the case says, and about a ``line`` their
-    own mirror images where outline and spacing are."""
+    """Node clouds of all bodies, refined in ``zones`` in addition to the case, and symmetric about ``line``
+    where outline and spacing are."""
     placed = {}
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            placed[body.name] = _brought(case, body, imported_geometry(body.shape).cloud, line)
+            placed[body.name] = _from_file(case, body, imported_geometry(body.shape).cloud, line)
         else:
             spacing = spacing_of(case, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]

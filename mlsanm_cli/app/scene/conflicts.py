@@ -1,4 +1,4 @@
-"""Conditions on lists and parts of boundaries that exclude each other there."""
+"""Conflicting conditions on lists and parts of boundaries."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 from mlsanm_cli.app.scene.outlines import drawn, numbers_of
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.checks.conditions import Kind, load_components, may_meet, support_components
+from mlsanm_cli.case.checks.conditions import Kind, compatible, load_components, support_components
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 
 def refuse_conflicts(case: Case) -> None:
-    """Raise CaseError for conditions on lists and parts of boundaries that others there exclude."""
+    """Raises CaseError for conflicting conditions on lists and parts of boundaries."""
     taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
     problems = []
-    for key, kinds, place, owner in _claims(case):
+    for key, kinds, place, owner in _conditions(case):
         for surface in surfaces_at(case, place):
             for component, kind in kinds:
                 others = taken.setdefault((place.body, surface, component), [])
                 for other, name, label in others:
                     plates = kind.startswith("platen") and label != owner
-                    if plates or not may_meet(other, kind):
+                    if plates or not compatible(other, kind):
                         message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
                         hint = "one condition per boundary and direction"
                         problems.append(CaseProblem(key, message, hint=hint))
@@ -36,15 +36,15 @@ def refuse_conflicts(case: Case) -> None:
             for kind, key, _ in [one for some in there for one in some]:
                 if kind != "traction":
                     message = f"{key} acts on a part of the contact surface {side.label}"
-                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    hint = "only tractions and pressures may act on a contact surface"
                     problems.append(CaseProblem(f"contact.{contact.name}.slave", message, hint=hint))
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
 
 
-def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
-    """Key, components with kinds, place and name of the place of all conditions on boundaries; plates have
-    one name wherever they are."""
+def _conditions(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
+    """Key, components with kinds, place and name of the place of all conditions on boundaries; a plate on
+    several boundaries has one name."""
     for index, support in enumerate(case.support):
         if support.place is not None:
             yield f"support.{index}", list(support_components(support)), support.place, support.place.label
@@ -57,7 +57,7 @@ def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, st
 
 
 def _normal(case: Case, place: Place) -> tuple[float, float] | None:
-    """The one outward normal of a straight place, None of others."""
+    """The outward normal of a straight place, None for others."""
     body = next(one for one in case.body if one.name == place.body)
     outline = drawn(body.shape)
     curves = [outline.curves[k] for edge in place.edges for k in numbers_of(outline, edge)]

@@ -1,4 +1,4 @@
-"""Pairs of a case's contacts on given clouds, and what is said of them before anything is solved."""
+"""Contact pairs of a case on given clouds, and their checks before solving."""
 
 from __future__ import annotations
 
@@ -19,20 +19,17 @@ from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_obstacle, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
 
-IN_PLACE = 0.05
-"""Bonded surfaces are drawn in one place where they are apart by less than this part of the spacing: curves
-through points, and polygons, are no nearer to each other."""
-ALIKE = 1e-6
-"""Bodies whose compliances differ by less than this part are equally stiff."""
-TOUCHING = 1e-3
-"""Surfaces of a fit are drawn touching where they are apart by less than this part of the spacing."""
+BOND_TOLERANCE = 0.05
+"""Largest initial distance of bonded surfaces, in spacings; curves through points, and polygons, coincide
+only so far."""
+EQUAL_COMPLIANCE = 1e-6
+"""Relative difference of compliances below which bodies are equally stiff."""
+FIT_TOLERANCE = 1e-3
+"""Largest initial gap of a press fit, in spacings."""
 
 
 def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
-    """Slave nodes and virtual nodes of every contact, the reach applied where the case gives one.
-
-    Raises CaseError.
-    """
+    """Slave nodes and their projections for every contact, within its reach. Raises CaseError."""
     pairings, problems = [], []
     for contact in case.contact:
         pairing, key = _facing(case, contact, clouds), f"contact.{contact.name}"
@@ -76,7 +73,7 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
 
 
 def profile_of(contact: Contact) -> AmountField | None:
-    """What is added to the gap of a contact as drawn; None where nothing is."""
+    """The gap of a contact in addition to its geometric one, None if there is none."""
     return AmountField(f"contact.{contact.name}.gap", contact.gap) if contact.gap else None
 
 
@@ -100,16 +97,16 @@ def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairin
 
 
 def _stiff_slave(case: Case, places: Sequence[Place]) -> bool:
-    """Whether the slave is the stiffer body of a contact at finite strain: pressures are nodal values of the
-    softer one, which would not resist pressures of shorter waves than its spacing."""
+    """Whether the slave is the stiffer body. At finite strain pressures are nodal values of the softer body,
+    which would not resist pressures that vary faster than its spacing."""
     stiffness = materials(case)
     names = [next(one.material for one in case.body if one.name == place.body) for place in places]
     slave, *masters = (float(stiffness[name].contact_compliance(np.array([[0.0, 1.0]]))[0]) for name in names)
-    return any(slave < (1.0 - ALIKE) * master for master in masters)
+    return any(slave < (1.0 - EQUAL_COMPLIANCE) * master for master in masters)
 
 
 def shape_of(obstacle: AnyObstacle) -> Shape:
-    """An obstacle's shape."""
+    """The geometry of an obstacle."""
     if isinstance(obstacle, PlaneObstacle):
         size = math.hypot(*obstacle.normal)
         return Plane(obstacle.point, (obstacle.normal[0] / size, obstacle.normal[1] / size))
@@ -119,29 +116,28 @@ def shape_of(obstacle: AnyObstacle) -> Shape:
 
 
 def _bonded(pairing: Pairing) -> Pairing:
-    """The pairs with those as candidates that are drawn in one place. Raises CaseError where none is."""
+    """The pairing with coincident nodes as candidates. Raises CaseError if there are none."""
     drawn = np.abs(pairing.gap)
-    candidate = drawn <= IN_PLACE * pairing.spacing
+    candidate = drawn <= BOND_TOLERANCE * pairing.spacing
     if candidate.any():
         return replace(pairing, candidate=candidate)
     nearest = int(np.argmin(drawn))
     x, y = pairing.partner[nearest]
-    message = f"bonded surfaces are drawn {drawn[nearest]:g} apart at least, near ({x:g}, {y:g})"
+    message = f"bonded surfaces are at least {drawn[nearest]:g} apart, near ({x:g}, {y:g})"
     hint = "draw them so that they coincide"
     raise CaseError((CaseProblem(f"contact.{pairing.name}.friction", message, hint=hint),))
 
 
 def _fitted(pairing: Pairing, interference: float) -> Pairing:
-    """The pairs as if the surfaces were drawn just touching; their load takes ``interference`` from the gaps.
-
-    Raises CaseError where they are drawn apart, or overlap by more.
+    """The pairing shifted so that the surfaces just touch; the load of the fit subtracts ``interference``
+    from the gaps. Raises CaseError if they are apart, or overlap by more.
     """
     deepest = int(np.argmin(pairing.gap))
     gap = float(pairing.gap[deepest])
-    slack = TOUCHING * float(pairing.spacing[deepest])
+    slack = FIT_TOLERANCE * float(pairing.spacing[deepest])
     x, y = pairing.partner[deepest]
     if gap > slack:
-        message = f"the surfaces of a press fit are drawn {gap:g} apart at least, near ({x:g}, {y:g})"
+        message = f"the surfaces of a press fit are at least {gap:g} apart, near ({x:g}, {y:g})"
         hint = "draw them touching, or overlapping by at most the interference"
     elif gap < -interference - slack:
         message = f"the surfaces overlap by {-gap:g} near ({x:g}, {y:g}), more than the interference"
@@ -152,7 +148,7 @@ def _fitted(pairing: Pairing, interference: float) -> Pairing:
 
 
 def refuse_overlap(pairings: tuple[Pairing, ...]) -> None:
-    """Raise CaseError for surfaces that overlap as drawn by more than the node spacing."""
+    """Raises CaseError for surfaces that initially overlap by more than the node spacing."""
     problems = []
     for pairing in pairings:
         deepest = int(np.argmin(pairing.gap + pairing.spacing))

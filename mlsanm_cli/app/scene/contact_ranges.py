@@ -1,4 +1,4 @@
-"""Where a contact may have a grid of its own: surfaces that face each other, up to known corners."""
+"""Ranges of contact grids: surfaces that face each other, up to corners with known fields."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
-from mlsanm_cli.app.scene.corners import CLEAR, Restraints, SmoothPart, stretches_of
+from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, stretches_of
 from mlsanm_cli.app.scene.default_spacing import valleys
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
@@ -18,21 +18,21 @@ from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
-from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
-ALIKE = 1e-9
-"""Curvatures that differ by less are the same."""
-TOUCHING = 1e-6
-"""Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
-SHALLOW = 1e-3
-"""The same as a part of what profiles differ by, which may be shallower."""
-SNAP = 1.5
-"""Ends of a range are ends of a surface that are no more looks away."""
-LOOKED_AT, PROFILED, LOOKS_PER_POINT = 800, 4000, 2
+EQUAL_CURVATURE = 1e-9
+"""Relative difference below which curvatures are equal."""
+EQUAL_GAP = 1e-6
+"""Difference, relative to the length of the surface, below which gaps are equal: conforming surfaces."""
+EQUAL_PROFILE_GAP = 1e-3
+"""The same relative to the height of a gap profile, which may be shallower."""
+SNAP_SAMPLES = 1.5
+"""The end of a range is moved to the end of a surface within so many samples."""
+SAMPLES, PROFILE_SAMPLES, SAMPLES_PER_POINT = 800, 4000, 2
 RAYS = 17
-LOOKS = 8
+MINIMUM_PASSES = 8
 
 
 def contact_ranges(
@@ -41,8 +41,8 @@ def contact_ranges(
     pairings: tuple[Pairing, ...],
     held: Mapping[str, Restraints],
 ) -> dict[str, ContactRange]:
-    """The contacts that may have grids of their own, by name; not so on surfaces of bodies that are ``held``
-    or have springs."""
+    """The contacts that may have contact grids, by name: none on surfaces that are ``held`` or have
+    springs."""
     if case.mls.scheme != "least-squares" or case.solver.formulation != "condensed":
         return {}
     touching: dict[str, set[str]] = {name: set() for name in models}
@@ -59,7 +59,7 @@ def contact_ranges(
 
 
 def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -> tuple[Pairing, ...]:
-    """The pairs of nodes with the directions that pressures have on grids, and without those beyond them."""
+    """The pairings with the directions of pressures on grids, and without candidates outside their ranges."""
     result = []
     for pairing in pairings:
         if pairing.name in clear:
@@ -83,17 +83,17 @@ def _clear(
         return None
     facing = _facing(case, pairing)
     base = facing.base
-    # Looked at along the base, so that roles do not decide which of several alike places is taken.
+    # Sampled along the base, so that roles do not decide which of several equal minima is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
-    looks = LOOKED_AT if facing.profile is None else PROFILED
-    looks = max(looks, LOOKS_PER_POINT * max(map(points_of, facing.curves)))
-    s = np.linspace(0.0, base.length, looks + 1)[: looks if base.closed else looks + 1]
+    count = SAMPLES if facing.profile is None else PROFILE_SAMPLES
+    count = max(count, SAMPLES_PER_POINT * max(map(points_of, facing.curves)))
+    s = np.linspace(0.0, base.length, count + 1)[: count if base.closed else count + 1]
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = ahead.gap(s)
     offset = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     across = (outward * normal).sum(axis=1)
-    faces = (across < OPPOSED) & (offset <= TOUCHING * base.length)
+    faces = (across < MAX_FACING_COSINE) & (offset <= EQUAL_GAP * base.length)
     if not faces.any():
         return None
     sides = [
@@ -102,9 +102,9 @@ def _clear(
         for stretches in [stretches_of(models[body], pairing.surface_of(slave), held[body], touching[body])]
     ]
     off = np.logical_and.reduce([faces, *(side.off for side in sides)])
-    slack = TOUCHING * base.length
+    slack = EQUAL_GAP * base.length
     if facing.profile is not None:
-        slack = min(slack, SHALLOW * float(np.ptp(gap[faces])))
+        slack = min(slack, EQUAL_PROFILE_GAP * float(np.ptp(gap[faces])))
     least = gap[faces].min() + slack
     close = np.flatnonzero(off & (gap <= least))
     if not len(close):
@@ -114,7 +114,7 @@ def _clear(
         off &= side.number == side.number[nearest]
     chosen = [side.stretches[side.number[nearest]] for side in sides]
     if base.closed and not off.all():
-        # The row of places begins where none faces.
+        # Start the samples where the surfaces do not face each other.
         turn = int(np.flatnonzero(~off)[0])
         off, gap, faces = (np.roll(one, -turn) for one in (off, gap, faces))
         s = np.concatenate([s[turn:], s[:turn] + base.length])
@@ -136,16 +136,16 @@ def _clear(
     at = as_real(np.array(tips, dtype=np.complex128))
     ends = base.closest(at)
     away, along = at - base.points(ends), turned(base.normals(ends))
-    # What lies beyond an end of the base is closest to that end.
-    exact_ends = ends[np.abs((away * along).sum(axis=1)) <= TOUCHING * base.length].tolist()
+    # Points beyond an end of the base have that end as their closest point.
+    exact_ends = ends[np.abs((away * along).sum(axis=1)) <= EQUAL_GAP * base.length].tolist()
     if base.closed:
-        # Rows of places go on beyond where the curve begins.
+        # The samples continue beyond the start of a closed curve.
         exact_ends += [end + base.length for end in exact_ends]
-    step = SNAP * float(s[1] - s[0])
+    step = SNAP_SAMPLES * float(s[1] - s[0])
     snapped = [_snapped(one, exact_ends, step) for one in (first, last)]
     whole = around or snapped[0] is not None, around or snapped[1] is not None
     first, last = (one if exact is None else exact for one, exact in zip((first, last), snapped, strict=True))
-    inset = ALIKE * base.length  # at a corner the way outwards is that of the stretch
+    inset = EQUAL_CURVATURE * base.length  # at a corner: the normal of the stretch
     rays = np.linspace(first + inset, last - inset, RAYS)
     centers: list[complex | None] = []
     for body, slave in zip(pairing.bodies, (True, False), strict=False):
@@ -163,13 +163,13 @@ def _clear(
 
 
 def _snapped(s: float, ends: list[float], step: float) -> float | None:
-    """The end nearest to a place if it is so near."""
+    """The nearest of the ``ends`` if it is within a ``step``, else None."""
     nearest = min(ends, key=lambda end: abs(end - s), default=np.inf)
     return nearest if abs(nearest - s) <= step else None
 
 
 def _facing(case: Case, pairing: Pairing) -> Facing:
-    """The surfaces of a contact; the more curved one is the base, so that the flatter one gives the direction
+    """The surfaces of a contact; the more curved one is the base, and the flatter one defines the direction
     of pressures."""
     contact = next(one for one in case.contact if one.name == pairing.name)
     slave, profile = pairing.slave, profile_of(contact)
@@ -177,12 +177,12 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
     master = obstacle.curve if obstacle else pairing.surface_of(False).curve
     if master is None:
         return Facing(slave.curve, None, obstacle, profile=profile)
-    touching = pairing.gap <= pairing.gap.min() + TOUCHING * float(np.ptp(pairing.points, axis=0).max())
+    touching = pairing.gap <= pairing.gap.min() + EQUAL_GAP * float(np.ptp(pairing.points, axis=0).max())
     own = _curved(slave.curve, pairing.points, touching)
     opposite = _curved(master, pairing.partner, touching)
     slave_first = obstacle is not None or pairing.names[0] < pairing.names[1]
     for one, other in zip(own, opposite, strict=True):
-        if abs(one - other) > ALIKE * max(one, other):
+        if abs(one - other) > EQUAL_CURVATURE * max(one, other):
             slave_first = one > other
             break
     if obstacle and slave_first:
@@ -192,17 +192,17 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
 
 
 def _curved(curve: Curve, points: FloatArray, touching: BoolArray) -> tuple[float, float]:
-    """How curved a surface is where it is ``touching`` (w,) at first, among points (w, 2) on it, and in the
-    mean over all of them: flat faces differ in how their edges are rounded, and a joint has two."""
+    """Curvature of a surface where it initially touches, at points (w, 2) with the mask ``touching`` (w,),
+    and its mean over all points: flat faces may differ in the rounding of their edges only."""
     curvature = np.abs(curve.curvature(curve.closest(points)))
     return float(curvature[touching].min()), float(curvature.mean())
 
 
 @dataclass(frozen=True)
 class _Side:
-    """One of the two surfaces of a contact, its ``curve`` and its ``stretches``, as seen from places (e,):
-    the ``number`` (e,) of the stretch that each is on, and whether it is ``off`` (e,) the ends that fields do
-    not know."""
+    """One of the two surfaces of a contact: its ``curve``, its ``stretches`` between corners, and for sample
+    points (e,) the ``number`` (e,) of their stretch and whether they are ``off`` (e,), that is, away from
+    ends without known fields."""
 
     curve: Curve
     stretches: tuple[SmoothPart, ...]
@@ -218,7 +218,7 @@ class _Side:
         stretches: tuple[SmoothPart, ...],
         points: FloatArray,
     ) -> _Side:
-        """The slave's or the master's side, at ``points`` (e, 2) on it."""
+        """The side of the slave or the master, at ``points`` (e, 2) on it."""
         surface = pairing.surface_of(slave)
         curve, spacing = surface.curve, model.cloud.spacing[surface.index]
         arc = curve.closest(points)
@@ -232,13 +232,13 @@ class _Side:
                 if corner is None and not on:
                     place = np.mod(end, curve.length) if curve.closed else end
                     near = np.interp(place, surface.arc_length, spacing)
-                    off &= (number != at) | (np.abs(arc - end) >= CLEAR * near)
+                    off &= (number != at) | (np.abs(arc - end) >= END_CLEARANCE * near)
                 elif curve.closed and not on:
-                    off[np.argmin(np.abs(arc - end))] = False  # or ranges would go on around it
+                    off[np.argmin(np.abs(arc - end))] = False  # a range must not pass it
         return cls(curve, stretches, number, off)
 
     def ends_of(self, stretch: SmoothPart) -> list[complex]:
-        """The ends of a stretch that pressures may reach."""
+        """The ends of a stretch up to which pressures may extend."""
         ends = np.array([stretch.first, stretch.last])[list(stretch.ended)]
         if self.curve.closed:
             ends = np.mod(ends, self.curve.length)
@@ -246,8 +246,8 @@ class _Side:
 
 
 def _minimum(facing: Facing, first: float, last: float) -> float:
-    """Where between two places the gap is smallest, by ever finer looks."""
-    for _ in range(LOOKS):
+    """The arc length between two others at which the gap is smallest, by successive refinement."""
+    for _ in range(MINIMUM_PASSES):
         s = np.linspace(first, last, RAYS)
         least = int(np.argmin(facing.gap(s)))
         first, last = s[max(least - 1, 0)], s[min(least + 1, len(s) - 1)]
@@ -255,7 +255,8 @@ def _minimum(facing: Facing, first: float, last: float) -> float:
 
 
 def _stretch(chosen: BoolArray, inside: int) -> tuple[int, int] | None:
-    """First and last of the run of ``chosen`` places that one lies in; None if it is none of them."""
+    """First and last index of the run of ``chosen`` samples that contains ``inside``, None if there is
+    none."""
     if not chosen[inside]:
         return None
     before, after = np.flatnonzero(~chosen[:inside]), np.flatnonzero(~chosen[inside:])

@@ -1,4 +1,4 @@
-"""The sides of a contact: with roundings that continue them; of bonds the parts that face each other."""
+"""The sides of a contact: extended by adjacent roundings; for bonds, the parts that face each other."""
 
 from __future__ import annotations
 
@@ -7,22 +7,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import AT_END, range_of, run_of
+from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, range_of, run_of
 from mlsanm_cli.app.scene.outlines import numbers_of
 from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.model.places import listed
 from mlsanm_cli.cloud.curves import Arc
-from mlsanm_cli.cloud.joined import SMOOTH, joined, part_of
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, joined, part_of
 
-IN_PLACE = 1e-4
-"""Surfaces lie on each other where they are apart by less than this part of their length."""
+COINCIDENCE = 1e-4
+"""Largest distance of coincident surfaces, relative to their length."""
 
 
 def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
-    """The slave and, if there is one, the master of a contact, with the rounded corners at their ends; of
-    bonds only the parts that face each other, so that tractions may begin and end where a surface
-    continues."""
+    """The slave and, if there is one, the master of a contact, with the rounded corners at their ends; for
+    bonds only the parts that face each other, at whose ends tractions may be singular."""
     sides = contact.sides
     if not contact.bonded or len(sides) < 2:
         return tuple(
@@ -33,10 +32,8 @@ def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
 
 
 def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Place:
-    """The side of a contact with the rounded corners that it continues in: what presses on a face presses on
-    the beginning of its roundings.
-
-    Not with those that have conditions of their own, or lie between two sides in contact.
+    """The side of a contact, extended by adjacent rounded corners: the contact zone of a face may extend into
+    them. Roundings with conditions of their own, or between two sides in contact, are excluded.
     """
     if place.ends is not None:
         return place
@@ -55,16 +52,16 @@ def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Pl
         ends = (own.length, 0.0) if step > 0 else (0.0, curve.length)
         here, there = own.normals(np.array([ends[0]]))[0], curve.normals(np.array([ends[1]]))[0]
         names = [f"{place.body}.{outline.names[k].partition('/')[0]}" for k in (adjacent, beyond)]
-        if float(here @ there) > math.cos(SMOOTH) and _is_free(case, contact, place, *names):
+        if float(here @ there) > math.cos(SMOOTH_ANGLE) and _is_free(case, contact, place, *names):
             found.append((names[0], adjacent))
-    # Arcs of one name are taken together or not at all.
+    # All arcs of a name are included, or none.
     taken = {number for _, number in found}
     more = {name for name, _ in found if {*numbers_of(outline, name.partition(".")[2])} <= taken}
     return Place((*place.boundaries, *sorted(more))) if more else place
 
 
 def _is_free(case: Case, contact: Contact, place: Place, rounding: str, beyond: str) -> bool:
-    """Whether nothing but given tractions acts on a ``rounding``, and no other contact on the side behind."""
+    """Whether a ``rounding`` has no conditions except tractions, and the side ``beyond`` no other contact."""
     taken = [name for support in case.support for name in listed(support.boundary)]
     for load in case.load:
         if isinstance(load, Platen | Displacement):
@@ -75,7 +72,7 @@ def _is_free(case: Case, contact: Contact, place: Place, rounding: str, beyond: 
 
 
 def _facing_part(case: Case, contact: Contact, which: int) -> Place:
-    """One side of a bond, from where to where the other one lies on it."""
+    """The part of one side of a bond that coincides with the other side."""
     own, other = contact.sides[which], contact.sides[1 - which]
     if own.ends is not None:
         return own
@@ -90,12 +87,15 @@ def _facing_part(case: Case, contact: Contact, which: int) -> Place:
     whole, closed = run.starts[-1], run.around or run.curves[0].closed
     tips = theirs.points(np.array([0.0, 0.5, 1.0]) * theirs.length).tolist()
     (start, *_), (middle, _), (end, *_) = places = [run.nearest((x, y)) for x, y in tips]
-    if places[1][1] > IN_PLACE * whole:
+    if places[1][1] > COINCIDENCE * whole:
         return own
-    inside = [away <= IN_PLACE * whole and AT_END < at / whole < 1.0 - AT_END for at, away in places[::2]]
+    inside = [
+        away <= COINCIDENCE * whole and END_TOLERANCE < at / whole < 1.0 - END_TOLERANCE
+        for at, away in places[::2]
+    ]
     if not any(inside):
         return own
-    # Surfaces that face each other run past each other; on a closed one the part has the middle in it.
+    # Surfaces that face each other run in opposite directions; on a closed one the part contains the middle.
     low, high = sorted((start, end))
     if closed:
         low, high = (low, high) if low < middle < high else (high, low)
@@ -109,13 +109,14 @@ def _facing_part(case: Case, contact: Contact, which: int) -> Place:
 def _ordered(
     start: float, end: float, inside: Sequence[bool], whole: float
 ) -> list[tuple[float, bool, float]]:
-    """Both ends of a part in order along an open run, whether each is inside it, and the run's end there."""
+    """Both ends of a part in order along an open run, each with whether it is inside the run, and the end of
+    the run."""
     both = sorted([(start, inside[0]), (end, inside[1])])
     return [(*both[0], 0.0), (*both[1], whole)]
 
 
 def bond_ends(case: Case, contact: Contact) -> list[tuple[float, float]]:
-    """The points where a bond ends on a surface that continues."""
+    """The points at which a bond ends on a surface that continues."""
     found = []
     for place in sides_of(case, contact):
         if place.ends is None:
@@ -123,6 +124,6 @@ def bond_ends(case: Case, contact: Contact) -> list[tuple[float, float]]:
         run = run_of(case, place, f"contact.{contact.name}")
         for point in place.ends:
             at, _ = run.nearest(point)
-            if AT_END < at / run.starts[-1] < 1.0 - AT_END or run.curves[0].closed:
+            if END_TOLERANCE < at / run.starts[-1] < 1.0 - END_TOLERANCE or run.curves[0].closed:
                 found.append(point)
     return found

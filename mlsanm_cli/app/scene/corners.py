@@ -1,4 +1,4 @@
-"""The corners at the ends of surfaces near which fields of forces are known."""
+"""Corners at the ends of surfaces, with the known fields of forces near them."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
 from mlsanm_cli.mechanics.wedge import Wedge
 
-CLEAR = 4.0
-"""Pressures keep so many spacings off the ends of their surfaces: what is left of their fields then changes
-over no less."""
-ALIKE = 1e-9
-"""Places, directions and angles that differ by less are the same."""
+END_CLEARANCE = 4.0
+"""Distance of pressures from the ends of their surfaces, in spacings: the remainder of their fields then
+varies over at least this distance."""
+EQUAL = 1e-9
+"""Difference below which places, directions and angles are equal."""
 SHARPEST, BLUNTEST, HOLLOW, WIDEST = np.radians([25.0, 170.0, 190.0, 270.0 + 1e-9]).tolist()
-"""Angles of corners whose fields are known: from the first to the second, from the third to the last, and a
+"""Angles of corners with known fields: from the first to the second, from the third to the last, and a
 straight line."""
-SHARPEST_OF_OTHERS = np.radians(60.0)
-"""The same of the first where bodies are not isotropic. For wood in six directions tractions that are left on
-the faces are 1e-6 to 2 % of those that are taken off at 90 degrees and up to 10 % at 60."""
-SIDE, BEYOND, SEEN = 1e-3, 1e2, 40
-"""From how far on, how far, in their lengths, and at how many places the lines of a corner's faces and what
-lies outwards of them are followed outside the body."""
-SPAN = 2.0
-"""Fields along the faces alone have so many spacings to fade out."""
-BETWEEN = 0.5
-"""They end so far, in their span, from a tip in a hollow."""
+SHARPEST_ANISOTROPIC = np.radians(60.0)
+"""The first of these angles for anisotropic bodies. For wood in six directions the tractions left on the
+faces are 1e-6 to 2 % of those removed at 90 degrees, and up to 10 % at 60."""
+NEAREST_SAMPLE, FARTHEST_SAMPLE, SAMPLES = 1e-3, 1e2, 40
+"""Distances, in lengths of the faces, and number of the points at which the extensions of a corner's faces
+and the cuts of its fields are checked to be outside the body."""
+MIN_SPAN = 2.0
+"""Least span, in spacings, of fields along curved faces."""
+CENTER_DISTANCE = 0.5
+"""Distance from a tip in a hollow at which such fields end, relative to their span."""
 
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
-"""The surfaces of a body that are held, and which of their components; None where springs have a part."""
+"""The surfaces of a body that are held, with their components; None with springs."""
 
 
 @dataclass(frozen=True)
 class SmoothPart:
-    """A stretch of a surface without a corner, from arc length ``first`` to ``last``: at both of its ends the
-    corner, where fields know it, and whether the outline ``continues`` there without one.
+    """A stretch of a surface without a corner, from arc length ``first`` to ``last``.
 
-    ``ended`` says whether pressures may reach the end: at known corners, and where the outline continues
-    without a contact.
+    At both ends: the corner if its fields are known, whether the outline ``continues`` smoothly, and whether
+    pressures may reach the end (``ended``): at known corners, and where the outline continues without a
+    contact.
     """
 
     first: float
@@ -73,7 +73,7 @@ def stretches_of(
         beyond = dict(continuations(model.cloud, own))
         corners, continues, ended = [], [], []
         for at_end, place in ((False, 0), (True, -1)):
-            # Where a side that continues straight on is held, there is a corner of 180 degrees.
+            # A straight continuation that is held is a corner of 180 degrees.
             smooth = place in beyond and beyond[place] not in held
             corner = None if smooth else _corner(model, own, names, at_end, held)
             corners.append(corner)
@@ -92,7 +92,7 @@ def stretches_of(
 
 
 def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> tuple[Corner | None, Corner | None]:
-    """The corners at both ends of a surface, where their fields are known; none of a closed one."""
+    """The corners at both ends of a surface, None if their fields are not known or the surface is closed."""
     if surface.curve.closed:
         return None, None
     own = {part.name for part, _ in surface.members}
@@ -100,12 +100,12 @@ def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> tuple[Corne
 
 
 def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
-    """The parts of a surface from corner to corner, and the arc length at which they begin; those that pass
-    the start of a closed one come last and begin before its end."""
+    """The parts of a surface from corner to corner with the arc length of their starts; on a closed surface
+    the part that passes its start comes last."""
     parts = [part for part, _ in surface.members]
     starts = np.cumsum([0.0, *(part.curve.length for part in parts)])
     corners = corners_of(surface.curve)
-    small = ALIKE * surface.curve.length
+    small = EQUAL * surface.curve.length
     cut = [bool((np.abs(corners - start) <= small).any()) for start in starts[:-1]]
     if surface.curve.closed and not cut[0]:
         turn = cut.index(True)
@@ -120,15 +120,16 @@ def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
 def _corner(
     model: BodyModel, surface: Surface, own: Collection[str], at_end: bool, held: Restraints
 ) -> Corner | None:
-    """The corner at one end of a surface, if the face next to is free or clamped, or both are straight and
-    that of an isotropic body slides along a wall; and neither blunt nor very sharp."""
+    """The corner at one end of a surface, None if its fields are not known. They are if the adjacent face is
+    free or clamped, or if both faces are straight and that of an isotropic body slides along a wall, for
+    angles that are neither blunt nor very sharp."""
     face = _face(surface.curve, at_end)
     for name, adjacent in model.cloud.surfaces.items():
         if name in own or adjacent.curve.closed:
             continue
         ends = [_face(adjacent.curve, at) for at in (False, True)]
         other = min(ends, key=lambda one: abs(one.tip - face.tip))
-        if abs(other.tip - face.tip) > ALIKE * surface.curve.length:
+        if abs(other.tip - face.tip) > EQUAL * surface.curve.length:
             continue
         clamped = held.get(name) == (True, True)
         sliding = name in held and not clamped
@@ -141,16 +142,16 @@ def _corner(
             return None
         lengths = surface.curve.length, adjacent.curve.length
         spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
-        corner = Corner(wedge, face.tip, min(lengths), CLEAR * spacing)
+        corner = Corner(wedge, face.tip, min(lengths), END_CLEARANCE * spacing)
         straight = _straight(surface.curve) and _straight(adjacent.curve)
-        if straight and not model.cloud.holds(_behind(wedge, face.tip, *lengths)).any():
+        if straight and not model.cloud.contains(_behind(wedge, face.tip, *lengths)).any():
             return corner
         return None if wedge.sliding else _limited(model.cloud, corner, (face, other), spacing)
     return None
 
 
 def _face(curve: Curve, at_end: bool) -> Face:
-    """A boundary seen from the corner at one of its ends."""
+    """A boundary as a face of the corner at one of its ends."""
     arc = np.array([curve.length if at_end else 0.0])
     inward = -complex(as_complex(curve.normals(arc))[0])
     along = 1j * inward if at_end else -1j * inward
@@ -158,27 +159,27 @@ def _face(curve: Curve, at_end: bool) -> Face:
 
 
 def _known(wedge: Wedge) -> bool:
-    """Whether the fields of a corner's angle are known."""
+    """Whether the fields of a corner with this angle are known."""
     inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
     angle = inside * (2.0 if wedge.sliding else 1.0)
-    # Where an outline continues straight on there is no corner; walls at right angles make one of that angle.
-    straight = wedge.sliding and abs(angle - np.pi) <= ALIKE
+    # A straight outline is no corner; a wall at right angles is a symmetry line.
+    straight = wedge.sliding and abs(angle - np.pi) <= EQUAL
     blunt = BLUNTEST < angle < HOLLOW and not straight and not wedge.clamped
     isotropic = isinstance(wedge.kernel, Isotropic)
-    sharpest = SHARPEST if isotropic else SHARPEST_OF_OTHERS
+    sharpest = SHARPEST if isotropic else SHARPEST_ANISOTROPIC
     return sharpest <= inside <= angle <= WIDEST and not blunt and (isotropic or not wedge.sliding)
 
 
 def _limited(cloud: Cloud, corner: Corner, faces: tuple[Face, Face], spacing: float) -> Corner | None:
-    """The corner with fields along its faces alone, if what they end at can be reached outside the body."""
+    """The corner with fields along its faces only, None if these cannot end outside the body."""
     curved = max(float(np.abs(_curvature(face)).max()) for face in faces)
     span = min(corner.length, 1.0 / curved if curved else np.inf)
-    if span < SPAN * spacing:
+    if span < MIN_SPAN * spacing:
         return None
-    x = span * np.geomspace(SIDE, 1.0, SEEN)
+    x = span * np.geomspace(NEAREST_SAMPLE, 1.0, SAMPLES)
     places, inward = (np.concatenate(some) for some in zip(*(face.places(x) for face in faces), strict=True))
     between = faces[0].inward + faces[1].inward
-    centers = None, corner.tip - span * BETWEEN * between / abs(between)
+    centers = None, corner.tip - span * CENTER_DISTANCE * between / abs(between)
     for center in centers:
         if all_see(cloud, corner.tip + places, inward, center):
             return replace(corner, curved=faces, span=span, center=center)
@@ -186,16 +187,16 @@ def _limited(cloud: Cloud, corner: Corner, faces: tuple[Face, Face], spacing: fl
 
 
 def _curvature(face: Face) -> FloatArray:
-    """Curvatures all along a face."""
+    """Curvatures along a face."""
     assert face.curve is not None
-    return face.curve.curvature(np.linspace(0.0, face.curve.length, SEEN))
+    return face.curve.curvature(np.linspace(0.0, face.curve.length, SAMPLES))
 
 
 def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArray:
-    """Places (e, 2) that must be off the body: where the wedge's forces continue past the ends of its faces,
-    which are ``along`` and ``other`` long, or act behind a wall, and what lies outwards of them, where their
-    fields are cut."""
-    far = np.geomspace(SIDE, BEYOND, SEEN)
+    """Points (e, 2) that must lie outside the body: on the extensions of the faces of a wedge, of lengths
+    ``along`` and ``other``, where its forces continue, behind a wall, and on the branch cuts of their
+    fields."""
+    far = np.geomspace(NEAREST_SAMPLE, FARTHEST_SAMPLE, SAMPLES)
     starts = tip + wedge.along * along * (1.0 + far), tip + wedge.second * other * (1.0 + far)
     if wedge.sliding:
         starts = starts[0], tip + wedge.second * along * far
@@ -208,13 +209,13 @@ def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArra
 
 
 def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:
-    """Whether a face along the unit vector ``other``, x or y, is held across alone."""
-    across = [abs(other.imag) > 1.0 - ALIKE, abs(other.real) > 1.0 - ALIKE]
+    """Whether a face along the unit vector ``other``, x or y, is held in its normal direction only."""
+    across = [abs(other.imag) > 1.0 - EQUAL, abs(other.real) > 1.0 - EQUAL]
     return held is not None and any(across) and list(held) == across
 
 
 def _straight(curve: Curve) -> bool:
     """Whether a curve is a straight line."""
     ends = curve.points(np.array([0.0, curve.length]))
-    straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= ALIKE * curve.length
+    straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= EQUAL * curve.length
     return straight and not len(corners_of(curve))

@@ -1,7 +1,6 @@
-"""CPU time of a run before it is made: a model fitted to runs of Hertz scenes of 1300 to 17500 nodes.
+"""Estimated CPU time of a run: a model fitted to Hertz scenes of 1300 to 17500 nodes.
 
-It holds to about a factor of two on one core of a current machine with compiled kernels; it is meant to
-distinguish seconds from hours.
+It is accurate to about a factor of two on one core of a current machine with compiled kernels.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ FACTOR = 5.0e-7
 COLUMN = 3.7e-8
 REFINED = 60
 SLOW = {"auto": 1.0, "superlu": 3.0}
-"""Factor and solutions against ours, by ``solver.linear``."""
+"""Time of factorisation and solution relative to the built-in solver, by ``solver.linear``."""
 STAGE = 0.06
 STAGE_NODE = 5.0e-4
 STEPS = 70
@@ -26,15 +25,15 @@ FIELDS = 1.0e-5
 REFERENCE_STENCIL = 16.0
 FINITE_STEPS = 6
 FINITE_NODE = 3.5e-4
-"""Steps of a stage at finite strain, and seconds of one per node: a factor without symmetry, and series."""
+"""Steps of a stage at finite strain, and seconds of one per node: an unsymmetric factorisation and series."""
 
 
 def cpu_seconds(case: Case, prepared: SceneModel) -> float:
     """Estimated CPU seconds of ``mlsanm run``.
 
-    Clouds and operators grow like the nodes n, the factorisation like n^1.5 (nested dissection in the
-    plane), the condensation like n log n for each solution it takes: few with our own solver, which has half
-    solutions, else one per contact node. The path grows like m^3 for each step, m the contact nodes.
+    Clouds and operators take time of order n, the number of nodes, the factorisation n^1.5 (nested dissection
+    in the plane), the condensation n log n per solution: few with the built-in solver, which has half
+    solutions, else one per contact node. Each step of the path takes time of order m^3 for m contact nodes.
     """
     sizes = [len(model.cloud.points) for model in prepared.models.values()]
     touching = {

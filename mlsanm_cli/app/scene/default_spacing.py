@@ -1,8 +1,8 @@
-"""The spacing of bodies whose case leaves it to us.
+"""Automatic spacing.
 
-Contacts do not ask for fine nodes, as their pressures act in closed form; what is left changes over the
-distance from the contact to the nearest other boundary. Bodies that bend need some nodes across, and arcs
-some along.
+Contacts need no fine nodes, as the fields of their pressures are known in closed form; the remainder varies
+over the distance from the contact to the nearest other boundary. Bodies that bend need some nodes across
+their thickness, and arcs some along them.
 """
 
 from __future__ import annotations
@@ -12,95 +12,96 @@ from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.roots import ACROSS_ROOTS, AT_ROOTS, across_roots, roots_of
+from mlsanm_cli.app.scene.roots import PER_ROOT, PER_ROOT_DISTANCE, across_roots, roots_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import Joined, part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
-ALONG, ACROSS = 20.0, 6.0
-"""Spacings over the size of a body, and over twice its area divided by its perimeter."""
-IN_FRONT = 5.0
+PER_SIZE, PER_THICKNESS = 20.0, 6.0
+"""Spacings over the size of a body, and over its mean thickness, twice its area divided by its perimeter."""
+PER_CONTACT_DEPTH = 5.0
 """Spacings between a contact and the nearest other boundary."""
-PER_RADIUS, IN_HOLLOWS = 5.0, 14.0
-"""Spacings over the radius of an arc; around holes and in hollows stresses concentrate: their peaks were 2 to
+PER_RADIUS, PER_CONCAVE_RADIUS = 5.0, 14.0
+"""Spacings over the radius of an arc; stresses concentrate around holes and in hollows: their peaks were 2 to
 4 % low with 10, and are 1 % low. In orthotropic bodies more by the ratio of the scales on which stresses
 change: at a hole in plates of E1/E2 = 4 to 14 peaks were 2 to 9 % low with its root, and are 1 % low."""
-CONFORMING, IN_EACH_OTHER = 1.5, 16.0
-"""Arcs in each other whose radii differ by less than this factor, and spacings over these radii."""
+CONFORMING_RATIO, PER_CONFORMING_RADIUS = 1.5, 16.0
+"""Ratio of radii below which one arc in another is conforming, and spacings over these radii."""
 GROWTH = 0.15
-"""Increase of the spacing per unit length. At 0.25 rows of fits that are flat and wide see displacements that
-change from node to node too little where spacings grow: pressures at the lip of a keyway were three times too
-high, frames with sharp corners 0.7 % too soft (0.15), for as much CPU time."""
-SHORTEST, SHORTEST_ROOT = 1.0 / 64.0, 1.0 / 256.0
-"""Spacings at short sides, over that far away, at least, and at such roots: with 1/64 a slit opened by 4 to
-8 % too little."""
+"""Increase of the spacing per unit length. At 0.25 the wide, flat stencils where the spacing grows hardly
+resist displacements that alternate from node to node: pressures at the lip of a keyway were three times too
+high, and frames with sharp corners 0.7 % too soft (0.15), for as much CPU time."""
+MIN_SIDE_RATIO, MIN_ROOT_RATIO = 1.0 / 64.0, 1.0 / 256.0
+"""Least spacing at short sides over the coarse one, and at such roots: with 1/64 a slit opened by 4 to 8 %
+too little."""
 SAMPLES, PER_POINT = 200, 4
-LEVELS, FINER = 12, 2.0**-0.5
-"""Spacings that are tried on curves are each this part of the one before."""
-HOLLOW = 0.5
-"""Curves that turn back by more than this angle (radian) within a spacing far away are hollows."""
-CLOSE = 0.05
-"""Surfaces come close at one more place if the gap there is larger by less than this part of the distance
-to the end."""
-AT_ENDS = 10.0
-"""Spacings between the outermost of several such places and the end of the surface."""
-BESIDE = 8.0
-"""Spacings along short faces next to a surface in contact."""
+LEVELS, LEVEL_RATIO = 12, 2.0**-0.5
+"""Number and ratio of the spacings that are tried on curves."""
+HOLLOW_ANGLE = 0.5
+"""Curves that turn to the concave side by more than this angle (radian) within a coarse spacing are
+hollows."""
+EQUAL_MINIMA = 0.05
+"""Another minimum of the gap counts if it is larger by less than this part of its distance from the end."""
+PER_END_DISTANCE = 10.0
+"""Spacings between the outermost of several such minima and the end of the surface."""
+PER_ADJACENT_FACE = 8.0
+"""Spacings along short faces adjacent to a surface in contact."""
 TOUCHING = 0.01
-AT_TIPS, AROUND_TIPS = 20.0, 3.0
-"""Curved surfaces that lie in each other, up to this part of the distance over which fields of a corner fade
-out, and end at one: spacings at the tip, and how far nodes are as fine, as parts of that distance. A hub on a
-keyed shaft opened 1.3 % too far without, and opens within 0.5 %."""
+PER_TIP_SPAN, TIP_RADIUS = 20.0, 3.0
+"""For curved conforming surfaces (gap up to this part of the span over which fields of a corner decay) that
+end at a corner: spacings over the span at the tip, and the radius of the fine zone as a part of the span. A
+hub on a keyed shaft opened 1.3 % too far without, and opens within 0.5 %."""
 SMOOTH = float(np.cos(np.radians(10.0)))
 """Faces whose normals have at least this cosine form no corner."""
-BY_BOND_ENDS, AT_BOND_ENDS, SLOWLY = 2.0, 4.0, 0.12
-"""The finer body's spacing over those along a bond that ends on a surface that continues, and at its end. A
-post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with spacings
-that grow faster energies were up to 26 % off."""
-AT_CLAMPED = 4.0
-"""Spacings far away over those at the ends of clamped sides. A cantilever with 6 spacings across was 1.2 %
-too soft at degree 4 without, and 0.2 % with; at degree 2 0.3 %, and 0.4 %."""
-AT_CRUSHED, CRUSHED_GROWTH = 8.0, 0.1
-"""The same at finite strain, where such corners are crushed, and how fast spacings grow. A block between
-bonded plates, 30 % down with nu = 0.44, was 4 to 5 % too stiff with a quarter of the spacing that grows by
-0.25, and is within 1 %; with a sixteenth that grows by 0.25 it was 3 to 4 % off."""
-AT_NODES, BAND, SLOWER = 1.5, 3.0, 0.2
-"""Spacings far away over those along surfaces in contact at finite strain, where pressures live at nodes; how
-many of these deep, and how fast they grow. A tyre pressed by 0.15 and pushed aside by 0.3 was 1.6 % too soft
-down and 2.3 % aside without, and is within 0.2 %; without the band equations of degree 4 do not settle."""
+BOND_RATIO, BOND_END_RATIO, BOND_GROWTH = 2.0, 4.0, 0.12
+"""The spacing of the finer body over those along a bond that ends on a surface that continues, and at its
+end. A post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with
+spacings that grow faster energies were up to 26 % off."""
+CLAMPED_RATIO = 4.0
+"""The coarse spacing over that at the ends of clamped sides. A cantilever with 6 spacings across was 1.2 %
+too soft at degree 4 without, and 0.2 % with; at degree 2 0.3 % and 0.4 %."""
+CRUSHED_RATIO, CRUSHED_GROWTH = 8.0, 0.1
+"""The same at finite strain, where such corners are crushed, and the growth. A block between bonded plates,
+compressed by 30 % with nu = 0.44, was 4 to 5 % too stiff with a quarter of the spacing that grows by 0.25,
+and is within 1 %; with a sixteenth that grows by 0.25 it was 3 to 4 % off."""
+NODAL_RATIO, NODAL_BAND, NODAL_GROWTH = 1.5, 3.0, 0.2
+"""The coarse spacing over that along surfaces in contact at finite strain, where pressures are nodal; depth
+of the fine band in its spacings, and growth. A tyre pressed by 0.15 and pushed aside by 0.3 was 1.6 % too
+soft vertically and 2.3 % horizontally without, and is within 0.2 %; without the band equations of degree 4 do
+not converge."""
 FLAT = 1e-6
-"""Gaps that differ by less than this part of the length are the same."""
+"""Difference of gaps, relative to the length, below which they are equal."""
 
 
 def automatic_spacing(outline: Outline) -> float:
-    """The spacing far from everything."""
+    """The coarsest spacing of a body."""
     return min(_sizes(outline))
 
 
 def bends(outline: Outline) -> bool:
-    """Whether a body is so thin that its spacing is that across it."""
+    """Whether the thickness of a body, and not its size, determines its spacing."""
     along, across = _sizes(outline)
     return across < along
 
 
 def leans(outline: Outline, clamped: Sequence[Curve], stretch: float) -> bool:
-    """Whether a body stands so far out from the sides it is ``clamped`` at that it leans as these give way.
+    """Whether a body extends so far from its ``clamped`` sides that their compliance rotates it.
 
-    What changes ``stretch`` times as fast as in an isotropic body is as many times as deep.
+    The depth of fields that decay ``stretch`` times as slowly as in an isotropic body counts accordingly.
     """
     return stretch * _area(outline) > sum(curve.length for curve in clamped) ** 2 > 0.0
 
 
 def _sizes(outline: Outline) -> tuple[float, float]:
-    """The spacings that a body's size and its thickness ask for."""
+    """The spacings required by the size and by the thickness of a body."""
     length = sum(curve.length for curve in outline.curves)
-    return _extent(outline) / ALONG, 2.0 * _area(outline) / length / ACROSS
+    return _extent(outline) / PER_SIZE, 2.0 * _area(outline) / length / PER_THICKNESS
 
 
 def _area(outline: Outline) -> float:
-    """Of what the curves enclose."""
+    """Enclosed area."""
     area = 0.0
     for curve in outline.curves:
         (x, y), (ahead_x, ahead_y) = (points := _along(curve))[:-1].T, points[1:].T
@@ -109,8 +110,8 @@ def _area(outline: Outline) -> float:
 
 
 def _extent(outline: Outline) -> float:
-    """The longer side of the box around a body, along the straight side for which that is least, and of
-    bodies without one their width: turned bodies have turned boxes."""
+    """The longer side of the smallest bounding box parallel to a straight side, or the largest width of a
+    body without one: invariant under rotation."""
     points = [_along(curve) for curve in outline.curves]
     straight = [
         one[-1] - one[0] for one, c in zip(points, outline.curves, strict=True) if isinstance(c, Segment)
@@ -124,30 +125,28 @@ def _extent(outline: Outline) -> float:
 
 
 def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone]:
-    """Finer nodes along arcs of small radius, and where curves turn, by one more factor ``finer``, in hollows
-    by its square; and at short sides, whose ends are nodes, above all at the roots of slits."""
+    """Zones along arcs of small radius and where curves turn, with a further factor ``finer``, in hollows its
+    square; and at short sides, whose ends are nodes, above all at roots of slits."""
     roots = roots_of(outline)
     for number, curve in enumerate(outline.curves):
         if isinstance(curve, Segment):
-            parts, least = (AT_ROOTS, SHORTEST_ROOT) if number in roots else (1.0, SHORTEST)
+            parts, least = (PER_ROOT, MIN_ROOT_RATIO) if number in roots else (1.0, MIN_SIDE_RATIO)
             if curve.length < parts * far:
                 yield Zone(curve, max(curve.length / parts, least * far), 0.0, GROWTH)
         elif isinstance(curve, Arc):
-            fine = curve.radius / (PER_RADIUS * finer if curve.sweep > 0.0 else IN_HOLLOWS * finer**2)
+            fine = curve.radius / (PER_RADIUS * finer if curve.sweep > 0.0 else PER_CONCAVE_RADIUS * finer**2)
             if fine < far:
                 yield Zone(curve, fine, 0.0, GROWTH)
         else:
             yield from _turning_zones(curve, far, finer)
     for (x, y), apart in across_roots(outline):
-        if apart < ACROSS_ROOTS * far:
-            yield Zone.around((x, y), apart / ACROSS_ROOTS, 0.0, GROWTH)
+        if apart < PER_ROOT_DISTANCE * far:
+            yield Zone.around((x, y), apart / PER_ROOT_DISTANCE, 0.0, GROWTH)
 
 
 def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
-    """Finer nodes where a curve turns by more than that of an arc of ``PER_RADIUS`` spacings over its radius
-    does within a spacing.
-
-    What counts is the turn and not the curvature: shallow waves, however short, need no fine nodes.
+    """Zones where a curve turns within a spacing by more than an arc with ``PER_RADIUS`` spacings over its
+    radius. The turning angle counts, not the curvature: shallow waves, however short, need no fine nodes.
     """
     count = max(SAMPLES, PER_POINT * points_of(curve))
     s = np.linspace(0.0, curve.length, count + 1)
@@ -157,17 +156,17 @@ def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
     wanted = np.full(len(s), np.inf)
     whole = _turns(angle, max(round(far / step), 1), curve.closed)
     for level in range(LEVELS):
-        size = far * FINER**level
+        size = far * LEVEL_RATIO**level
         width = round(size / step)
         if width < 1:
             break
         least, most, net = _turns(angle, width, curve.closed)
-        hollow = (net < 0.0) & (whole[2] < -HOLLOW)
-        allowed = np.where(hollow, 1.0 / (IN_HOLLOWS * finer**2), 1.0 / (PER_RADIUS * finer))
+        hollow = (net < 0.0) & (whole[2] < -HOLLOW_ANGLE)
+        allowed = np.where(hollow, 1.0 / (PER_CONCAVE_RADIUS * finer**2), 1.0 / (PER_RADIUS * finer))
         wanted = np.where(np.isinf(wanted) & (most - least <= allowed), size, wanted)
         if np.isfinite(wanted).all():
             break
-    wanted = np.where(np.isinf(wanted), far * FINER**LEVELS, wanted)
+    wanted = np.where(np.isinf(wanted), far * LEVEL_RATIO**LEVELS, wanted)
     cuts = np.flatnonzero(np.diff(wanted)) + 1
     for first, last in pairwise([0, *cuts.tolist(), len(s) - 1]):
         if wanted[first] < far and last > first:
@@ -175,8 +174,8 @@ def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
 
 
 def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Least and largest direction (n,) within windows of ``width`` steps about every one of the ``angle``
-    (n,) of a curve's samples, and what it turns by from end to end."""
+    """Least and largest direction (n,) within a window of ``width`` steps about each sample with the
+    direction ``angle`` (n,), and the turning angle over the window."""
     before, after = width // 2, width - width // 2
     if closed:
         around = angle[-1] - angle[0]
@@ -198,16 +197,16 @@ def contact_zone(
     far: float,
     others_far: float,
 ) -> Iterator[Zone]:
-    """Finer nodes of a body where its boundary ``own`` comes nearest to the ``other`` surface, or to a rigid
-    ``obstacle``, if the ``rest`` of its outline or an end is close to that place; and where surfaces lie in
-    each other, which needs like spacings on both."""
+    """Zones of a body where its boundary ``own`` is nearest to the ``other`` surface or a rigid ``obstacle``,
+    if the ``rest`` of its outline or an end is close; and along conforming surfaces, which need similar
+    spacings on both sides."""
     if isinstance(own, Arc) and isinstance(other, Arc) and _conform(own, other):
-        # Contact and bodies have one scale.
-        yield Zone(own, min(own.radius / IN_EACH_OTHER, others_far), 0.0, GROWTH)
+        # Contact and bodies have the same length scale.
+        yield Zone(own, min(own.radius / PER_CONFORMING_RADIUS, others_far), 0.0, GROWTH)
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
-        # Where short pieces of a surface touch at last, both sides need like spacings.
+        # Where short pieces of a surface touch, both sides need similar spacings.
         yield from _beside_zones(other, (), min(far, others_far))
     else:
         assert obstacle is not None
@@ -224,35 +223,35 @@ def contact_zone(
     if not own.closed:
         distances += np.hypot(*(points[[0, -1]] - place).T).tolist()
     distance = min(distances, default=np.inf)
-    if FLAT * own.length < distance < IN_FRONT * far:
-        yield Zone.around((float(place[0]), float(place[1])), distance / IN_FRONT, distance, GROWTH)
+    if FLAT * own.length < distance < PER_CONTACT_DEPTH * far:
+        yield Zone.around((float(place[0]), float(place[1])), distance / PER_CONTACT_DEPTH, distance, GROWTH)
 
 
 def nodal_zone(own: Curve, far: float) -> Zone:
-    """Finer nodes along a surface whose contact pressures live at its nodes."""
-    fine = far / AT_NODES
-    return Zone(own, fine, BAND * fine, SLOWER)
+    """The zone along a surface with nodal contact pressures."""
+    fine = far / NODAL_RATIO
+    return Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
 
 
 def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zone]:
-    """Finer nodes along short faces that make a corner with a surface in contact, or with another one of its
-    own pieces: lips and edges bend."""
+    """Zones along short faces that form a corner with a surface in contact, or with another of its pieces:
+    lips and edges bend."""
     pieces = own.pieces if isinstance(own, Joined) else (own,)
     for number, piece in enumerate(pieces):
         point, normal = (of(np.array([0.0, piece.length])) for of in (piece.points, piece.normals))
         others = [one for k, one in enumerate(pieces) if abs(k - number) == 1 or (own.closed and k != number)]
         for curve in [*others, *(rest if number in (0, len(pieces) - 1) else ())]:
-            if curve.length >= BESIDE * far:
+            if curve.length >= PER_ADJACENT_FACE * far:
                 continue
             ends = np.array([0.0, curve.length])
             apart = np.hypot(*(curve.points(ends) - point[:, None]).transpose(2, 0, 1))
             corner = (apart <= FLAT * own.length) & (normal @ curve.normals(ends).T < SMOOTH)
             if corner.any():
-                yield Zone(curve, curve.length / BESIDE, 0.0, GROWTH)
+                yield Zone(curve, curve.length / PER_ADJACENT_FACE, 0.0, GROWTH)
 
 
 def _tip_zones(own: Curve, rest: Sequence[Curve], other: Curve, far: float) -> Iterator[Zone]:
-    """Finer nodes where a curved surface that lies in the ``other`` one ends at a corner."""
+    """Zones where a curved surface that conforms to the ``other`` one ends at a corner."""
     ends = np.array([0.0, own.length])
     for point, normal in zip(own.points(ends), own.normals(ends), strict=True):
         x, y = point.tolist()
@@ -263,39 +262,39 @@ def _tip_zones(own: Curve, rest: Sequence[Curve], other: Curve, far: float) -> I
             curved = float(np.abs(own.curvature(_places(own))).max())
             span = min(own.length, curve.length, 1.0 / curved if curved else np.inf)
             gap = np.hypot(*(other.points(other.closest(point[None])) - point).T)[0]
-            if curved and corner.any() and gap < TOUCHING * span < TOUCHING * AT_TIPS * far:
-                yield Zone.around((x, y), span / AT_TIPS, span / AROUND_TIPS, GROWTH)
+            if curved and corner.any() and gap < TOUCHING * span < TOUCHING * PER_TIP_SPAN * far:
+                yield Zone.around((x, y), span / PER_TIP_SPAN, span / TIP_RADIUS, GROWTH)
 
 
 def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
-    """Nodes as ``fine`` as the finer body's where a boundary is bonded to another one, and finer ones if it
-    has ``ends`` where a surface continues: stresses are singular there."""
+    """The zone along a bonded boundary with the spacing ``fine`` of the finer body; finer if the bond has
+    ``ends`` where a surface continues, at which stresses are singular."""
     if not ends:
         yield Zone(own, fine, 0.0, GROWTH)
         return
-    yield Zone(own, fine / BY_BOND_ENDS, 0.0, SLOWLY)
+    yield Zone(own, fine / BOND_RATIO, 0.0, BOND_GROWTH)
     for end in ends:
-        yield Zone.around(end, fine / AT_BOND_ENDS, 0.0, SLOWLY)
+        yield Zone.around(end, fine / BOND_END_RATIO, 0.0, BOND_GROWTH)
 
 
 def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:
-    """Finer nodes at the ends of a surface that comes close to another one, by ``apart`` (s,) at ``points``
-    (s, 2), in several places, of which the outermost is near the end."""
+    """Zones at the ends of a surface whose gap ``apart`` (s,) at ``points`` (s, 2) has several minima, the
+    outermost of which is near the end."""
     least = np.array(valleys(apart, FLAT * len(apart) * float(np.hypot(*(points[1] - points[0])))), dtype=int)
     for end in (0, -1):
         away = np.hypot(*(points[least] - points[end]).T)
-        close = apart[least] <= apart.min() + CLOSE * away
+        close = apart[least] <= apart.min() + EQUAL_MINIMA * away
         if close.sum() < 2:
             continue
         distance = float(away[close].min())
-        if 0.0 < distance < AT_ENDS * far:
+        if 0.0 < distance < PER_END_DISTANCE * far:
             x, y = points[end].tolist()
-            yield Zone.around((x, y), distance / AT_ENDS, distance, GROWTH)
+            yield Zone.around((x, y), distance / PER_END_DISTANCE, distance, GROWTH)
 
 
 def valleys(values: FloatArray, slack: float) -> list[int]:
-    """Where ``values`` (n,) in a row are lowest between rises and falls by more than ``slack``: what flat
-    surfaces differ by in their last bits is none."""
+    """Indices of the local minima of ``values`` (n,) between rises and falls of more than ``slack``, which
+    ignores round-off."""
     found, falling, lowest, highest = list[int](), True, 0, 0
     row = values.tolist()
     for k, value in enumerate(row):
@@ -312,18 +311,18 @@ def valleys(values: FloatArray, slack: float) -> list[int]:
 
 
 def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zone]:
-    """Finer nodes at both ends of a clamped side, where stresses are singular if the next one is free: what
-    bends is as soft as it is held there. At ``finite`` strain they are also crushed."""
-    finer, growth = (AT_CRUSHED, CRUSHED_GROWTH) if finite else (AT_CLAMPED, GROWTH)
+    """Zones at both ends of a clamped side, where stresses are singular beside a free one; they determine the
+    stiffness of the clamping. At ``finite`` strain these corners are also crushed."""
+    finer, growth = (CRUSHED_RATIO, CRUSHED_GROWTH) if finite else (CLAMPED_RATIO, GROWTH)
     if not curve.closed:
         for x, y in curve.points(np.array([0.0, curve.length])).tolist():
             yield Zone.around((x, y), far / finer, 0.0, growth)
 
 
 def _conform(one: Arc, other: Arc) -> bool:
-    """Whether two arcs lie in each other, nearly alike."""
+    """Whether one arc lies in the other with a similar radius."""
     unlike = max(one.radius, other.radius) / min(one.radius, other.radius)
-    return one.sweep * other.sweep < 0.0 and unlike < CONFORMING
+    return one.sweep * other.sweep < 0.0 and unlike < CONFORMING_RATIO
 
 
 def _along(curve: Curve) -> FloatArray:
@@ -332,5 +331,5 @@ def _along(curve: Curve) -> FloatArray:
 
 
 def _places(curve: Curve) -> FloatArray:
-    """Arc lengths (s,) that show what a curve does."""
+    """Arc lengths (s,) that sample a curve."""
     return np.linspace(0.0, curve.length, max(SAMPLES, PER_POINT * points_of(curve)) + 1)

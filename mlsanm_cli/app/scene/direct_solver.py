@@ -1,4 +1,4 @@
-"""Direct solvers of the bodies' linear systems, by ``solver.linear``."""
+"""The direct solver of the linear systems, by ``solver.linear``."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
 
 def direct_solver(case: Case) -> DirectSolver:
-    """The case's solver."""
+    """The solver selected by a case."""
     return SuperLUSolver() if case.solver.linear == "superlu" else CholeskySolver()

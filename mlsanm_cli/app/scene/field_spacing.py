@@ -1,4 +1,4 @@
-"""Finer nodes where temperatures and body forces change within a few spacings."""
+"""Zones of finer nodes where temperatures and body forces vary within a few spacings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from mlsanm_cli.app.scene.default_spacing import GROWTH
-from mlsanm_cli.app.scene.load_spacing import LINEAR
+from mlsanm_cli.app.scene.load_spacing import LINEARITY_TOLERANCE
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Temperature, value_at
@@ -18,18 +18,18 @@ from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
 
 SAMPLES = 5
-"""Samples across a square."""
+"""Samples per direction of a square."""
 OVERLAP = 1.5
-"""Squares are looked at with so many times their size, so that a kink is inside one."""
-MOST = 64
-"""More squares of one size are not divided further: along lines on which a field jumps no size is enough."""
+"""Size of the sampled region over that of the square, so that a kink lies inside one."""
+MAX_SQUARES = 64
+"""Largest number of squares of one size that are divided: along lines of discontinuity no size suffices."""
 LEVELS = 12
-AROUND = 100
-"""Points along every curve of an outline, to tell inside from outside."""
+CURVE_SAMPLES = 100
+"""Chords per curve of an outline, to determine which points are inside."""
 
 
 def field_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
-    """Zones of all fields over a body, where ``far`` is too wide for them."""
+    """Zones of all fields over a body for which the spacing ``far`` is too coarse."""
     for load in case.load:
         if isinstance(load, Temperature | BodyForce) and load.body == body.name:
             given = [load.temperature] if isinstance(load, Temperature) else load.body_force
@@ -40,9 +40,9 @@ def field_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
 
 @lru_cache(maxsize=64)
 def _zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ...]:
-    """Zones of squares, halved as long as the field is not linear in them."""
+    """Zones of squares, halved until the field is linear in each."""
     curves, found = drawn(shape).curves, list[Zone]()
-    along = [curve.points(np.linspace(0.0, curve.length, AROUND + 1)) for curve in curves]
+    along = [curve.points(np.linspace(0.0, curve.length, CURVE_SAMPLES + 1)) for curve in curves]
     edges = np.concatenate([np.hstack([points[:-1], points[1:]]) for points in along])
     low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
     size = float((high - low).max())
@@ -54,8 +54,10 @@ def _zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ...]:
     for level in range(LEVELS):
         values, points = _sampled(expression, edges, centers, size)
         scale = max(scale, float(np.nanmax(np.abs(values), initial=0.0))) if not level else scale
-        bent = np.array([_off(*one) > LINEAR * scale for one in zip(values, points, strict=True)])
-        if scale == 0.0 or not bent.any() or (level and bent.sum() > MOST):
+        bent = np.array(
+            [_nonlinearity(*one) > LINEARITY_TOLERANCE * scale for one in zip(values, points, strict=True)]
+        )
+        if scale == 0.0 or not bent.any() or (level and bent.sum() > MAX_SQUARES):
             break
         size *= 0.5
         found += [Zone.around((x, y), size, size, GROWTH) for x, y in centers[bent].tolist()]
@@ -76,13 +78,13 @@ def _sampled(
         try:
             values[row, column] = value_at(expression, *points[row, column].tolist())
         except ExpressionError:
-            # Reported where loads are evaluated at the nodes.
+            # Reported when loads are evaluated at the nodes.
             continue
     return values, points
 
 
-def _off(values: FloatArray, points: FloatArray) -> float:
-    """By what values (s,) at points (s, 2) differ at most from the linear function next to them."""
+def _nonlinearity(values: FloatArray, points: FloatArray) -> float:
+    """Largest deviation of values (s,) at points (s, 2) from the best linear function."""
     known = np.isfinite(values)
     if known.sum() <= SAMPLES:
         return 0.0

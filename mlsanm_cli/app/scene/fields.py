@@ -1,4 +1,4 @@
-"""Numbers and expressions of a case as fields over points."""
+"""Numbers and expressions of a case, evaluated at points."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 
 @dataclass(frozen=True)
 class AmountField:
-    """What the ``key`` of a case says: a number or an expression in x and y."""
+    """The value of a ``key`` of the case: a number or an expression in x and y."""
 
     key: str
     amount: float | str
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Values (e,) at ``points`` (e, 2). Raises CaseError where an expression has none."""
+        """Values (e,) at ``points`` (e, 2). Raises CaseError if an expression has no value there."""
         try:
             return amounts_at([self.amount], points)[:, 0]
         except ExpressionError as error:

@@ -1,10 +1,10 @@
-"""Rigid motions that nothing resists: held at zero where nothing drives them, refused where a load does.
+"""Free rigid modes: fixed at zero without a load, an error with one.
 
-Platens, obstacles and bodies held by contact alone move as unknowns. A contact resists a relative motion of
-its two sides where its normals point along it, with friction every motion. Two kinds of motion find no
-resistance: those that slide a body's surfaces along themselves, as a disk turns, and those that no contact's
-normals tilt towards. They are the null vectors of a matrix over all unknown motions, so that axes mean
-nothing, and several bodies may have one in common.
+The motions of platens, obstacles and bodies held by contact only are unknowns. A contact resists a relative
+motion of its sides in the direction of its normals, with friction every relative motion. Two kinds of motion
+are free: those that move surfaces along themselves, as the rotation of a disk, and those without a component
+along any contact normal. They are the null vectors of a matrix over all unknown motions, and so independent
+of the axes; one mode may move several bodies.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.app.scene.rigid_modes import (
-    SLIDES,
+    FREE_TOLERANCE,
     UnknownMotion,
     contact_resistance,
     sliding_resistance,
@@ -31,22 +31,21 @@ from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint
 from mlsanm_cli.solve.load_factors import stage_factors
 
-BALANCED = 1e-3
-"""Forces that cancel but for this part of themselves do so but for the surfaces' quadrature."""
-WEAK = 0.05
-"""Motions that go across surfaces by less than this part of themselves are hardly resisted, be it that they
-go along both surfaces of a contact at once."""
-NONE = 1e-5
+BALANCE_TOLERANCE = 1e-3
+"""Forces whose sum is below this part of their magnitudes cancel up to quadrature."""
+WEAK_RESISTANCE = 0.05
+"""Motions whose component normal to the surfaces is below this part of themselves are weakly resisted, also
+if they move along both surfaces of a contact."""
+NEGLIGIBLE = 1e-5
 """Parts of a free motion below this part of the largest are round-off."""
-FIRST = 1e-6
+TIE_BREAK = 1e-6
 MOTIONS = ("ux", "uy", "rotation")
 
 
 @dataclass(frozen=True)
 class WeakMotion:
-    """A ``warning`` of a motion that is hardly resisted; ``idle`` is the body and component by which it can
-    be held as no load drives it, None where one does, or where what moves is no loose body; ``motion`` are
-    the velocities (3,) of all bodies in it."""
+    """A weakly resisted motion: the ``warning``, the body and component by which it can be fixed (``idle``,
+    None if a load drives it or no floating body moves), and the velocities (3,) of all bodies in it."""
 
     warning: str
     idle: tuple[str, int] | None
@@ -55,9 +54,9 @@ class WeakMotion:
 
 @dataclass(frozen=True)
 class Restrained:
-    """The rigid constraints, ``notes`` on what is held, and the motions held: of each the velocities (3,) of
-    every body in it, x, y and the rotation about the origin. ``loose`` are those in which only loose bodies
-    move, ``weak`` those that are hardly resisted."""
+    """The rigid constraints, ``notes`` on fixed motions, and these motions: for each the velocities (3,) of
+    every body in it, in x, y and rotation about the origin. ``loose`` are those of floating bodies only,
+    ``weak`` the weakly resisted ones."""
 
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
@@ -74,10 +73,10 @@ def constrain_free_rigid_modes(
     loads: Acting,
     exact: Collection[str] = (),
 ) -> Restrained:
-    """The rigid constraints with motions that nothing resists prescribed at zero, and notes about them.
+    """The rigid constraints with free modes prescribed at zero, and notes about them.
 
-    The directions of the contacts named ``exact`` are those of their surfaces; others know theirs at nodes.
-    Raises CaseError where a load drives such a motion.
+    The directions of contacts named ``exact`` are those of their surfaces, of others those at the nodes.
+    Raises CaseError if a load drives a free mode.
     """
     kept = [
         unknown_motion(constraint, motion, clouds, pairings, loads)
@@ -111,7 +110,7 @@ def constrain_free_rigid_modes(
         held_at_zero(constraint, [component for owner, component in still if owner == id(constraint)])
         for constraint in rigid_constraints
     ]
-    weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK)
+    weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK_RESISTANCE)
     return Restrained(
         tuple(result),
         tuple(notes),
@@ -130,21 +129,21 @@ def held_at_zero(constraint: RigidConstraint, components: Collection[int]) -> Ri
     return replace(constraint, motions=motions)
 
 
-def free_motions(resistance: FloatArray, least: float = SLIDES) -> list[tuple[int, FloatArray]]:
-    """The motions that a ``resistance`` (k, k) leaves free, or resists by less than ``least``: of each the
-    number of an unknown of its own, to hold it by, and the motion (k,) with a unit of that unknown and none
-    of the others'."""
+def free_motions(resistance: FloatArray, least: float = FREE_TOLERANCE) -> list[tuple[int, FloatArray]]:
+    """The motions that a ``resistance`` (k, k) leaves free, or resists by less than ``least``: for each the
+    number of an unknown by which it is fixed, and the motion (k,), 1 in this unknown and 0 in those of the
+    other motions."""
     if not len(resistance):
         return []
     sizes, directions = np.linalg.eigh(resistance)
     free = directions[:, sizes <= least**2]
     if not free.size:
         return []
-    # Of motions that serve alike the first is held, whatever the round-off.
-    order = 1.0 - FIRST * np.arange(len(free))
+    # Of equivalent unknowns the first is chosen, whatever the round-off.
+    order = 1.0 - TIE_BREAK * np.arange(len(free))
     pivots = independent_rows(order[:, None] * free)
     own = free @ np.linalg.inv(free[pivots])
-    own[np.abs(own) <= NONE * np.abs(own).max(axis=0)] = 0.0
+    own[np.abs(own) <= NEGLIGIBLE * np.abs(own).max(axis=0)] = 0.0
     own[pivots] = np.eye(len(pivots))
     return sorted(((pivot, own[:, column]) for column, pivot in enumerate(pivots)), key=lambda one: one[0])
 
@@ -152,13 +151,13 @@ def free_motions(resistance: FloatArray, least: float = SLIDES) -> list[tuple[in
 def _driven(
     case: Case, unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray
 ) -> Iterator[CaseProblem]:
-    """A problem where the loads drive a free motion at the end of some stage."""
+    """A problem if the loads drive a free motion at the end of some stage."""
     share = direction / np.array([one.lever for one in unknown])
     force = share @ np.array([one.force for one in unknown])
     size = np.abs(share) @ np.array([one.size for one in unknown])
     stages = stage_factors(case)
     driving = np.abs(stages @ force)
-    if (driving > BALANCED * (np.abs(stages) @ size)).any():
+    if (driving > BALANCE_TOLERANCE * (np.abs(stages) @ size)).any():
         worst = stages[int(np.argmax(driving))] * force / share[pivot]
         load = case.moved[int(np.argmax(np.abs(worst)))]
         one, together = unknown[pivot], _together(unknown, pivot, direction)
@@ -200,18 +199,18 @@ def _weakly_resisted(
 
 
 def _together(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
-    """What takes part in a motion besides what it is held by, in words."""
+    """The names of what else moves in a motion besides the unknown by which it is fixed."""
     names = dict.fromkeys(_owner(one) for one in _moving(unknown, direction))
     return " and ".join(name for name in names if name != _owner(unknown[pivot]))
 
 
 def _moving(unknown: Sequence[UnknownMotion], direction: FloatArray) -> list[UnknownMotion]:
-    """What takes part in a motion."""
+    """The unknowns that a motion involves."""
     return [one for one, part in zip(unknown, direction, strict=True) if part]
 
 
 def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[str, FloatArray]:
-    """Velocities (3,) of all bodies in a motion: x, y, and the rotation, about the origin."""
+    """Velocities (3,) of all bodies in a motion, in x, y and rotation about the origin."""
     found: dict[str, FloatArray] = {}
     for one, part in zip(unknown, direction, strict=True):
         for body in one.bodies if part else ():

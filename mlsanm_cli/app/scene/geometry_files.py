@@ -1,4 +1,4 @@
-"""Bodies from files: meshes and clouds of points, read once per content."""
+"""Bodies from files: meshes and point clouds, read once per content."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
 
-LARGEST = 256 * MB
-"""Largest file of a body, in bytes: a million nodes or more."""
+MAX_BYTES = 256 * MB
+"""Largest file of a body: a million nodes or more."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImportedGeometry:
-    """A body's nodes ``points`` (n, 2) and traced outline; ``normals`` (n, 2) where the file gives them."""
+    """The nodes ``points`` (n, 2) of a body, its traced outline, and ``normals`` (n, 2) if given."""
 
     digest: str
     points: FloatArray
@@ -37,7 +37,7 @@ class ImportedGeometry:
 
     @cached_property
     def cloud(self) -> Cloud:
-        """The cloud of the file's own nodes."""
+        """The cloud of the nodes of the file."""
         return cloud_of_nodes(self.points, self.traced, self.normals)
 
 
@@ -45,7 +45,7 @@ def read_body(shape: FileShape) -> ImportedGeometry:
     """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
     path = Path(shape.file)
     try:
-        content = read_input(path, LARGEST)
+        content = read_input(path, MAX_BYTES)
     except RunError as error:
         raise GeometryError(error.message, error.hint) from error
     digest = hashlib.sha256(content).hexdigest()

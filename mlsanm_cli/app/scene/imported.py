@@ -1,4 +1,4 @@
-"""Cases with their geometry: the answers that the case layer asks for, given by the bodies' outlines."""
+"""The geometry inspector of the case layer, based on the outlines of bodies."""
 
 from __future__ import annotations
 
@@ -28,21 +28,20 @@ from mlsanm_cli.errors import Fault
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, left_free, rigid_pattern
 
 SAMPLES = 9
-"""Points on a curve: enough for its bounding box and for what rigid motions it holds."""
-LEVEL = 1e-12
+"""Points on a curve, which suffice for its bounding box and the rank of its rigid motions."""
+NORMAL_ROUND_OFF = 1e-12
 """Components of a normal below this are round-off."""
-SMALL = 1e-9
+COORDINATE_ROUND_OFF = 1e-9
 """Coordinates below this fraction of a body's size are round-off."""
 
 
 def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
-    """A validated case whose geometry is checked, that of bodies in files too. Raises RunError and
-    CaseError."""
-    return load_case(path, overrides, inspect_geometry_file)
+    """A validated case with checked geometry, also of bodies in files. Raises RunError and CaseError."""
+    return load_case(path, overrides, geometry_inspector)
 
 
 def geometry_of(shape: AnyShape) -> Geometry:
-    """What the checks of a case need to know of a shape. Raises GeometryError."""
+    """The geometry of a shape for the checks of a case. Raises GeometryError."""
     outline, digest = drawn(shape), ""
     points = np.concatenate([_points(curve) for curve in outline.curves])
     if isinstance(shape, Mesh | Points):
@@ -58,9 +57,9 @@ def geometry_of(shape: AnyShape) -> Geometry:
 
 
 def floating(case: Case) -> Iterator[Fault]:
-    """A fault for every body without contact that can move freely; what contacts hold is decided later.
+    """A fault for every body without contact that can move freely; bodies in contact are checked later.
 
-    A plate moved by a force holds only the rotation of its boundary, unless it is free to turn.
+    A plate moved by a force restrains only the rotation of its boundary, unless it is free to rotate.
     """
     touching = {split_boundary(boundary)[0] for contact in case.contact for boundary in contact.boundaries}
     for index, body in enumerate(case.body):
@@ -78,14 +77,14 @@ def floating(case: Case) -> Iterator[Fault]:
             yield Fault(("body", index), f"can move freely: nothing resists {what}", hint)
 
 
-inspect_geometry_file = GeometryInspector(geometry_of, floating)
+geometry_inspector = GeometryInspector(geometry_of, floating)
 
 
 def _held(
     case: Case, body: str, outline: Outline, center: tuple[float, float], size: float
 ) -> Iterator[FloatArray]:
-    """Displacements (m, 3) that supports and loads resist, under unit motions of the body in x, y and a turn
-    by 1/size."""
+    """Displacements (m, 3) resisted by supports and loads, under unit motions of the body in x, y and a
+    rotation by 1/size."""
 
     def displacements(points: FloatArray) -> FloatArray:
         motions = np.stack([rigid_pattern(points, center, k) for k in range(3)], axis=2)
@@ -129,17 +128,17 @@ def _normal(curve: Curve) -> tuple[float, float] | None:
     if not isinstance(curve, Segment):
         return None
     x, y = curve.normals(np.zeros(1))[0].tolist()
-    return (x if abs(x) > LEVEL else 0.0, y if abs(y) > LEVEL else 0.0)
+    return (x if abs(x) > NORMAL_ROUND_OFF else 0.0, y if abs(y) > NORMAL_ROUND_OFF else 0.0)
 
 
 def _described(free: RigidBodyModes, size: float) -> tuple[str, str]:
-    """Free motions in words, and what would resist them."""
-    x, y = (place if abs(place) > SMALL * size else 0.0 for place in free.center)
+    """Free motions in words, and supports that would resist them."""
+    x, y = (place if abs(place) > COORDINATE_ROUND_OFF * size else 0.0 for place in free.center)
     about = f" about ({x:.6g}, {y:.6g})" if free.components == (ROTATION,) else ""
     words = {
-        0: ("translation in x", "hold ux"),
-        1: ("translation in y", "hold uy"),
-        ROTATION: (f"rotation{about}", "hold a second point or a whole boundary"),
+        0: ("translation in x", "fix ux"),
+        1: ("translation in y", "fix uy"),
+        ROTATION: (f"rotation{about}", "fix a second point or a whole boundary"),
     }
     what, needs = zip(*(words[component] for component in free.components), strict=True)
     return " and ".join(what), ", ".join(needs)

@@ -1,4 +1,4 @@
-"""What loads say along their boundaries, and where that jumps."""
+"""Profiles of loads along their boundaries, with their discontinuities."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from mlsanm_cli.cloud.joined import joined, part_of
 
 SAMPLES = 4096
 """Samples along a boundary, a power of two."""
-JUMP = 0.05
-"""A change by more than this part of the largest value over no length is a jump."""
+MIN_JUMP = 0.05
+"""Least discontinuity that counts, relative to the largest value."""
 BISECTIONS = 40
-NEAR = 1e-3
-"""Jumps nearer than this part of a boundary to its end, or to another jump, are not told apart from it."""
-MOST = 64
+MIN_DISTANCE = 1e-3
+"""Least distance of a jump from the end of the boundary and from other jumps, relative to the boundary."""
+MAX_JUMPS = 64
 """Boundaries with more jumps are not cut at them."""
 
 
 @dataclass(frozen=True)
 class LoadProfile:
-    """``values`` (SAMPLES + 1, c) of a load, as parts of the largest, at even steps along a ``curve`` that
-    starts at arc length ``first`` of its ``run``, and the arc lengths of the ``jumps`` along the curve."""
+    """``values`` (SAMPLES + 1, c) of a load, relative to the largest, at even steps along a ``curve`` that
+    starts at arc length ``first`` of its ``run``, and the arc lengths of ``jumps`` along the curve."""
 
     run: BoundaryRun
     first: float
@@ -41,8 +41,8 @@ class LoadProfile:
 
 
 def runs_of(shape: AnyShape, place: Place) -> list[tuple[BoundaryRun, float, Curve]]:
-    """The runs of a place on the outline of a shape, where along them it begins, and its curves there.
-    Boundaries that are loaded need not join."""
+    """The runs of a place on the outline of a shape, the arc length along them at which it starts, and its
+    curves. Loaded boundaries need not join."""
     found = []
     for one in [place] if place.ends else [Place((name,)) for name in place.boundaries]:
         run = run_on(drawn(shape), one, "load")
@@ -53,7 +53,7 @@ def runs_of(shape: AnyShape, place: Place) -> list[tuple[BoundaryRun, float, Cur
 
 
 def profiles(shape: AnyShape, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
-    """The profiles of a load that varies along the boundaries of a body of this ``shape``; none where an
+    """The profiles of a load that varies along the boundaries of a body of this ``shape``; empty if an
     expression has no value."""
     table: tuple[tuple[float, ...], ...] = ()
     given: Sequence[float | str | None]
@@ -84,10 +84,10 @@ def _profiles(
             sampled = values(arc)
             scale = float(np.abs(sampled).max())
             if scale > 0.0:
-                jumps = _jumps(values, arc, sampled, JUMP * scale)
+                jumps = _jumps(values, arc, sampled, MIN_JUMP * scale)
                 found.append(LoadProfile(run, first, curve, sampled / scale, jumps))
         except ExpressionError:
-            # Reported where loads are evaluated at the nodes.
+            # Reported when loads are evaluated at the nodes.
             return ()
         start += curve.length
     return tuple(found)
@@ -96,7 +96,8 @@ def _profiles(
 def _jumps(
     values: Callable[[FloatArray], FloatArray], arc: FloatArray, sampled: FloatArray, least: float
 ) -> tuple[float, ...]:
-    """Where ``values``, ``sampled`` (s, c) at ``arc`` (s,), jump by more than ``least``, by bisection."""
+    """Arc lengths at which ``values``, ``sampled`` (s, c) at ``arc`` (s,), jump by more than ``least``, by
+    bisection."""
     marks = [float(arc[0]), float(arc[-1])]
     for step in np.flatnonzero(np.abs(np.diff(sampled, axis=0)).max(axis=1) > least).tolist():
         low, high = float(arc[step]), float(arc[step + 1])
@@ -105,7 +106,7 @@ def _jumps(
             first, second = np.abs(np.diff(values(np.array([low, middle, high])), axis=0)).max(axis=1)
             low, high = (low, middle) if first > second else (middle, high)
         place = 0.5 * (low + high)
-        apart = min(abs(place - mark) for mark in marks) > NEAR * float(arc[-1])
+        apart = min(abs(place - mark) for mark in marks) > MIN_DISTANCE * float(arc[-1])
         if apart and np.abs(np.diff(values(np.array([low, high])), axis=0)).max() > least:
             marks.append(place)
-    return tuple(marks[2:]) if len(marks) <= MOST else ()
+    return tuple(marks[2:]) if len(marks) <= MAX_JUMPS else ()

@@ -1,8 +1,7 @@
-"""Finer nodes where what acts on a boundary changes within a few spacings.
+"""Zones of finer nodes where conditions on a boundary change within a few spacings.
 
-Tractions and displacements that begin or end where a boundary continues, or that vary along it, have a length
-of their own, which the size of the body does not know: a pressure on a fiftieth of a block's side fell
-between two nodes.
+Tractions and displacements that end where a boundary continues, or vary along it, have a length scale
+independent of the size of the body: a pressure on a fiftieth of a block's side would fall between two nodes.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import BoundaryRun
+from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun
 from mlsanm_cli.app.scene.default_spacing import GROWTH, SMOOTH
 from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
 from mlsanm_cli.arrays import FloatArray
@@ -22,22 +21,19 @@ from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import part_of
 from mlsanm_cli.cloud.spacing import Zone
 
-ALONG, AT_EDGE, AT_HELD_EDGE = 8.0, 32.0, 256.0
-"""Spacings along a part that is loaded or held, and the same length over the spacing at its edges. Stresses
-under an even pressure are within 0.7 % of their largest, at the edges within 1.3 %; with 16 at the edges
-within 1.1 and 2.8 %. Where what is held ends stresses have no bound: a disk clamped along 10 degrees and
-pulled sideways moves 0.8 % too far, with 64 2.4 %; a beam on short rollers bends 0.15 and 0.45 % too far."""
-FINEST = 2.0**-14
-"""No spacing is finer than this part of that far away: with 6e-6 of it factors lose their digits."""
-LINEAR = 0.02
-"""Values are resolved by spacings over which they differ from a line by less than this part of the largest.
-"""
-AT_END = 1e-6
-"""Places nearer to the end of a boundary than this part of it are there."""
+PER_LENGTH, PER_LENGTH_AT_ENDS, PER_LENGTH_AT_FIXED_ENDS = 8.0, 32.0, 256.0
+"""Length of a loaded or fixed part over the spacing along it, and over that at its ends. Stresses under an
+even pressure are within 0.7 % of their largest, at the ends within 1.3 %; with 16 at the ends within 1.1 and
+2.8 %. At the ends of fixed parts stresses are unbounded: a disk clamped along 10 degrees and pulled sideways
+moves 0.8 % too far, with 64 2.4 %; a beam on short rollers bends 0.15 and 0.45 % too far."""
+MIN_SPACING = 2.0**-14
+"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
+LINEARITY_TOLERANCE = 0.02
+"""Largest deviation of values from linear over a spacing, relative to the largest value."""
 
 
 def load_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
-    """Zones of all that acts on the boundaries of a body, where ``far`` is too wide for it."""
+    """Zones of all conditions on the boundaries of a body for which the spacing ``far`` is too coarse."""
     for place, at_edge in _places(case, body.name):
         for run, first, curve in runs_of(body.shape, place):
             yield from _edge_zones(run, first, curve, far, at_edge)
@@ -48,36 +44,41 @@ def load_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
 
 
 def _places(case: Case, body: str) -> Iterator[tuple[Place, float]]:
-    """The boundaries of a body on which something acts, and their length over the spacing at their edges."""
+    """The boundaries of a body with conditions, and their length over the spacing at their ends."""
     for support in case.support:
         if support.place is not None and support.place.body == body:
-            yield support.place, AT_EDGE if support.spring else AT_HELD_EDGE
+            yield support.place, PER_LENGTH_AT_ENDS if support.spring else PER_LENGTH_AT_FIXED_ENDS
     for load in case.load:
         if isinstance(load, Pressure | Traction | Displacement | Platen):
             for place in load.places:
                 if place.body == body:
-                    yield place, AT_HELD_EDGE if isinstance(load, Displacement | Platen) else AT_EDGE
+                    yield (
+                        place,
+                        PER_LENGTH_AT_FIXED_ENDS
+                        if isinstance(load, Displacement | Platen)
+                        else PER_LENGTH_AT_ENDS,
+                    )
 
 
 def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float, at_edge: float) -> Iterator[Zone]:
-    """Zones along a ``curve`` from arc length ``first`` of a run, and at its edges, past which the boundary
+    """Zones along a ``curve`` from arc length ``first`` of a run, and at its ends where the boundary
     continues smoothly."""
     if curve.closed:
         return
     places = np.array([0.0, curve.length])
     edges = [k for k in (0, 1) if _continues(run, first + float(places[k]), k)]
-    if edges and curve.length < ALONG * far:
-        yield Zone(curve, max(curve.length / ALONG, FINEST * far), 0.0, GROWTH)
+    if edges and curve.length < PER_LENGTH * far:
+        yield Zone(curve, max(curve.length / PER_LENGTH, MIN_SPACING * far), 0.0, GROWTH)
     if curve.length < at_edge * far:
         for x, y in curve.points(places[edges]).tolist():
-            yield Zone.around((x, y), max(curve.length / at_edge, FINEST * far), 0.0, GROWTH)
+            yield Zone.around((x, y), max(curve.length / at_edge, MIN_SPACING * far), 0.0, GROWTH)
 
 
 def _continues(run: BoundaryRun, at: float, end: int) -> bool:
-    """Whether the boundary continues smoothly at arc length ``at`` of a run: inside it, or past its first
+    """Whether the boundary continues smoothly at arc length ``at`` of a run: inside it, or beyond its first
     (0) or last (1) ``end``."""
     whole = run.starts[-1]
-    if run.around or AT_END * whole < at < (1.0 - AT_END) * whole:
+    if run.around or END_TOLERANCE * whole < at < (1.0 - END_TOLERANCE) * whole:
         return True
     outline, number = run.outline, run.numbers[-end]
     loop = next(loop for loop in outline.loops if loop.start <= number < loop.stop)
@@ -88,14 +89,14 @@ def _continues(run: BoundaryRun, at: float, end: int) -> bool:
 
 
 def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
-    """Zones along a boundary where a load varies along it, and at its jumps."""
+    """Zones along a boundary where a load varies, and at its discontinuities."""
     curve, arc = profile.curve, np.linspace(0.0, profile.curve.length, len(profile.values))
     sizes = resolved_sizes(profile.values, curve.length, far)
     marks = np.array([0.0, *profile.jumps, curve.length])
     for k, jump in enumerate(profile.jumps, start=1):
         apart = float(min(marks[k] - marks[k - 1], marks[k + 1] - marks[k]))
-        least = min(max(apart / AT_EDGE, FINEST * far), far)
-        # Nodes on both sides of a jump see lines.
+        least = min(max(apart / PER_LENGTH_AT_ENDS, MIN_SPACING * far), far)
+        # On each side of a jump the load is resolved by linear interpolation.
         near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
         sizes = np.where(near, np.maximum(sizes, least), sizes)
         (x, y) = curve.points(np.array([jump]))[0].tolist()
@@ -107,8 +108,8 @@ def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
 
 
 def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
-    """Spacings (s,), no larger than ``far``, over which ``values`` (s + 1, c) at even steps along a
-    ``length`` are nearly linear, s a power of two: halves of halves of the length.
+    """Spacings (s,) of at most ``far`` over which ``values`` (s + 1, c) at even steps along a ``length`` are
+    nearly linear, by repeated halving of the length; s is a power of two.
 
     >>> resolved_sizes(np.array([[0.0], [0.0], [0.0], [0.0], [1.0]]), 1.0, 0.5).tolist()
     [0.5, 0.5, 0.25, 0.25]
@@ -116,13 +117,13 @@ def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
     count = len(values) - 1
     sizes, width = np.full(count, far), count
     while width > 1:
-        # Windows overlap by half, so that a kink is inside one.
+        # Windows overlap by half, so that a kink lies inside one.
         starts = np.arange(0, count - width + 1, width // 2)
         rows = values[starts[:, None] + np.arange(width + 1)]
         share = np.linspace(0.0, 1.0, width + 1)[:, None]
         lines = (1.0 - share) * rows[:, :1] + share * rows[:, -1:]
         width //= 2
-        for start in starts[np.abs(rows - lines).max(axis=(1, 2)) > LINEAR].tolist():
+        for start in starts[np.abs(rows - lines).max(axis=(1, 2)) > LINEARITY_TOLERANCE].tolist():
             inside = slice(start, start + 2 * width)
             sizes[inside] = np.minimum(sizes[inside], width * length / count)
     return sizes

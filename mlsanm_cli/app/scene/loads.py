@@ -1,4 +1,4 @@
-"""What a case's loads and springs are on given clouds: values at nodes."""
+"""Loads and springs of a case on given clouds, as values at nodes."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.heat import Heating
 
-INSIDE = 1e-9
-"""How far from the ends of a surface tractions are evaluated there, as a part of its length."""
-PER_POINT = 32
-"""Samples for each point of a quadrature where tractions jump between nodes."""
-COVERED = 1e-6
-"""Part of a boundary's length by which a table may fall short of its end."""
+END_OFFSET = 1e-9
+"""Distance from the ends of a surface, relative to its length, at which tractions are evaluated there."""
+SAMPLES_PER_POINT = 32
+"""Samples per quadrature point where tractions are discontinuous between nodes."""
+TABLE_TOLERANCE = 1e-6
+"""Part of a boundary's length that a table may leave uncovered at each end."""
 
 
 @dataclass(frozen=True)
 class Acting:
-    """Loads at factor 1 but for platens, and ``springs[body][surface]``, traction per displacement."""
+    """Loads at factor 1, without those on platens, and ``springs[body][surface]``, traction per
+    displacement."""
 
     surface_loads: tuple[mechanics.SurfaceLoad, ...]
     body_forces: tuple[mechanics.BodyForce, ...]
@@ -56,9 +57,8 @@ class _BadTableError(ValueError):
 
 
 def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
-    """Evaluate all loads.
-
-    Raises CaseError for expressions without a value at a node, and tables that end before their boundary.
+    """Evaluates all loads. Raises CaseError for expressions without a value at a node, and for tables that do
+    not cover their boundary.
     """
     surface_loads: list[mechanics.SurfaceLoad] = []
     body_forces: list[mechanics.BodyForce] = []
@@ -82,8 +82,8 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                     surface = part.surface
                     values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
                     if not held and not surface.curve.closed:
-                        # Tractions may jump where a surface ends.
-                        just = np.array([INSIDE, 1.0 - INSIDE]) * surface.curve.length
+                        # Tractions may be discontinuous at the end of a surface.
+                        just = np.array([END_OFFSET, 1.0 - END_OFFSET]) * surface.curve.length
                         values[[0, -1]] = _on_surface(load, part, just, surface.curve.points(just))
                     between = None if isinstance(load, Displacement) else _between(case, load, part)
                     own = mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
@@ -100,19 +100,19 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
 
 
 def _between(case: Case, load: Traction | Pressure, part: SurfacePart) -> FloatArray:
-    """Values (g, 2) at the FINE points of a surface's halves. Where nodes came with the body, and tractions
-    jump between them, means over what every point stands for."""
+    """Values (g, 2) at the FINE quadrature points of a surface; if tractions are discontinuous between nodes
+    of a file, means over the length of each point."""
     surface, halves = part.surface, Halves.of(part.surface, FINE)
     body = next(one for one in case.body if one.name == load.owner)
     if not body.has_nodes or not any(one.jumps for one in profiles(body.shape, load)):
         return _on_surface(load, part, halves.arc, surface.curve.points(halves.arc))
     order = np.argsort(halves.arc)
     length = halves.length[order]
-    share = (np.arange(PER_POINT) + 0.5) / PER_POINT
+    share = (np.arange(SAMPLES_PER_POINT) + 0.5) / SAMPLES_PER_POINT
     arc = ((np.cumsum(length) - length)[:, None] + share * length[:, None]).ravel()
     values = np.zeros((len(order), 2))
     values[order] = (
-        _on_surface(load, part, arc, surface.curve.points(arc)).reshape(-1, PER_POINT, 2).mean(axis=1)
+        _on_surface(load, part, arc, surface.curve.points(arc)).reshape(-1, SAMPLES_PER_POINT, 2).mean(axis=1)
     )
     return values
 
@@ -120,8 +120,8 @@ def _between(case: Case, load: Traction | Pressure, part: SurfacePart) -> FloatA
 def _on_surface(
     load: Traction | Pressure | Displacement, part: SurfacePart, arc: FloatArray, points: FloatArray
 ) -> FloatArray:
-    """Values (e, 2) at ``points`` (e, 2) of a part of where the load acts, at ``arc`` (e,) along it; a
-    direction that is left free is 0."""
+    """Values (e, 2) of a load at ``points`` (e, 2) and arc lengths ``arc`` (e,) of a loaded part; 0 in free
+    directions."""
     surface = part.surface
     if isinstance(load, Displacement):
         return amounts_at([0.0 if part is None else part for part in load.components], points)
@@ -141,7 +141,7 @@ def _from_table(rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: Float
     table = np.array(rows)
     length = part.total
     first, last = float(table[0, 0]), float(table[-1, 0])
-    if first > COVERED * length or last < (1.0 - COVERED) * length:
+    if first > TABLE_TOLERANCE * length or last < (1.0 - TABLE_TOLERANCE) * length:
         raise _BadTableError(f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}")
     columns = [np.interp(arc + part.first, table[:, 0], column) for column in table[:, 1:].T]
     return np.stack(columns, axis=1)

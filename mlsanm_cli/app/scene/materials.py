@@ -1,4 +1,4 @@
-"""From the materials of a case to their plane elasticity."""
+"""Plane elasticity of the materials of a case."""
 
 from __future__ import annotations
 
@@ -37,5 +37,5 @@ def _in_plane(material: Material, plane: str) -> PlaneMaterial:
 
 
 def _known(*values: float | None) -> list[float]:
-    """The third axis has no values in plane stress, which does not look at it."""
+    """Values with None, of the third axis in plane stress, replaced by nan."""
     return [math.nan if value is None else value for value in values]

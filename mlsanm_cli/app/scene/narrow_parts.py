@@ -1,7 +1,7 @@
-"""Finer nodes where a body is narrower than elsewhere: between holes and edges, and at necks.
+"""Finer nodes in narrow parts of a body: between holes and edges, and at necks.
 
-With the spacing of the rest a plate with two holes a quarter of their diameter apart had three spacings in
-between, degree 2 therefore, and stresses 4 to 7 % low at the holes.
+With the coarse spacing a plate with two holes a quarter of their diameter apart had three spacings in
+between, therefore degree 2, and stresses 4 to 7 % low at the holes.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from mlsanm_cli.cloud.joined import part_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.startup import cKDTree
 
-PER_SPACING, FEWEST = 2.0, 8
-"""Samples of the outline over the spacing far away, and on every curve."""
-OPPOSED = 0.9
-"""Faces are opposite where their normals are against each other by this cosine."""
-LEVELS, FINER = 12, 2.0**-0.25
-"""Spacings are steps of this part, down to an eighth."""
-SLACK = 1e-6
-"""Round-off in widths does not change the step: bodies that are symmetric have symmetric spacings."""
+SAMPLES_PER_SPACING, MIN_SAMPLES = 2.0, 8
+"""Samples of the outline per coarse spacing, and of every curve at least."""
+OPPOSITE_COSINE = 0.9
+"""Faces are opposite if the cosine of the angle between their normals is below minus this."""
+LEVELS, LEVEL_RATIO = 12, 2.0**-0.25
+"""Number and ratio of the spacings, down to an eighth."""
+LEVEL_TOLERANCE = 1e-6
+"""Round-off in widths does not change the level, so that symmetric bodies have symmetric spacings."""
 
 
 def narrow_zones(outline: Outline, far: float, across: float, growth: float) -> Iterator[Zone]:
-    """Zones with ``across`` spacings between opposite faces, where ``far`` is wider.
+    """Zones with ``across`` spacings between opposite faces, if the spacing ``far`` is coarser.
 
-    Faces that meet in a corner count as far apart: wedges would have ever finer nodes.
+    Faces that meet in a corner are excluded: wedges would have arbitrarily fine nodes.
     """
     owner, arc, step, points, normals = _samples(outline, far)
     width = np.full(len(owner), np.inf)
     pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
     one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    kept = (normals[one] * normals[other]).sum(axis=1) < -OPPOSED
+    kept = (normals[one] * normals[other]).sum(axis=1) < -OPPOSITE_COSINE
     kept &= ~_adjacent(outline)[owner[one], owner[other]]
     one, other = one[kept], other[kept]
     away = points[one] - points[other]
     depth = (away * normals[one]).sum(axis=1)
     aside = np.sqrt(np.maximum((away**2).sum(axis=1) - depth**2, 0.0))
-    # The point just across lies between samples.
+    # The opposite point may lie between samples.
     aside = np.maximum(aside - step[other], 0.0)
     inside = depth > 0.0
     np.minimum.at(width, one[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
-    level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(FINER) - SLACK)
+    level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(LEVEL_RATIO) - LEVEL_TOLERANCE)
     level = np.clip(level, 0, LEVELS)
     for number, curve in enumerate(outline.curves):
         own = np.flatnonzero(owner == number)
@@ -58,16 +58,16 @@ def narrow_zones(outline: Outline, far: float, across: float, growth: float) -> 
             if steps:
                 ends = float(arc[own[first]]) - half, float(arc[own[last - 1]]) + half
                 whole = last - first == len(own)
-                fine = far * FINER**steps
+                fine = far * LEVEL_RATIO**steps
                 piece = curve if whole else part_of(curve, *ends)
                 yield Zone(piece, fine, 0.5 * across * fine, growth)
 
 
 def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Number of the curve (m,), arc length (m,), distance of samples (m,), points and normals (m, 2)."""
+    """Curve number (m,), arc length (m,), sample distance (m,), points and normals (m, 2) of samples."""
     parts: list[tuple[Any, ...]] = []
     for number, curve in enumerate(outline.curves):
-        count = 4 * max(FEWEST // 4, int(np.ceil(0.25 * PER_SPACING * curve.length / far)))
+        count = 4 * max(MIN_SAMPLES // 4, int(np.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far)))
         size = curve.length / count
         s: FloatArray = size * (0.5 + np.arange(count, dtype=np.float64))
         parts.append((np.full(count, number), s, np.full(count, size), curve.points(s), curve.normals(s)))
@@ -76,7 +76,7 @@ def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatA
 
 
 def _adjacent(outline: Outline) -> BoolArray:
-    """Which curves (c, c) follow each other."""
+    """Which pairs (c, c) of curves are adjacent."""
     result = np.zeros((len(outline.curves),) * 2, dtype=bool)
     for loop in outline.loops:
         numbers = np.arange(len(outline.curves))[loop]

@@ -1,4 +1,4 @@
-"""The outline of a body as its shape draws it, and the numbers of its named pieces."""
+"""The outline of the shape of a body, and the numbers of its named pieces."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 def imported_geometry(shape: FileShape) -> ImportedGeometry:
     """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
-    # What reads and traces files is imported for cases that have such bodies.
+    # Imported for cases with such bodies only.
     from mlsanm_cli.app.scene.geometry_files import read_body
 
     return read_body(shape)
@@ -36,8 +36,8 @@ def imported_geometry(shape: FileShape) -> ImportedGeometry:
 
 @lru_cache(maxsize=256)
 def drawn(shape: AnyShape) -> Outline:
-    """The outline of a shape: closed loops of named curves. Several pieces of one name are "name/1" and so
-    on. Raises GeometryError for shapes that are no closed boundary of a body."""
+    """The outline of a shape: closed loops of named curves, "name/1" and so on for several pieces of a name.
+    Raises GeometryError for shapes that are not the closed boundary of a body."""
     if isinstance(shape, Rectangle):
         return rectangle(shape.x, shape.y)
     if isinstance(shape, HalfDisk):
@@ -67,5 +67,5 @@ def _looped(shape: Polygon | OutlineShape) -> Outline:
 
 
 def numbers_of(outline: Outline, edge: str) -> tuple[int, ...]:
-    """The numbers of the curves that a boundary is made of."""
+    """The numbers of the curves that form a boundary."""
     return tuple(k for k, name in enumerate(outline.names) if name == edge or name.startswith(f"{edge}/"))

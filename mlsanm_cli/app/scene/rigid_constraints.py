@@ -1,4 +1,4 @@
-"""What moves rigidly in a case: platens, obstacles, and bodies that only contacts can hold."""
+"""Rigid constraints of a case: platens, obstacles, and bodies held by contact only."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ def rigid_constraints(
     grips: HeldSurfaces,
     springs: Mapping[str, Springs],
 ) -> list[mechanics.RigidConstraint]:
-    """All of them, with ``held[body][surface]`` and ``held_nodes[body]`` as in a prepared scene.
+    """All rigid constraints, with ``held[body][surface]`` and ``held_nodes[body]`` as in `SceneModel`.
 
-    ``grips`` are the surfaces held by supports or stiff springs. Raises CaseError for loose bodies in a
-    scheme that cannot take them.
+    ``grips`` are the surfaces held by supports or stiff springs. Raises CaseError for floating bodies in a
+    scheme that does not support them.
     """
     return [
         *_platens(case, clouds, grips, held_nodes),
         *_obstacles(case),
-        *_loose(case, clouds, held, held_nodes, springs),
+        *_floating(case, clouds, held, held_nodes, springs),
     ]
 
 
 def components(nodes: tuple[tuple[int, int], ...]) -> tuple[bool, bool]:
-    """Whether single nodes hold x, and whether they hold y."""
+    """Whether single nodes are fixed in x, and in y."""
     return any(c == 0 for _, c in nodes), any(c == 1 for _, c in nodes)
 
 
@@ -51,7 +51,7 @@ def _platens(
     held: HeldSurfaces,
     held_nodes: HeldNodes,
 ) -> Iterator[mechanics.Platen]:
-    """Platens, one per boundary or list of boundaries that platen loads move."""
+    """Platens, one per boundary or list of boundaries of platen loads."""
     groups: dict[str, list[tuple[int, Platen]]] = {}
     for number, load in enumerate(case.load):
         if isinstance(load, Platen):
@@ -77,7 +77,7 @@ def _platens(
 
 
 def _turns(loads: Sequence[tuple[int, Platen]]) -> dict[int, tuple[str, float]]:
-    """How and how far each load turns a plate."""
+    """Kind and value of the rotation or moment of each load on a plate."""
     return {
         number: ("displacement", load.rotation)
         if isinstance(load.rotation, float)
@@ -87,7 +87,7 @@ def _turns(loads: Sequence[tuple[int, Platen]]) -> dict[int, tuple[str, float]]:
 
 
 def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, ...]]]) -> tuple[float, float]:
-    """The middle of surfaces of bodies."""
+    """The centroid of surfaces of bodies."""
     total, length = np.zeros(2), 0.0
     for body, names in parts:
         for name in names:
@@ -98,7 +98,7 @@ def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, .
 
 
 def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:
-    """Obstacles that loads move."""
+    """Obstacles with a prescribed motion."""
     groups: dict[str, list[tuple[int, ObstacleMotion]]] = {}
     for number, load in enumerate(case.load):
         if isinstance(load, ObstacleMotion):
@@ -112,14 +112,14 @@ def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:
             yield mechanics.Obstacle(contact, (0.0, 0.0), motions, tuple(number for number, _ in loads))
 
 
-def _loose(
+def _floating(
     case: Case,
     clouds: Mapping[str, Cloud],
     held: HeldSurfaces,
     held_nodes: HeldNodes,
     springs: Mapping[str, Springs],
 ) -> Iterator[mechanics.FloatingBody]:
-    """Bodies that conditions leave free to move. Raises CaseError where the scheme cannot take that."""
+    """Bodies whose supports leave rigid motions. Raises CaseError if the scheme does not support them."""
     for body in case.body:
         free = free_motions(clouds[body.name], held[body.name], held_nodes[body.name], springs[body.name])
         if not free.components:
@@ -140,7 +140,7 @@ def _loose(
 def _controls(
     loads: Sequence[tuple[int, Platen | ObstacleMotion]],
 ) -> dict[int, dict[int, tuple[str, float]]]:
-    """For each component that is moved, how and how far each load moves it."""
+    """For each controlled component, the kind and value of each load."""
     found: dict[int, dict[int, tuple[str, float]]] = {}
     for axis, component in AXES.items():
         found[component] = {number: load.control[axis] for number, load in loads if axis in load.control}
@@ -150,7 +150,7 @@ def _controls(
 def _motion(
     loads: int, component: int, controls: Mapping[int, tuple[str, float]], alone: bool
 ) -> mechanics.RigidMotion:
-    """One direction of a platen or obstacle; several loads' forces, or several loads' displacements, add."""
+    """One component of a platen or obstacle; forces, or displacements, of several loads add up."""
     values = np.zeros(loads)
     for number, (_, value) in controls.items():
         values[number] = value

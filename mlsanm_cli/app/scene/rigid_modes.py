@@ -1,4 +1,4 @@
-"""Unknown rigid motions, and what of them contacts, supports and springs resist."""
+"""Unknown rigid motions, and their resistance by contacts, supports and springs."""
 
 from __future__ import annotations
 
@@ -18,28 +18,26 @@ from mlsanm_cli.contact.response.functionals import resultant
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, RigidMotion
 
-TILT = 0.2
-"""A contact resists a direction where its normals' root mean square component along it is above this.
+MIN_NORMAL_COMPONENT = 0.2
+"""Root mean square component of its normals above which a contact resists a direction.
 
-Below, the resistance comes from the surface's slight curvature alone: too little to distinguish the
-true motion from the discretisation's asymmetry.
+A smaller one is due to slight curvature of the surface, and too small to distinguish the motion from
+asymmetry of the discretisation.
 """
-SLIDES = 1e-6
+FREE_TOLERANCE = 1e-6
 """Resistance below this is round-off."""
-SURE = 1e-3
-"""The same as ``TILT`` of contacts whose directions are exact, so that nothing but the surface's curvature is
-in them."""
-
-POINTS_AT = 1e-3
-"""Forces that all point at a centre, as a pressure in a bore, have a moment by quadrature alone: this part of
-force times arm counts as parts of it that cancel."""
+MIN_EXACT_COMPONENT = 1e-3
+"""The same as ``MIN_NORMAL_COMPONENT`` for contacts with exact directions."""
+CENTRAL_FORCE_SHARE = 1e-3
+"""Forces that all point to a centre, as a pressure in a bore, have a moment by quadrature error only: this
+part of force times arm counts as terms that cancel."""
 
 
 @dataclass(frozen=True, eq=False)
 class UnknownMotion:
-    """One unknown motion: ``force`` (L,) that drives it at factor 1, ``size`` (L,) of that force's parts,
-    ``elastic`` whether something besides contacts resists it, ``lever`` the largest displacement of a contact
-    under a unit of it."""
+    """One unknown motion: the ``force`` (L,) on it by load at factor 1, the sum ``size`` (L,) of the
+    magnitudes of that force's terms, whether something besides contacts resists it (``elastic``), and the
+    largest displacement of a contact under unit motion (``lever``)."""
 
     constraint: RigidConstraint
     motion: RigidMotion
@@ -54,7 +52,7 @@ class UnknownMotion:
         return () if isinstance(self.constraint, Obstacle) else self.constraint.bodies
 
     def side(self, pairing: Pairing) -> float:
-        """1 where it moves the slave of a contact, -1 where its master, else 0."""
+        """1 if it moves the slave of a contact, -1 for the master, else 0."""
         if isinstance(self.constraint, Obstacle):
             return -1.0 if self.constraint.contact == pairing.name else 0.0
         if self.elastic:
@@ -73,7 +71,7 @@ def unknown_motion(
     pairings: Sequence[Pairing],
     loads: Acting,
 ) -> UnknownMotion:
-    """The motion with all that drives it: its own force, tractions and body forces on what moves with it."""
+    """The motion with its forces: its own, and tractions and body forces on the bodies that move."""
     force, size = motion.force.copy(), np.abs(motion.force)
     elastic = not motion.alone
     if not isinstance(constraint, Obstacle) and not elastic:
@@ -87,7 +85,7 @@ def unknown_motion(
             size[number] += np.abs(parts).sum()
             if motion.component == ROTATION:
                 arms = np.hypot(*(points - constraint.center).T)
-                size[number] += POINTS_AT * np.hypot(*forces.T) @ arms
+                size[number] += CENTRAL_FORCE_SHARE * np.hypot(*forces.T) @ arms
     one = UnknownMotion(constraint, motion, force, size, elastic)
     moved = [one.at(clouds[p.slave_body].points[p.node]) for p in pairings if one.side(p)]
     return replace(one, lever=max((float(np.hypot(*some.T).max()) for some in moved), default=1.0))
@@ -100,7 +98,7 @@ def _forces(
     cloud = clouds[body]
     for load in loads.surface_loads:
         if load.body == body and not load.held:
-            assert load.between is not None  # as of all tractions
+            assert load.between is not None  # tractions have it
             surface = cloud.surfaces[load.surface]
             halves = Halves.of(surface, FINE)
             yield load.number, halves.length[:, None] * load.between, surface.curve.points(halves.arc)
@@ -115,21 +113,21 @@ def sliding_resistance(
     clouds: Mapping[str, Cloud],
     at_once: bool = False,
 ) -> FloatArray:
-    """Mean squares (k, k) of what the motions do across the surfaces they move, with friction in all.
+    """Mean squares (k, k) of the motions normal to the surfaces they move; with friction, in all directions.
 
-    Where one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that turns about
-    a point above the plane it rests on: what holds it is the width of the contact alone. Two straight ones
-    meet in all of their length or at a corner, which crosses the other one.
+    If one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that rotates about
+    a point above the plane on which it rests: only the width of the contact resists. Two straight surfaces
+    touch along their length or at a corner, which crosses the other one.
     """
     total = _elastic(unknown)
     for pairing in pairings:
         frame = _Frame.of(pairing, clouds)
         sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
-        free = [directions[:, sizes <= SLIDES**2] for sizes, directions in sides]
-        straight = [bool(one.shape[1] and np.abs(one[2]).max() <= SLIDES) for one in free]
+        free = [directions[:, sizes <= FREE_TOLERANCE**2] for sizes, directions in sides]
+        straight = [bool(one.shape[1] and np.abs(one[2]).max() <= FREE_TOLERANCE) for one in free]
         if at_once and sum(straight) == 1 and not pairing.friction:
             along = np.linalg.svd(np.hstack(free))
-            crossing = along[0][:, int((along[1] > SLIDES).sum()) :]
+            crossing = along[0][:, int((along[1] > FREE_TOLERANCE).sum()) :]
             relative = crossing.T @ frame.relative(unknown)
             total += relative.T @ relative
             continue
@@ -150,14 +148,14 @@ def contact_resistance(
     clouds: Mapping[str, Cloud],
     exact: Collection[str],
 ) -> FloatArray:
-    """Mean squares (k, k) of what the motions do in the directions that contacts resist."""
+    """Mean squares (k, k) of the motions in the directions that contacts resist."""
     total = _elastic(unknown)
     for pairing in pairings:
         frame = _Frame.of(pairing, clouds)
         sizes, directions = np.linalg.eigh(
             frame.squares(frame.sides[0][0], pairing.normal[pairing.candidate])
         )
-        least = SURE if pairing.name in exact else TILT
+        least = MIN_EXACT_COMPONENT if pairing.name in exact else MIN_NORMAL_COMPONENT
         resisted = np.eye(3) if pairing.friction else directions[:, sizes >= least**2].T
         relative = resisted @ frame.relative(unknown)
         total += relative.T @ relative
@@ -166,9 +164,9 @@ def contact_resistance(
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """A contact's ``middle`` (2,) and ``lever``, the size of its arms, in which rigid motions (3,) are those
-    of the middle and the turn times the lever; ``share`` (m,) what each of its places counts, and ``sides``,
-    places (m, 2) and normals (m, 2) of the slave and of the master."""
+    """The frame of a contact: its ``middle`` (2,) and ``lever``, the root mean square distance from it. Rigid
+    motions (3,) are the translation of the middle and the rotation times the lever. ``share`` (m,) are the
+    weights of the points, ``sides`` the points (m, 2) and normals (m, 2) of slave and master."""
 
     pairing: Pairing
     middle: FloatArray
@@ -185,19 +183,19 @@ class _Frame:
         lever = float(np.sqrt(share @ ((points - middle) ** 2).sum(axis=1))) or 1.0
         partner, normal = pairing.partner[chosen], pairing.normal[chosen]
         own = points, pairing.slave.normal[pairing.position[chosen]]
-        if pairing.master is not None:  # pressures may have the directions of the slave's normals
+        if pairing.master is not None:  # pressures may act along the normals of the slave
             curve = pairing.master.curve
             normal = normals_towards(curve, curve.closest(partner), own[1])
         return cls(pairing, middle, lever, share, (own, (partner, normal)))
 
     def squares(self, points: FloatArray, normal: FloatArray) -> FloatArray:
-        """Mean squares (3, 3) of what rigid motions do across normals (m, 2) at ``points`` (m, 2)."""
+        """Mean squares (3, 3) of the component of rigid motions along normals (m, 2) at ``points`` (m, 2)."""
         arm, (n_x, n_y) = points - self.middle, normal.T
         across = np.column_stack([n_x, n_y, (n_y * arm[:, 0] - n_x * arm[:, 1]) / self.lever])
         return np.asarray(across.T @ (self.share[:, None] * across))
 
     def relative(self, unknown: Sequence[UnknownMotion]) -> FloatArray:
-        """The slave's motion relative to the master (3, k) in a unit of each unknown."""
+        """The motion (3, k) of the slave relative to the master per unit of each unknown."""
         found = np.zeros((3, len(unknown)))
         for column, one in enumerate(unknown):
             turn = self.lever / one.lever if one.motion.component == ROTATION else 0.0
@@ -206,5 +204,5 @@ class _Frame:
 
 
 def _elastic(unknown: Sequence[UnknownMotion]) -> FloatArray:
-    """The part of the resistance (k, k) that has nothing to do with contacts."""
+    """The resistance (k, k) by supports and springs."""
     return np.diag([float(one.elastic) for one in unknown])

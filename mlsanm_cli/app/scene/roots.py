@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.tips import SHARP
+from mlsanm_cli.cloud.tips import SMOOTH_TURN
 
-AT_ROOTS = 20.0
+PER_ROOT = 20.0
 """Spacings along sides between two corners that point into the material: fits then know the fields of both. A
 hub on a keyed shaft is within 0.7 %, with 13 it was 4 % off; a slit within 0.7 %, with 8 it was 1.3 %."""
-ACROSS_ROOTS = 14.0
+PER_ROOT_DISTANCE = 14.0
 """Spacings at such corners over their distance across the material, for the same reason. A gear tooth with
 seven was 4 to 13 % too stiff, by the seed; with ten it is within 0.8 %."""
 
@@ -25,10 +25,10 @@ def across_roots(outline: Outline) -> Iterator[tuple[tuple[float, float], float]
         for one, other in zip(curves, (*curves[1:], *curves[:1]), strict=True):
             a, b = one.normals(np.array([one.length]))[0], other.normals(np.array([0.0]))[0]
             turn = float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
-            if turn < -SHARP:
+            if turn < -SMOOTH_TURN:
                 place.append(other.points(np.array([0.0]))[0])
                 into.append(-(a + b) / np.hypot(*(a + b)))
-                least.append(np.cos(0.5 * (np.pi - turn) - SHARP))
+                least.append(np.cos(0.5 * (np.pi - turn) - SMOOTH_TURN))
     if len(place) < 2:
         return
     at = np.array(place)
@@ -49,6 +49,6 @@ def roots_of(outline: Outline) -> set[int]:
         crossed = [
             a[1, 0] * b[0, 1] - a[1, 1] * b[0, 0] for a, b in zip(ends, ends[1:] + ends[:1], strict=True)
         ]
-        inward = [turn < -SHARP for turn in crossed]
+        inward = [turn < -SMOOTH_TURN for turn in crossed]
         found |= {number for k, number in enumerate(numbers) if inward[k] and inward[k - 1]}
     return found

@@ -15,22 +15,22 @@ from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.operators.linear.scratch import LARGE
+from mlsanm_cli.operators.linear.scratch import MAPPED_SIZE
 from mlsanm_cli.system import physical_memory_mb
 
 COUNT_LIMIT = 2e8
 PROCESS_MB = 150.0
 """Memory of a process before its first body."""
 CHOLESKY, SUPERLU = 64.0, 217.0
-"""Bytes of a factor for every node, node of its stencil and level of nested dissection: of our own, and of
-SuperLU's, which is of both halves."""
+"""Bytes of a factor per node, node of its stencil and level of nested dissection: of the built-in Cholesky
+factorisation, and of SuperLU, with both factors."""
 DENSE = 8.0
-"""Square matrices of the contact unknowns that are there at the same time; 5 to 6 were measured."""
+"""Square matrices of the contact unknowns in memory at the same time; 5 to 6 were measured."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """``nodes`` per body, ``memory_mb`` of the whole process."""
+    """``nodes`` by body, ``memory_mb`` of the process."""
 
     nodes: dict[str, float]
     memory_mb: float
@@ -43,29 +43,29 @@ def estimate(case: Case) -> Estimate:
 
 
 def _solver(case: Case) -> str:
-    """What factorises the case's bodies."""
+    """The solver of the systems of the bodies."""
     return "superlu" if mls_settings(case).square or case.model.strain == "finite" else case.solver.linear
 
 
 def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
-    """What all bodies keep, stencils, rows and sums of rows, with the factors, and what making the largest
-    factor takes besides; fitted to measured runs (docs/performance.md)."""
+    """Memory of stencils, rows and factors of all bodies, and of the factorisation of the largest; fitted to
+    measured runs (docs/performance.md)."""
     counts = list(nodes.values())
     kept = sum((150.0 * stencil + 1950.0) * count for count in counts)
     if solver == "superlu":
         factors = sum(SUPERLU * count * stencil * _levels(count, 7.2) for count in counts)
     else:
         ours = [CHOLESKY * count * stencil * _levels(count, 8.6) for count in counts]
-        # Of large factors one at a time is in memory.
-        factors = sum(size for size in ours if size < LARGE) + max(
-            (size for size in ours if size >= LARGE), default=0.0
+        # Only one large factor at a time is in memory.
+        factors = sum(size for size in ours if size < MAPPED_SIZE) + max(
+            (size for size in ours if size >= MAPPED_SIZE), default=0.0
         )
     made = (115.0 * stencil + 1400.0) * max(counts)
     return PROCESS_MB + (kept + factors + made) / 1e6
 
 
 def _levels(nodes: float, without: float) -> float:
-    """How often nested dissection cuts, less the last cuts, which make hardly any fill."""
+    """Number of levels of nested dissection, without the last ones, which hardly cause fill."""
     return max(math.log2(max(nodes, 2.0)) - without, 1.0)
 
 
@@ -76,7 +76,7 @@ def _nodes(case: Case, body: Body) -> float:
 
 
 def refuse_too_large(case: Case) -> Estimate:
-    """Raise CaseError, with the key that makes it so large, when the scene would not fit into memory."""
+    """Raises CaseError, for the key that causes the size, if the scene would not fit in memory."""
     size = estimate(case)
     room = physical_memory_mb()
     if size.memory_mb > room:
@@ -91,14 +91,14 @@ def refuse_too_large(case: Case) -> Estimate:
 
 
 def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
-    """Raise CaseError, with the largest contact, where the dense systems of the path would not fit."""
+    """Raises CaseError, for the largest contact, if the dense systems of the path would not fit in memory."""
     unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
     memory_mb = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20
     room = physical_memory_mb()
     if memory_mb > room:
         name = max(unknowns, key=lambda name: unknowns[name])
         message = (
-            f"{sum(unknowns.values())} unknowns of contact need about {memory_mb / 1024:.3g} GB of memory, "
+            f"{sum(unknowns.values())} contact unknowns need about {memory_mb / 1024:.3g} GB of memory, "
             f"the machine has {room / 1024:.3g} GB"
         )
         hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
@@ -106,7 +106,7 @@ def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
 
 
 def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
-    """The key to change, and how."""
+    """The key to change, and a hint."""
     settings = mls_settings(case)
     usual = replace(settings, neighbors=None).stencil_size
     if _memory_mb(size.nodes, usual, _solver(case)) <= room:

@@ -1,8 +1,7 @@
-"""From what a case calls a boundary to the pieces of a body's outline: sides of one name, lists, parts.
+"""Boundaries of a case as pieces of the outline of a body: sides of one name, lists, parts.
 
-A body's outline has one piece for each smooth stretch. Boundaries of several pieces and parts of boundaries
-are sets of pieces; what holds or loads them does so piece by piece. A contact joins its pieces to one
-surface.
+An outline has one piece per smooth stretch. Boundaries of several pieces and parts of boundaries are sets of
+pieces; supports and loads act on each piece. A contact joins its pieces to one surface.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from mlsanm_cli.cloud.surface import Surface, joined_surface
 
 
 def curve_at(case: Case, place: Place, key: str) -> tuple[Curve, tuple[Curve, ...]]:
-    """The curve of a contact's side, and the other curves of the body's outline. Raises CaseError."""
+    """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
     run = run_of(case, place, key)
     others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
     own = joined(run.curves, run.around)
@@ -33,7 +32,7 @@ def curve_at(case: Case, place: Place, key: str) -> tuple[Curve, tuple[Curve, ..
 
 
 def surface_at(case: Case, cloud: Cloud, place: Place, key: str) -> Surface:
-    """The nodes of a contact's side as one surface. Raises CaseError where its pieces do not join."""
+    """A side of a contact as one surface. Raises CaseError if its pieces do not join."""
     run, names = run_of(case, place, key), surfaces_at(case, place)
     around = run.around and place.ends is None
     label = place.label.partition(".")[2]
@@ -42,8 +41,8 @@ def surface_at(case: Case, cloud: Cloud, place: Place, key: str) -> Surface:
 
 @dataclass(frozen=True)
 class SurfacePart:
-    """A surface, the arc length ``first`` from the start of where a load acts to it, and the ``total``
-    length there."""
+    """A surface in a loaded region: the arc length ``first`` at its start, and the ``total`` of the
+    region."""
 
     surface: Surface
     first: float
@@ -51,8 +50,8 @@ class SurfacePart:
 
 
 def parts_at(case: Case, cloud: Cloud, place: Place) -> list[SurfacePart]:
-    """The surfaces of a place with their arc lengths along it; pieces that do not join count on from each
-    other in the order of the outline."""
+    """The surfaces of a place with their arc lengths along it, also across pieces that do not join, in the
+    order of the outline."""
     names = surfaces_at(case, place)
     surfaces = [cloud.surfaces[name] for name in names]
     starts = [*accumulate((surface.curve.length for surface in surfaces), initial=0.0)]
@@ -60,7 +59,7 @@ def parts_at(case: Case, cloud: Cloud, place: Place) -> list[SurfacePart]:
 
 
 def surfaces_at(case: Case, place: Place) -> tuple[str, ...]:
-    """The names of the surfaces that are a place, in order along the outline."""
+    """The names of the surfaces of a place, in order along the outline."""
     body = next(one for one in case.body if one.name == place.body)
     if place.ends is None:
         outline = drawn(body.shape)
@@ -81,7 +80,7 @@ def surfaces_at(case: Case, place: Place) -> tuple[str, ...]:
 
 
 def _pieces(case: Case, place: Place, run: BoundaryRun) -> Iterator[tuple[int, str, float, float]]:
-    """Numbers, names and arc lengths from start to end of the pieces of a run, cut as the outline is."""
+    """Numbers, names, and arc lengths of start and end of the pieces of a run, cut like the outline."""
     body = next(one for one in case.body if one.name == place.body)
     cuts = cuts_of(case, body)
     for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):

@@ -10,17 +10,16 @@ from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.case.model.case import Body
-from mlsanm_cli.cloud.mirror import SAME, SymmetryLine
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
 
 SAMPLES = 33
 
 
 def line_of(case: Case) -> SymmetryLine | None:
-    """The line about which nodes are placed symmetrically: the middle of all bodies, if all are their own
-    mirror images about it.
+    """The symmetry line of all bodies, None if there is none.
 
-    Not so with friction, or other schemes than least squares: there errors that differ from side to side are
-    the better ones, as they cancel in part.
+    Not used with friction or schemes other than least squares: there asymmetric errors cancel in part, and
+    results are better.
     """
     if case.mls.scheme != "least-squares" or any(contact.friction for contact in case.contact):
         return None
@@ -32,14 +31,14 @@ def line_of(case: Case) -> SymmetryLine | None:
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
         line = SymmetryLine(axis, float(middle[0, axis]))
-        same = np.abs(middle[:, axis] - line.at).max() <= SAME * size
+        same = np.abs(middle[:, axis] - line.at).max() <= IMAGE_TOLERANCE * size
         if same and all(_symmetric(case, body, line, float(size)) for body in case.body):
             return line
     return None
 
 
 def _symmetric(case: Case, body: Body, line: SymmetryLine, size: float) -> bool:
-    """Whether a body's spacing is its own mirror image, or the nodes are that came with it."""
+    """Whether the spacing of a body, or its nodes from a file, are symmetric."""
     if not body.has_nodes:
         return spacing_of(case, body).symmetric(line)
     points = _points(case, body)
@@ -47,7 +46,7 @@ def _symmetric(case: Case, body: Body, line: SymmetryLine, size: float) -> bool:
 
 
 def _points(case: Case, body: Body) -> FloatArray:
-    """The nodes (n, 2) that came with a body, or points along its outline."""
+    """The nodes (n, 2) of a body from a file, or points along its outline."""
     if isinstance(body.shape, Mesh | Points):
         return imported_geometry(body.shape).points
     fractions = np.linspace(0.0, 1.0, SAMPLES)

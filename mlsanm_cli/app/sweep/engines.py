@@ -1,4 +1,4 @@
-"""Where the points of a sweep are solved: in this process, in several here, or on a Dask cluster.
+"""Execution of the points of a sweep: in this process, in several local ones, or on a Dask cluster.
 
 Other processes are spawned: a fork would copy the state of threads that numba and BLAS have started.
 """
@@ -18,8 +18,8 @@ from mlsanm_cli.app.sweep.point import SweepPoint, outcome, solve_point
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
 
-ATTEMPTS = 3
-"""A point whose process dies so often is given up: it may be what kills it."""
+MAX_ATTEMPTS = 3
+"""Number of times that the process of a point may die: the point may be the cause."""
 
 Row = Mapping[str, Any]
 
@@ -29,30 +29,31 @@ class Engine(Closing, ABC):
 
     @abstractmethod
     def submit(self, point: SweepPoint) -> None:
-        """Have a point solved, in the order in which they come as far as possible."""
+        """Queue a point; points are solved in the order of submission as far as possible."""
 
     @abstractmethod
     def results(self) -> Iterator[Row]:
-        """Rows of all points submitted, as they end, also during the sweep."""
+        """Rows of all submitted points in the order of their completion; points may be submitted
+        meanwhile."""
 
 
 def local_engine(jobs: int) -> Engine:
-    """This process for one job, else so many new ones."""
+    """This process for one job, or else a pool of processes."""
     return SerialEngine() if jobs == 1 else PoolEngine(jobs)
 
 
 class SerialEngine(Engine):
-    """One point after the other in this process."""
+    """Solves points one after the other in this process."""
 
     def __init__(self) -> None:
         self._waiting: deque[SweepPoint] = deque()
 
     def submit(self, point: SweepPoint) -> None:
-        """Put a point behind those of its geometry: what follows a first point comes before other firsts."""
+        """Queue a point after those of its geometry, before those of others."""
         self._waiting.append(point)
 
     def results(self) -> Iterator[Row]:
-        """Solve what waits; points that come meanwhile first, for their operators are at hand."""
+        """Solve the queued points; those submitted meanwhile first, as their operators are in memory."""
         while self._waiting:
             before = len(self._waiting) - 1
             row = solve_point(self._waiting.popleft())
@@ -62,12 +63,12 @@ class SerialEngine(Engine):
                 return
 
     def close(self) -> None:
-        """Give up what is not solved."""
+        """Discard the queued points."""
         self._waiting.clear()
 
 
 class PoolEngine(Engine):
-    """Spawned processes. When one dies, the pool is restarted and unfinished points are repeated."""
+    """Pool of spawned processes. If one dies, the pool is restarted and unfinished points are repeated."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -76,23 +77,23 @@ class PoolEngine(Engine):
         self._attempts: dict[str, int] = {}
 
     def submit(self, point: SweepPoint) -> None:
-        """Hand a point to the pool."""
+        """Submit a point to the pool."""
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(self._jobs, mp_context=context, initializer=_leave_signals)
         try:
             self._running[self._pool.submit(solve_point, point)] = point
         except BrokenProcessPool:
-            # The breakage is seen by its other points; this one only needs a new pool.
+            # The broken pool is handled by its other points; this one only needs a new pool.
             self._pool = None
             self.submit(point)
 
     def results(self) -> Iterator[Row]:
-        """Rows as they end."""
+        """Rows in the order of completion."""
         while self._running:
             finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
             if any(isinstance(future.exception(), BrokenProcessPool) for future in finished):
-                # Nothing that the pool still had will come any more.
+                # No other point of the pool will complete.
                 finished, _ = wait(self._running)
                 self._pool = None
             ended = [
@@ -107,29 +108,30 @@ class PoolEngine(Engine):
             yield from self._again(lost)
 
     def _again(self, lost: list[SweepPoint]) -> Iterator[Row]:
-        """Repeat points lost with a process, on a new pool; rows of those given up."""
+        """Repeat points lost with a process on a new pool; returns rows of those that have failed too
+        often."""
         for number, point in enumerate(lost):
-            # Only those that had begun, the first of them, can be what killed it.
+            # Only the first points, which had begun, may be the cause.
             count = self._attempts.get(point.name, 0) + (number < self._jobs)
             self._attempts[point.name] = count
-            if count >= ATTEMPTS:
+            if count >= MAX_ATTEMPTS:
                 yield outcome(point, "failed", f"its process died {count} times")
             else:
                 self.submit(point)
 
     def close(self) -> None:
-        """Give up what is not solved."""
+        """Discard the unfinished points."""
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _leave_signals() -> None:
-    """Ctrl-C reaches all processes; a run listens to it by itself, and one that waits shall not complain."""
+    """Ctrl-C reaches all processes: runs handle it, and idle processes ignore it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class DaskEngine(Engine):
-    """An existing Dask cluster, whose workers see the same files; it repeats what dies with a worker."""
+    """Existing Dask cluster with a shared file system; it repeats points that die with a worker."""
 
     def __init__(self, client: Any, as_completed: Any) -> None:
         self._client = client
@@ -137,13 +139,13 @@ class DaskEngine(Engine):
         self._points: dict[str, SweepPoint] = {}
 
     def submit(self, point: SweepPoint) -> None:
-        """Hand a point to the scheduler; earlier ones first."""
+        """Submit a point to the scheduler, with decreasing priority."""
         future = self._client.submit(solve_point, point, pure=False, priority=-len(self._points))
         self._points[future.key] = point
         self._completed.add(future)
 
     def results(self) -> Iterator[Row]:
-        """Rows as they end."""
+        """Rows in the order of completion."""
         for future in self._completed:
             point = self._points[future.key]
             try:
@@ -153,17 +155,17 @@ class DaskEngine(Engine):
                     "the Dask scheduler is no longer available", "start it, and the sweep again"
                 ) from error
             except Exception as error:
-                # Whatever happened on a worker belongs to this point alone.
+                # Errors on a worker concern this point only.
                 row = outcome(point, "failed", f"{type(error).__name__}: {error}")
             yield row
 
     def close(self) -> None:
-        """Give up what is not solved."""
+        """Discard the unfinished points."""
         self._client.close()
 
 
 def dask_engine(scheduler: str) -> Engine:
-    """The cluster of the scheduler at this address; RunError without dask, and where no scheduler answers."""
+    """Cluster of the scheduler at an address. RunError if dask is not installed or no scheduler answers."""
     try:
         from distributed import Client, as_completed
     except ImportError as error:

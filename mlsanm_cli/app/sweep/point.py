@@ -1,4 +1,4 @@
-"""One point of a sweep, as a process solves it that solves others before and after."""
+"""One point of a sweep, solved by a process that may solve others."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _ONE_AT_A_TIME = threading.Lock()
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """A run still to be made: the case, its changes, where it goes, and how; ``memory`` is how many results
-    its process keeps. ``done`` means that it need not be made."""
+    """A run to be made: the case, its changes, directory and options; ``memory`` is the number of results
+    that its process keeps, and ``done`` points are skipped."""
 
     case: Path
     overrides: tuple[str, ...]
@@ -33,14 +33,14 @@ class SweepPoint:
 
 
 def solve_point(point: SweepPoint) -> Mapping[str, Any]:
-    """Run one point; its name, status and stop reason, whatever happens to it."""
+    """Run one point; returns its name, status and stop reason, also if it fails."""
     with _ONE_AT_A_TIME:
         try:
             summary = run(
                 point.case,
                 overrides=point.overrides,
                 out=point.directory,
-                # What lies there is a run of the same case that did not end well.
+                # The directory holds an unsuccessful run of the same case.
                 force=True,
                 threads=point.threads,
                 console=Silent(),
@@ -56,7 +56,7 @@ def solve_point(point: SweepPoint) -> Mapping[str, Any]:
 
 
 def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> Mapping[str, Any]:
-    """How a point ended, and how many warnings its summary has."""
+    """Status of a point and the number of warnings in its summary."""
     return {
         "name": point.name,
         "directory": str(point.directory),
@@ -68,24 +68,24 @@ def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> M
 
 @lru_cache(maxsize=1)
 def _memo(memory: int) -> Memo:
-    """The process's memo."""
+    """Memo of the process."""
     return Memo(memory)
 
 
 class Silent:
-    """A console for runs whose results speak for themselves: warnings are counted and in their summaries."""
+    """Console without output: warnings are counted and stored in summaries."""
 
     def phase(self, text: str) -> None:
-        """Says nothing."""
+        """No output."""
 
     def step(self, index: int, position: float, residual: float, text: str) -> None:
-        """Says nothing."""
+        """No output."""
 
     def note(self, text: str) -> None:
-        """Says nothing."""
+        """No output."""
 
     def warning(self, text: str) -> None:
-        """Says nothing."""
+        """No output."""
 
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
-        """Says nothing."""
+        """No output."""

@@ -1,6 +1,6 @@
-"""``mlsanm sweep``: a case solved for every combination of some values, each in a run directory of its own.
+"""``mlsanm sweep``: a case solved for all combinations of given values, each in its own run directory.
 
-Points of one geometry follow each other, so that a process that has its operators uses them again.
+Points of one geometry are consecutive, so that a process can reuse their operators.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from mlsanm_cli.memo import digest
 TABLE_FILE = "sweep.csv"
 RESULTS_PER_BODY = 8
 """A process keeps so many of a scene's results for each of its bodies."""
-LONGEST = 120
-"""Longest name of a run directory, made of the values; what is longer ends with a digest."""
+MAX_NAME_LENGTH = 120
+"""Longest name of a run directory, made of the values; longer ones end with a digest."""
 
 
 @dataclass(frozen=True)
 class SweepOptions:
-    """How a sweep is run: ``jobs`` processes here, or on the Dask cluster at ``scheduler``; ``force`` repeats
-    points that are done."""
+    """Options of a sweep: ``jobs`` local processes, or the Dask cluster at ``scheduler``; ``force`` repeats
+    completed points."""
 
     jobs: int = 1
     threads: int = 1
@@ -53,12 +53,12 @@ def sweep(
     console: Console,
     argv: tuple[str, ...] = (),
 ) -> Mapping[str, Any]:
-    """Solve every point that is not done yet and write ``sweep.csv`` with a row for each.
+    """Solve every point that is not completed yet, and write ``sweep.csv`` with a row for each.
 
-    ``varied`` are KEY=VALUES texts. Returns how many points are done, skipped because they were done before,
-    failed, and stopped or not begun, and a row per point that did not end well. Raises CaseError or RunError,
-    with nothing run, where a point cannot be run as written, and where a directory holds another case's run
-    unless forced.
+    ``varied`` are KEY=VALUES texts. Returns the numbers of points completed, skipped because completed
+    before, failed, and stopped or not begun, and a row for each point that did not end well. CaseError or
+    RunError, before any run, if a point is invalid, or if a directory holds a run of another case and
+    ``force`` is not set.
     """
     if not varied:
         raise RunError("nothing varies", "name a key and its values, as in --vary solver.order=10,20")
@@ -125,7 +125,7 @@ def _plan(
             directory=place,
             name=place.name,
             threads=options.threads,
-            # Clouds, operators and answers of two geometries.
+            # Clouds, operators and responses of two geometries.
             memory=2 * RESULTS_PER_BODY * (1 + len(loaded.case.body)),
             argv=argv,
             done=done,
@@ -139,7 +139,7 @@ def _plan(
 
 
 def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
-    """A problem of a value that varies, reported as such."""
+    """A problem reported with the value that varies."""
     texts = dict(text.split("=", 1) for text in values)
     if problem.source != "--set" or problem.key not in texts:
         return problem
@@ -150,7 +150,7 @@ def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
 
 
 def _refuse_other(directory: Path, case_hash: str) -> None:
-    """Raise RunError where a directory holds another case's run, or other files."""
+    """RunError if a directory holds a run of another case, or other files."""
     other = held_case(directory)
     if other is None:
         run_dir.check(directory, force=False)
@@ -161,15 +161,15 @@ def _refuse_other(directory: Path, case_hash: str) -> None:
 
 
 def point_name(values: Sequence[str]) -> str:
-    """A directory's name for one point: its values, in whatever order they were named."""
+    """Directory name of a point: its values, independent of the order of the keys."""
     name = ",".join(run_dir.file_part(value) for value in sorted(values)).replace("%3D", "=")
-    if len(name) <= LONGEST:
+    if len(name) <= MAX_NAME_LENGTH:
         return name
-    return f"{name[:LONGEST]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    return f"{name[:MAX_NAME_LENGTH]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def geometry(case: Case) -> str:
-    """Equal for cases that share their operators; only the order of points depends on it."""
+    """Key that is equal for cases with the same operators; it only determines the order of points."""
     content = resolved_mapping(case)
     contacts = [
         {key: value for key, value in contact.items() if key != "regularization"}
@@ -180,7 +180,7 @@ def geometry(case: Case) -> str:
 
 
 def _results(engine: Engine, planned: Sequence[Sequence[SweepPoint]]) -> Iterator[Mapping[str, Any]]:
-    """Rows of the points that are not done, as they end."""
+    """Rows of the points that are not completed yet, in the order of completion."""
     with engine:
         for group in planned:
             for point in group:

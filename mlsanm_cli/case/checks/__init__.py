@@ -1,1 +1,1 @@
-"""Relations between the parts of a valid case."""
+"""Checks of the relations between the parts of a case."""

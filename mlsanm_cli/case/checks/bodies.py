@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.case.checks.sound import Sound
+from mlsanm_cli.case.checks.valid_parts import ValidParts
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Body
 from mlsanm_cli.case.model.files import Geometry, GeometryInspector, Points
@@ -11,22 +11,22 @@ from mlsanm_cli.case.model.shapes import shape_faults
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.errors import GeometryError, OutlineError
 
-ROUND_OFF = 1e-9
-"""Smallest spacing, relative to the largest coordinate."""
+MIN_RELATIVE_SPACING = 1e-9
+"""Smallest spacing, relative to the largest coordinate: coordinates must resolve it."""
 
 
 def geometries_of(
-    sound: Sound, inspect_geometry_file: GeometryInspector | None, report: Report
+    parts: ValidParts, inspector: GeometryInspector | None, report: Report
 ) -> dict[int, Geometry]:
-    if not sound.count("body") and not report.has(("body",)):
+    if not parts.count("body") and not report.has(("body",)):
         report.add(("body",), "the list is empty, at least one item is required", "add [[body]]")
     found: dict[int, Geometry] = {}
-    for index, body in sound.bodies.items():
+    for index, body in parts.bodies.items():
         path: KeyPath = ("body", index, "shape")
         faults = tuple(shape_faults(body.shape))
-        if not faults and inspect_geometry_file is not None and not report.touches(path):
+        if not faults and inspector is not None and not report.touches(path):
             try:
-                found[index] = inspect_geometry_file.geometry(body.shape)
+                found[index] = inspector.geometry(body.shape)
             except OutlineError as error:
                 faults = error.faults
             except GeometryError as error:
@@ -36,10 +36,10 @@ def geometries_of(
     return found
 
 
-def check_materials(sound: Sound, report: Report) -> None:
-    table = sound.data.get("material")
+def check_materials(parts: ValidParts, report: Report) -> None:
+    table = parts.data.get("material")
     defined = [name for name in table if isinstance(name, str)] if isinstance(table, dict) else []
-    used = sound.texts("body", "material")
+    used = parts.texts("body", "material")
     for index, name in used:
         if name not in defined:
             hint = suggestion(name, defined, "materials")
@@ -48,13 +48,13 @@ def check_materials(sound: Sound, report: Report) -> None:
         if name not in [other for _, other in used]:
             hint = f'remove it, or write material = "{name}" in a body'
             report.add(("material", name), "no body uses this material", hint)
-    plane = sound.model.plane if sound.model else None
-    for name, material in sound.case.material.items():
+    plane = parts.model.plane if parts.model else None
+    for name, material in parts.case.material.items():
         check_material(material, ("material", name), plane, report)
 
 
 def check_spacing(body: Body, index: int, report: Report) -> None:
-    """Bodies with nodes from a file have no spacing of their own."""
+    """Adds keys of the spacing that a body with nodes from a file cannot have."""
     path: KeyPath = ("body", index)
     if not body.has_nodes:
         return
@@ -75,9 +75,9 @@ def check_body(body: Body, shape: Geometry, index: int, report: Report) -> None:
     spacings = [] if given is None else [((*path, "spacing"), given)]
     spacings += [((*path, "refine", n, "spacing"), refine.spacing) for n, refine in enumerate(body.refine)]
     for key, spacing in spacings:
-        if spacing < ROUND_OFF * far:
+        if spacing < MIN_RELATIVE_SPACING * far:
             message = f"{spacing:g} is below round-off for coordinates up to {far:g}"
-            report.add(key, message, f"at least {ROUND_OFF * far:.2g}")
+            report.add(key, message, f"at least {MIN_RELATIVE_SPACING * far:.2g}")
     if given is not None and given > shape.size > 0.0:
         report.add((*path, "spacing"), f"{given:g} is larger than the body ({shape.size:g})")
     for place, refine in enumerate(body.refine):

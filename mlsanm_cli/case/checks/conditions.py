@@ -1,4 +1,4 @@
-"""Overlapping boundary conditions: a component of a boundary is either fixed or loaded, and a contact surface
+"""Conflicting boundary conditions: a component of a boundary is either fixed or loaded, and a contact surface
 is not fixed."""
 
 from __future__ import annotations
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from mlsanm_cli.case.checks.sound import Sound
+from mlsanm_cli.case.checks.valid_parts import ValidParts
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import split_boundary
 from mlsanm_cli.case.model.case import Support
@@ -24,14 +24,14 @@ from mlsanm_cli.case.report import Report
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 
-# Kinds that may be combined in one component: values of one kind add up, each with its own load factor.
-_ADDING: frozenset[Kind] = frozenset({"displacement", "traction", "platen force", "platen displacement"})
+_ADDITIVE: frozenset[Kind] = frozenset({"displacement", "traction", "platen force", "platen displacement"})
+"""Values of one of these kinds add up in a component, each with its own load factor."""
 
 
 @dataclass(frozen=True)
-class Claim:
-    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it. Whether parts overlap is
-    checked later on the outlines."""
+class Condition:
+    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it (``partial``). Whether
+    parts overlap is checked later, on the outlines."""
 
     boundary: str
     component: int
@@ -41,44 +41,44 @@ class Claim:
     partial: bool = False
 
 
-def check_conditions(sound: Sound, report: Report) -> None:
+def check_conditions(parts: ValidParts, report: Report) -> None:
     """Adds a problem for every pair of conditions that exclude each other."""
-    claims = [*_support_claims(sound), *_load_claims(sound)]
-    taken: dict[tuple[str, int], list[Claim]] = {}
+    conditions = [*_support_conditions(parts), *_load_conditions(parts)]
+    taken: dict[tuple[str, int], list[Condition]] = {}
     reported: set[tuple[KeyPath, KeyPath]] = set()
-    for claim in claims:
-        earlier = taken.setdefault((claim.boundary, claim.component), [])
-        others = (one for one in earlier if not (claim.partial or one.partial))
-        other = next((one for one in others if not may_meet(one.kind, claim.kind)), None)
-        earlier.append(claim)
-        if other is not None and (other.path, claim.path) not in reported:
-            reported.add((other.path, claim.path))
-            component = "xy"[claim.component]
-            message = f"{claim.label} and {other.label} both act on {claim.boundary} in {component}"
-            report.add(claim.path, message, "one condition per boundary and direction")
-    _check_point_supports(sound, report)
-    _check_rotations(sound, report)
-    _check_obstacle_motions(sound, report)
-    _check_contact_surfaces(sound, report, claims)
+    for condition in conditions:
+        earlier = taken.setdefault((condition.boundary, condition.component), [])
+        others = (one for one in earlier if not (condition.partial or one.partial))
+        other = next((one for one in others if not compatible(one.kind, condition.kind)), None)
+        earlier.append(condition)
+        if other is not None and (other.path, condition.path) not in reported:
+            reported.add((other.path, condition.path))
+            where = f"on {condition.boundary} in {'xy'[condition.component]}"
+            message = f"{condition.label} and {other.label} both act {where}"
+            report.add(condition.path, message, "one condition per boundary and direction")
+    _check_point_supports(parts, report)
+    _check_rotations(parts, report)
+    _check_obstacle_motions(parts, report)
+    _check_contact_surfaces(parts, report, conditions)
 
 
-def may_meet(one: Kind, other: Kind) -> bool:
-    """Springs may be combined with tractions; conditions of one kind add up."""
-    return (one == other and one in _ADDING) or {one, other} == {"spring", "traction"}
+def compatible(one: Kind, other: Kind) -> bool:
+    """Whether two conditions may act on the same component: additive ones, or springs and tractions."""
+    return (one == other and one in _ADDITIVE) or {one, other} == {"spring", "traction"}
 
 
-def _support_claims(sound: Sound) -> Iterator[Claim]:
-    for index, support in sound.supports.items():
+def _support_conditions(parts: ValidParts) -> Iterator[Condition]:
+    for index, support in parts.supports.items():
         if support.place is None:
             continue
         for boundary in support.place.boundaries:
             for component, kind in support_components(support):
                 label, part = f"a {kind}", support.ends is not None
-                yield Claim(boundary, component, kind, ("support", index), label, part)
+                yield Condition(boundary, component, kind, ("support", index), label, part)
 
 
 def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
-    """The components that a support fixes or has springs in."""
+    """The components in which a support fixes its boundary or has springs."""
     for component, value in enumerate((support.ux, support.uy)):
         if value is not None:
             yield component, "support"
@@ -87,24 +87,24 @@ def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
             yield component, "spring"
 
 
-def _load_claims(sound: Sound) -> Iterator[Claim]:
-    for index, load in sound.loads.items():
+def _load_conditions(parts: ValidParts) -> Iterator[Condition]:
+    for index, load in parts.loads.items():
         if isinstance(load, BodyForce | Temperature | ObstacleMotion):
             continue
         for boundary in [name for place in load.places for name in place.boundaries]:
-            # A pressure on a boundary along an axis has no component along that axis.
+            # A pressure on a boundary parallel to an axis has no component along that axis.
             name, edge = split_boundary(boundary)
-            shape = sound.geometry(name)
+            shape = parts.geometry(name)
             normal = shape.normals.get(edge) if shape is not None else None
             for component, kind in load_components(load, normal):
                 label, part = f'load "{load.name}" ({kind})', load.ends is not None
-                yield Claim(boundary, component, kind, ("load", index), label, part)
+                yield Condition(boundary, component, kind, ("load", index), label, part)
 
 
 def load_components(
     load: Traction | Pressure | Displacement | Platen, normal: tuple[float, float] | None
 ) -> Iterator[tuple[int, Kind]]:
-    """The components that a load on a boundary prescribes; ``normal`` is that of a straight boundary."""
+    """The components that a load prescribes; ``normal`` is that of a straight boundary, else None."""
     if isinstance(load, Platen):
         for direction, (control, _) in load.control.items():
             yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
@@ -122,9 +122,9 @@ def load_components(
                 yield component, "traction"
 
 
-def _check_point_supports(sound: Sound, report: Report) -> None:
+def _check_point_supports(parts: ValidParts, report: Report) -> None:
     seen: set[tuple[str, tuple[float, float], int]] = set()
-    for index, support in sound.supports.items():
+    for index, support in parts.supports.items():
         if support.body is None or support.near is None:
             continue
         for component, value in enumerate((support.ux, support.uy)):
@@ -137,9 +137,9 @@ def _check_point_supports(sound: Sound, report: Report) -> None:
             seen.add(point)
 
 
-def _check_rotations(sound: Sound, report: Report) -> None:
+def _check_rotations(parts: ValidParts, report: Report) -> None:
     first: dict[str, Platen] = {}
-    for index, load in sound.loads.items():
+    for index, load in parts.loads.items():
         if not isinstance(load, Platen):
             continue
         other = first.setdefault(load.label, load)
@@ -151,10 +151,10 @@ def _check_rotations(sound: Sound, report: Report) -> None:
             report.add(("load", index, "hinge"), message, "loads on one boundary act on one platen")
 
 
-def _check_obstacle_motions(sound: Sound, report: Report) -> None:
-    """A direction of an obstacle has either forces or displacements."""
+def _check_obstacle_motions(parts: ValidParts, report: Report) -> None:
+    """Adds a problem where forces and displacements act on an obstacle in one direction."""
     first: dict[tuple[str, str], tuple[str, str]] = {}
-    for index, load in sound.loads.items():
+    for index, load in parts.loads.items():
         if isinstance(load, ObstacleMotion):
             for direction, (control, _) in load.control.items():
                 other, name = first.setdefault((load.obstacle, direction), (control, load.name))
@@ -163,15 +163,15 @@ def _check_obstacle_motions(sound: Sound, report: Report) -> None:
                     report.add(("load", index), message, "use one of the two in each direction")
 
 
-def _check_contact_surfaces(sound: Sound, report: Report, claims: list[Claim]) -> None:
-    for index, contact in sound.contacts.items():
+def _check_contact_surfaces(parts: ValidParts, report: Report, conditions: list[Condition]) -> None:
+    for index, contact in parts.contacts.items():
         for key, side in zip(("slave", "master"), contact.sides, strict=False):
             path: KeyPath = ("contact", index, key)
-            for claim in claims:
+            for condition in conditions:
                 # Prescribed tractions and contact tractions add up.
-                apart = claim.partial and side.ends is not None
-                if claim.boundary in side.boundaries and claim.kind != "traction" and not apart:
-                    message = f"{claim.label} acts on the contact surface {claim.boundary}"
+                apart = condition.partial and side.ends is not None
+                if condition.boundary in side.boundaries and condition.kind != "traction" and not apart:
+                    message = f"{condition.label} acts on the contact surface {condition.boundary}"
                     hint = (
                         "only tractions and pressures may act on a contact surface: restrict both to "
                         "different parts of it with from and to"

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.case.checks.sound import Sound
+from mlsanm_cli.case.checks.valid_parts import ValidParts
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
 from mlsanm_cli.case.model.places import BoundaryPart
 from mlsanm_cli.case.report import Report, suggestion
 
 
-def check_loads(sound: Sound, report: Report) -> None:
+def check_loads(parts: ValidParts, report: Report) -> None:
     """Adds missing, duplicate and contradictory values of loads and supports."""
-    for index in sound.supports:
-        _check_support(sound, report, index)
-    for index, load in sound.loads.items():
+    for index in parts.supports:
+        _check_support(parts, report, index)
+    for index, load in parts.loads.items():
         path: KeyPath = ("load", index)
         if isinstance(load, BoundaryPart):
             check_ends(load, path, report)
         if isinstance(load, Platen | ObstacleMotion):
-            _check_moving(sound, load, path, report)
+            _check_moving(parts, load, path, report)
             if isinstance(load, Platen):
                 _check_turning(load, path, report)
         elif isinstance(load, Traction | Pressure):
@@ -26,12 +26,12 @@ def check_loads(sound: Sound, report: Report) -> None:
         elif isinstance(load, Displacement):
             _check_displacement(load, path, report)
         elif isinstance(load, Temperature):
-            _check_temperature(sound, load, path, report)
-    _check_obstacle_names(sound, report)
+            _check_temperature(parts, load, path, report)
+    _check_obstacle_names(parts, report)
 
 
 def check_ends(part: BoundaryPart, path: KeyPath, report: Report) -> None:
-    """Both ends of a part are given, or none."""
+    """Adds a problem if only one end of a part is given, or if both are the same point."""
     if (part.start is None) != (part.to is None):
         key, other = ("from", "to") if part.to is None else ("to", "from")
         report.add((*path, key), f'needs "{other}" too', "give both ends of the part of the boundary")
@@ -39,8 +39,8 @@ def check_ends(part: BoundaryPart, path: KeyPath, report: Report) -> None:
         report.add((*path, "to"), "is the same point", "give two different ends of the part of the boundary")
 
 
-def _check_support(sound: Sound, report: Report, index: int) -> None:
-    support, path = sound.supports[index], ("support", index)
+def _check_support(parts: ValidParts, report: Report, index: int) -> None:
+    support, path = parts.supports[index], ("support", index)
     check_ends(support, path, report)
     if support.boundary is None and (support.start is not None or support.to is not None):
         report.add(path, '"from" and "to" need a boundary', 'give "boundary"')
@@ -69,7 +69,7 @@ def _check_support(sound: Sound, report: Report, index: int) -> None:
         report.add(path, "fixes nothing", "give ux = 0.0, uy = 0.0 or both, or spring = [kx, ky]")
     for key in ("ux", "uy"):
         if getattr(support, key):
-            message = "a support that moves its boundary is not supported yet"
+            message = "a nonzero displacement of a support is not supported yet"
             report.add((*path, key), message, 'a load of kind "displacement" moves a boundary')
 
 
@@ -91,15 +91,15 @@ def _check_displacement(load: Displacement, path: KeyPath, report: Report) -> No
         report.add((*path, "displacement"), "missing (required)", hint)
 
 
-def _check_temperature(sound: Sound, load: Temperature, path: KeyPath, report: Report) -> None:
-    body = next((body for body in sound.bodies.values() if body.name == load.body), None)
-    material = sound.case.material.get(body.material) if body is not None else None
+def _check_temperature(parts: ValidParts, load: Temperature, path: KeyPath, report: Report) -> None:
+    body = next((body for body in parts.bodies.values() if body.name == load.body), None)
+    material = parts.case.material.get(body.material) if body is not None else None
     if body is not None and material is not None and material.alpha is None:
         message = f'material "{body.material}" of body "{body.name}" has no thermal expansion'
         report.add(path, message, f"give alpha in [material.{body.material}]")
 
 
-def _check_moving(sound: Sound, load: Platen | ObstacleMotion, path: KeyPath, report: Report) -> None:
+def _check_moving(parts: ValidParts, load: Platen | ObstacleMotion, path: KeyPath, report: Report) -> None:
     single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
     if load.force is not None and load.displacement is not None:
         report.add(
@@ -110,7 +110,7 @@ def _check_moving(sound: Sound, load: Platen | ObstacleMotion, path: KeyPath, re
         report.add(
             (*path, single[0]), f'"{both}" gives both components already', "ux or fx, and uy or fy instead"
         )
-    elif not (load.control or _turns(sound, load)):
+    elif not (load.control or _turns(parts, load)):
         what = "a platen" if isinstance(load, Platen) else "the motion of an obstacle"
         report.add(path, f"{what} needs a direction", "give force, displacement, or ux/uy/fx/fy")
     for u, f in (("ux", "fx"), ("uy", "fy")):
@@ -118,16 +118,16 @@ def _check_moving(sound: Sound, load: Platen | ObstacleMotion, path: KeyPath, re
             report.add((*path, f), f"{u} is given for this direction too", "give one of the two")
 
 
-def _turns(sound: Sound, load: Platen | ObstacleMotion) -> bool:
-    """Whether a load turns an obstacle, or is a moment on a plate that other loads give directions."""
+def _turns(parts: ValidParts, load: Platen | ObstacleMotion) -> bool:
+    """Whether a load turns an obstacle, or is a moment on a plate whose directions other loads control."""
     if isinstance(load, ObstacleMotion):
         return load.rotation != 0.0
-    plates = [one for one in sound.loads.values() if isinstance(one, Platen) and one.control]
+    plates = [one for one in parts.loads.values() if isinstance(one, Platen) and one.control]
     return load.moment is not None and load.label in [one.label for one in plates]
 
 
 def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:
-    """Moment and hinge need a plate that can rotate."""
+    """Adds moments and hinges of plates that cannot rotate, and parts of plates on several bodies."""
     if load.moment is not None and load.turning != "free":
         hint = 'remove rotation, or write rotation = "free"'
         report.add((*path, "moment"), "a moment needs a plate that is free to rotate", hint)
@@ -141,14 +141,14 @@ def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:
         )
 
 
-def _check_obstacle_names(sound: Sound, report: Report) -> None:
-    """Loads of kind obstacle need a contact with an obstacle."""
-    names = [contact.name for contact in sound.contacts.values() if contact.obstacle is not None]
-    known = [name for _, name in sound.names("contact")]
-    for index, name in sound.texts("load", "obstacle"):
+def _check_obstacle_names(parts: ValidParts, report: Report) -> None:
+    """Adds loads of kind obstacle whose contact does not exist or has no obstacle."""
+    names = [contact.name for contact in parts.contacts.values() if contact.obstacle is not None]
+    known = [name for _, name in parts.names("contact")]
+    for index, name in parts.texts("load", "obstacle"):
         if name not in known:
             hint = suggestion(name, names or known, "contacts with an obstacle")
             report.add(("load", index, "obstacle"), f'there is no contact "{name}"', hint)
-        elif name in [contact.name for contact in sound.contacts.values()] and name not in names:
+        elif name in [contact.name for contact in parts.contacts.values()] and name not in names:
             message = f'contact "{name}" has a master and no obstacle'
             report.add(("load", index, "obstacle"), message, 'a load of kind "platen" moves a boundary')

@@ -1,39 +1,39 @@
-"""Checks of approximation, solver and regularisation, and of what depends on them."""
+"""Checks of approximation, refinement, solver, contact laws and output."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
 
-from mlsanm_cli.case.checks.sound import Sound
+from mlsanm_cli.case.checks.valid_parts import ValidParts
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.report import Report
 
-MOST_NEIGHBORS = 20
-"""Largest number of nodes of a stencil per coefficient of the polynomial."""
-LOWEST_AUTO = 2
-"""The lowest degree that "auto" takes."""
+MAX_NEIGHBORS_PER_TERM = 20
+"""Largest number of nodes of a stencil per coefficient of its polynomial."""
+MIN_AUTO_DEGREE = 2
+"""Lowest degree that "auto" selects."""
 
 
-def check_numerics(sound: Sound, report: Report) -> None:
-    case = sound.case
+def check_numerics(parts: ValidParts, report: Report) -> None:
+    case = parts.case
     if case.mls.neighbors != "auto":
-        degree = case.mls.degree if case.mls.degree != "auto" else LOWEST_AUTO
+        degree = case.mls.degree if case.mls.degree != "auto" else MIN_AUTO_DEGREE
         terms = (degree + 1) * (degree + 2) // 2
         path: KeyPath = ("mls", "neighbors")
         of = f"the {terms} terms of degree {degree}"
         if case.mls.neighbors < terms:
             hint = f'at least {terms}, better twice as many, or "auto"'
             report.add(path, f"{case.mls.neighbors} nodes are too few for {of}", hint)
-        elif case.mls.neighbors > MOST_NEIGHBORS * terms:
-            hint = f'at most {MOST_NEIGHBORS * terms}, or "auto"'
+        elif case.mls.neighbors > MAX_NEIGHBORS_PER_TERM * terms:
+            hint = f'at most {MAX_NEIGHBORS_PER_TERM * terms}, or "auto"'
             report.add(path, f"{case.mls.neighbors} nodes are too many for {of}", hint)
-    _check_laws(sound, report, [one for one in case.contact if not one.bonded])
+    _check_laws(parts, report, [one for one in case.contact if not one.bonded])
     if case.adapt.passes:
         fixed = [body.name for body in case.body if body.has_nodes]
         if fixed:
-            message = f'body "{fixed[0]}" cannot be refined: its nodes are those of its file'
+            message = f'body "{fixed[0]}" cannot be refined: its nodes come from a file'
             report.add(("adapt", "passes"), message, 'write 0, or take the outline only: use = "outline"')
         if case.contact and not case.touching:
             hint = "write 0, and refine along the bonds and at their ends with [[body.refine]]"
@@ -41,27 +41,27 @@ def check_numerics(sound: Sound, report: Report) -> None:
     for field, times in Counter(case.output.fields).items():
         if times > 1:
             report.add(("output", "fields"), f'"{field}" is listed {times} times')
-    stages = sound.count("stage") if "stage" in sound.data else 1
+    stages = parts.count("stage") if "stage" in parts.data else 1
     for index, position in enumerate(case.output.at):
         if not 0.0 <= position <= stages:
             message = f"{position:g} is outside the path, which goes from 0 to {stages}"
             report.add(("output", "at", index), message, "a position is the stage index + fraction")
 
 
-def _check_laws(sound: Sound, report: Report, contacts: Iterable[Contact]) -> None:
+def _check_laws(parts: ValidParts, report: Report, contacts: Iterable[Contact]) -> None:
     laws = {contact.name: contact.regularization.law for contact in contacts}
     first = next(iter(laws.values()), None)
-    for index, contact in sound.contacts.items():
+    for index, contact in parts.contacts.items():
         if not contact.bonded and contact.regularization.law != first:
             message = f'"{contact.regularization.law}" here, "{first}" in another contact'
             hint = "use one law in all contacts; mixed laws are not supported yet"
             report.add(("contact", index, "regularization", "law"), message, hint)
-    _check_friction_laws(sound, report)
-    if first is None and "contact" in sound.incomplete:
+    _check_friction_laws(parts, report)
+    if first is None and "contact" in parts.incomplete:
         return
-    solver = sound.case.solver
+    solver = parts.case.solver
     if solver.polish is True and first != "hyperbolic":
-        why = "the exact contact law needs none" if first else "there is no [[contact]]"
+        why = "the contact law is exact already" if first else "there is no [[contact]]"
         report.add(("solver", "polish"), f"nothing to polish: {why}", "remove it, or set it to false")
     fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(solver.method, first)
     if first not in (None, fitting):
@@ -69,16 +69,16 @@ def _check_laws(sound: Sound, report: Report, contacts: Iterable[Contact]) -> No
         hint = f'law = "{fitting}" in [contact.regularization], or method = "auto"'
         report.add(("solver", "method"), message, hint)
     if solver.formulation == "monolithic":
-        _check_monolithic(sound, first, report)
+        _check_monolithic(parts, first, report)
 
 
-def _check_monolithic(sound: Sound, law: str | None, report: Report) -> None:
-    contacts = sound.case.contact
+def _check_monolithic(parts: ValidParts, law: str | None, report: Report) -> None:
+    contacts = parts.case.contact
     tied = [c.name for c in contacts if c.bonded]
     rigid = [c.name for c in contacts if c.obstacle is not None or c.interference is not None]
     hint = 'formulation = "condensed"'
     if law is None:
-        report.add(("solver", "formulation"), "there is no contact to solve together with the bodies", hint)
+        report.add(("solver", "formulation"), "the monolithic formulation needs a contact", hint)
     elif law != "hyperbolic":
         message = "the exact contact law is solved on the condensed system only"
         other = 'law = "hyperbolic" in [contact.regularization], or ' + hint
@@ -91,9 +91,9 @@ def _check_monolithic(sound: Sound, law: str | None, report: Report) -> None:
         report.add(("solver", "formulation"), message, hint)
 
 
-def _check_friction_laws(sound: Sound, report: Report) -> None:
+def _check_friction_laws(parts: ValidParts, report: Report) -> None:
     frictional = {
-        index: contact for index, contact in sound.contacts.items() if contact.friction and not contact.bonded
+        index: contact for index, contact in parts.contacts.items() if contact.friction and not contact.bonded
     }
     first = next(iter(frictional.values()), None)
     for index, contact in frictional.items():

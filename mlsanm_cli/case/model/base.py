@@ -26,9 +26,9 @@ from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
-LONGEST_NAME = 80
-HIGHEST_DEGREE = 6
+MAX_NAME_LENGTH = 80
 """Names become parts of file names."""
+MAX_DEGREE = 6
 Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
@@ -37,10 +37,10 @@ class Section(BaseModel):
     """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types.
 
     The docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema;
-    a table is described by the docstring of its class.
+    the docstring of the class describes the table.
     """
 
-    # Deferred: the whole case is built once, when it is needed, and not every table before it too.
+    # Deferred: the validator of the whole case is built once, when it is needed, not that of each table.
     model_config = ConfigDict(
         frozen=True,
         extra="forbid",
@@ -53,7 +53,7 @@ class Section(BaseModel):
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """With the docstrings; pydantic would read them out of all source files at every start."""
+        """Adds the docstrings here: pydantic would parse all source files for them at every start."""
         found = handler(core_schema)
         keys = handler.resolve_ref_schema(found)["properties"]
         for name, text in _docstrings(cls).items():
@@ -62,7 +62,7 @@ class Section(BaseModel):
 
 
 def _docstrings(table: type[BaseModel]) -> dict[str, str]:
-    """The docstrings below the keys of a table, by field."""
+    """The docstrings below the fields of a table, by field."""
     found = {}
     for owner in reversed(table.__mro__[: table.__mro__.index(Section)]):
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
@@ -91,7 +91,7 @@ LENGTH, STRESS, FORCE = Unit("length"), Unit("stress"), Unit("force per thicknes
 ANGLE, NUMBER = Unit("degrees"), Unit("dimensionless")
 DENSITY, FOUNDATION = Unit("force per volume"), Unit("stress per length")
 TEMPERATURE, EXPANSION = Unit("temperature"), Unit("per temperature")
-TURN, MOMENT = Unit("radian"), Unit("moment per thickness")
+RADIANS, MOMENT = Unit("radian"), Unit("moment per thickness")
 
 
 def _two_items(value: Any) -> Any:
@@ -101,8 +101,8 @@ def _two_items(value: Any) -> Any:
 
 
 def _name(value: Any) -> str:
-    if isinstance(value, str) and len(value) > LONGEST_NAME:
-        raise PydanticCustomError("name", f"a name has at most {LONGEST_NAME} characters")
+    if isinstance(value, str) and len(value) > MAX_NAME_LENGTH:
+        raise PydanticCustomError("name", f"a name has at most {MAX_NAME_LENGTH} characters")
     if not isinstance(value, str) or NAME_PATTERN.fullmatch(value) is None:
         raise PydanticCustomError("name", "a name consists of letters, digits, _ and -, and is not a number")
     return value
@@ -119,8 +119,9 @@ def _auto_or_count(value: Any) -> int | Literal["auto"]:
 def _auto_or_degree(value: Any) -> int | Literal["auto"]:
     if value == "auto":
         return "auto"
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= HIGHEST_DEGREE:
-        raise PydanticCustomError("auto_or_degree", 'expected "auto" or a whole number from 1 to 6')
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MAX_DEGREE:
+        message = f'expected "auto" or a whole number from 1 to {MAX_DEGREE}'
+        raise PydanticCustomError("auto_or_degree", message)
     return value
 
 
@@ -191,7 +192,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 Name = Annotated[
     str,
     PlainValidator(_name),
-    WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$", "maxLength": LONGEST_NAME}),
+    WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$", "maxLength": MAX_NAME_LENGTH}),
 ]
 """The name of a body, load, contact or material."""
 
@@ -203,9 +204,7 @@ AutoCount = Annotated[
 AutoDegree = Annotated[
     int | Literal["auto"],
     PlainValidator(_auto_or_degree),
-    WithJsonSchema(
-        {"anyOf": [{"const": "auto"}, {"type": "integer", "minimum": 1, "maximum": HIGHEST_DEGREE}]}
-    ),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "minimum": 1, "maximum": MAX_DEGREE}]}),
 ]
 AutoLength = Annotated[
     float | Literal["auto"],

@@ -34,8 +34,8 @@ from mlsanm_cli.case.model.solver import Adapt, Mls, Solver
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.units import Units
 
-HELD = Field(json_schema_extra={"enum": [0.0]})
-"""The only value supported so far."""
+ZERO_ONLY = Field(json_schema_extra={"enum": [0.0]})
+"""0.0 is the only value supported; others are reported by the checks."""
 
 
 class Model(Section):
@@ -100,22 +100,22 @@ class Support(BoundaryPart):
     body: str | None = None
     """Body of which a single node is supported."""
     near: Annotated[Vector, LENGTH] | None = None
-    """A node placed at this point is supported; the nearest one in bodies that bring their nodes."""
-    ux: Annotated[float, HELD, LENGTH] | None = None
+    """A node is placed at this point and supported; in bodies with nodes from a file, the nearest node is."""
+    ux: Annotated[float, ZERO_ONLY, LENGTH] | None = None
     """0.0 fixes the displacement in x; without it x is free."""
-    uy: Annotated[float, HELD, LENGTH] | None = None
+    uy: Annotated[float, ZERO_ONLY, LENGTH] | None = None
     """0.0 fixes the displacement in y; without it y is free."""
     spring: Annotated[Vector, FOUNDATION] | None = None
     """Stiffness of springs on the boundary (Winkler foundation): traction per displacement in x and y."""
 
     @property
     def place(self) -> Place | None:
-        """The boundaries it acts on; None if it fixes a single node."""
+        """The boundaries on which it acts; None if it fixes a single node."""
         return None if self.boundary is None else Place(listed(self.boundary), self.ends)
 
     @property
     def holds(self) -> tuple[bool, bool]:
-        """Whether it resists motion in x and in y."""
+        """Whether it resists displacement in x and in y."""
         springs = self.spring or (0.0, 0.0)
         return self.ux is not None or springs[0] > 0.0, self.uy is not None or springs[1] > 0.0
 
@@ -125,8 +125,8 @@ class Regularization(Section):
 
     law: Literal["exact", "hyperbolic"] = "exact"
     """Exact Signorini and Coulomb conditions, or the regularised contact law (a smooth hyperbola), required
-    by power series; the same in all contacts. Hyperbolic by default where another parameter of this table,
-    `solver.method` `"anm"` or `"newton"`, the monolithic formulation or `solver.polish = true` asks for it;
+    by power series; the same in all contacts. Hyperbolic by default if another parameter of this table,
+    `solver.method` `"anm"` or `"newton"`, the monolithic formulation or `solver.polish = true` requires it;
     always exact at finite strain."""
     eta: Annotated[Positive, NUMBER] = 1e-4
     """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
@@ -156,11 +156,12 @@ class Contact(BoundaryPart):
     """Initial gap in addition to the drawn one: a number or an expression in the coordinates x, y of the
     slave, for crowned, wavy or rough profiles."""
     friction: Annotated[Coefficient, NUMBER] = 0.0
-    """Coulomb's coefficient of friction, or `"bonded"`: touching surfaces are tied together and carry tension
-    as well."""
+    """Coulomb's coefficient of friction, or `"bonded"`: touching surfaces are tied together and also carry
+    tension."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
-    """Tolerance of the contact grid: error of the pressures relative to the largest. At finite strain that of
-    the force, relative to itself: bodies of automatic spacing get nodes for it after a first run."""
+    """Tolerance of the contact grid: error of the pressures relative to the largest pressure. At finite
+    strain, relative error of the contact force: bodies of automatic spacing are refined for it after a first
+    run."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes."""
     regularization: Regularization = Regularization()
@@ -177,7 +178,7 @@ class Contact(BoundaryPart):
 
     @property
     def boundaries(self) -> tuple[str, ...]:
-        """The boundaries of elastic bodies in it: the slave's and, if there is one, the master's."""
+        """Its boundaries of elastic bodies: those of the slave and of the master, if there is one."""
         return tuple(name for side in self.sides for name in side.boundaries)
 
     @property
@@ -243,7 +244,7 @@ class Case(Section):
     model: Model
     units: Units = Units()
     material: dict[Name, Material]
-    # Checked with the relations: a case whose only body has a fault has others, too.
+    # An empty list is reported by the checks: while invalid items are removed it must remain valid.
     body: tuple[Body, ...] = Field(json_schema_extra={"minItems": 1})
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
@@ -266,7 +267,7 @@ class Case(Section):
 
     @property
     def touching(self) -> tuple[Contact, ...]:
-        """The unilateral contacts: all but bonded ones."""
+        """The unilateral contacts, that is, all that are not bonded."""
         return tuple(contact for contact in self.contact if not contact.bonded)
 
     @property
@@ -297,14 +298,14 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _common_plates(cls, data: Any) -> Any:
-        """Loads on one plate share its hinge, and turn with it where they say nothing of that."""
+        """Loads on one plate share its hinge and, unless they set their own, its kind of rotation."""
         if not isinstance(data, dict) or not isinstance(data.get("load"), tuple):
             return data
-        return {**data, "load": tuple(_on_its_plate(row, data["load"]) for row in data["load"])}
+        return {**data, "load": tuple(_with_common_keys(row, data["load"]) for row in data["load"])}
 
 
-def _on_its_plate(row: Any, rows: tuple[Any, ...]) -> Any:
-    """A raw load, completed by what others on the same plate say of hinge and rotation."""
+def _with_common_keys(row: Any, rows: tuple[Any, ...]) -> Any:
+    """A raw load, with missing hinge and rotation from other loads on the same plate."""
     if not isinstance(row, dict) or row.get("kind") != "platen":
         return row
     keys = ("kind", "boundary", "from", "to")

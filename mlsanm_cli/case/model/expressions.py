@@ -1,8 +1,7 @@
 """Expressions in x and y for quantities that depend on position: parsed and checked, never run as Python.
 
 The text is parsed as a Python expression. Only numbers, x, y, pi, arithmetic, comparisons, conditionals
-(``a if x < 1 else b``) and the functions below are allowed. All numbers are floats, so that results cannot
-grow without bound.
+(``a if x < 1 else b``) and the functions below are allowed. All numbers are floats, which bounds their size.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ from functools import lru_cache
 
 from mlsanm_cli.case.report import suggestion
 
-LONGEST = 500
-DEEPEST = 100
+MAX_CHARACTERS = 500
+MAX_DEPTH = 100
 
 Value = Callable[[float, float], float]
 Operation = Callable[..., float]
@@ -48,7 +47,7 @@ _BINARY: Mapping[type[ast.operator], Operation] = {
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    # Never complex; raises OverflowError where integers would fill the memory.
+    # Never complex; raises OverflowError for powers that as integers would fill the memory.
     ast.Pow: math.pow,
 }
 _COMPARED: Mapping[type[ast.cmpop], Callable[[float, float], bool]] = {
@@ -57,7 +56,6 @@ _COMPARED: Mapping[type[ast.cmpop], Callable[[float, float], bool]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
 }
-
 
 NO_UNITS = "numbers have no units: use any consistent ones, as mm, N and MPa"
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\W\d_][\w/^²*]*\s*", re.IGNORECASE)
@@ -73,7 +71,7 @@ def with_unit(text: str) -> bool:
 
 
 class ExpressionError(ValueError):
-    """A problem with an expression, or with its value at some point."""
+    """An invalid expression, or one without a finite value at a point."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(f"{message} ({hint})" if hint else message)
@@ -86,14 +84,14 @@ def compile_expression(text: str) -> Value:
     >>> compile_expression("2*x**2 - y if x > 0 else 0")(3.0, 1.0)
     17.0
     """
-    if len(text) > LONGEST:
-        raise ExpressionError(f"an expression has at most {LONGEST} characters, not {len(text)}")
+    if len(text) > MAX_CHARACTERS:
+        raise ExpressionError(f"an expression has at most {MAX_CHARACTERS} characters, not {len(text)}")
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         hint = NO_UNITS if with_unit(text) else ""
         raise ExpressionError(f'"{text}" is not an expression in x and y', hint) from error
-    return _compiled(tree.body, DEEPEST)
+    return _compiled(tree.body, MAX_DEPTH)
 
 
 def value_at(text: str, x: float, y: float) -> float:
@@ -111,7 +109,7 @@ def value_at(text: str, x: float, y: float) -> float:
 
 def _compiled(node: ast.expr, depth: int) -> Value:
     if depth == 0:
-        raise ExpressionError(f"an expression is nested at most {DEEPEST} levels deep")
+        raise ExpressionError(f"an expression is nested at most {MAX_DEPTH} levels deep")
     if isinstance(node, ast.Constant):
         return _number(node.value)
     if isinstance(node, ast.Name):
@@ -145,7 +143,7 @@ def _applied(operation: Operation, parts: list[Value]) -> Value:
 
 
 def _operands(node: ast.expr) -> list[ast.expr]:
-    """The operands of an expression; none of unsupported nodes."""
+    """The operands of a node, empty for unsupported nodes."""
     if isinstance(node, ast.UnaryOp):
         return [node.operand]
     if isinstance(node, ast.BinOp):

@@ -1,6 +1,6 @@
-"""Shapes given by files of their own, and what the checks of a case need to know of geometry.
+"""Shapes read from files, and the geometry that the checks of a case need.
 
-The case layer does no geometry and reads no such file: whoever loads a case passes in a `GeometryInspector`.
+The case layer does no geometry and reads no geometry files: the caller passes in a `GeometryInspector`.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class _FileShape(Section):
     file: Annotated[str, Field(min_length=1)]
     """Path, relative to the case file."""
     corner: Annotated[Degrees, ANGLE] = 40.0
-    """Angle above which the outline has a corner at a node."""
+    """Angle between the outline's edges at a node above which the node is a corner."""
     sha256: str | None = None
-    """SHA-256 of the file when the case was resolved; a file that has changed is refused."""
+    """SHA-256 of the file when the case was resolved; a changed file is an error."""
 
 
 class Mesh(_FileShape):
@@ -44,12 +44,12 @@ class Mesh(_FileShape):
 
     @property
     def has_nodes(self) -> bool:
-        """Whether the nodes are those of the file."""
+        """Whether the nodes are read from the file."""
         return self.use == "nodes"
 
 
 class Points(_FileShape):
-    """Nodes with names of boundaries."""
+    """Nodes with the names of their boundaries."""
 
     kind: Literal["points"]
     """Kind of shape."""
@@ -65,8 +65,8 @@ FileShape = Mesh | Points
 
 @dataclass(frozen=True)
 class Geometry:
-    """The geometry of a shape: the outward ``normals`` of its boundaries by name, None where they are not
-    straight, the middle and the larger side of its bounding box, and the SHA-256 of the file it is from."""
+    """The geometry of a shape: the outward ``normals`` of its boundaries by name (None if curved), the centre
+    and the larger side of its bounding box, and the SHA-256 of its file, if any."""
 
     normals: Mapping[str, Point | None]
     centre: Point
@@ -76,10 +76,10 @@ class Geometry:
 
 @dataclass(frozen=True)
 class GeometryInspector:
-    """Answers about the geometry of a case.
+    """Functions that examine the geometry of a case.
 
-    ``geometry`` raises GeometryError for shapes that are no bodies; ``floating`` gives a fault for every body
-    without contact that can move freely, with its key in the case.
+    ``geometry`` raises GeometryError for a shape that is not a valid body; ``floating`` returns a fault for
+    every body without contact that can move freely, with its key in the case.
     """
 
     geometry: Callable[[AnyShape], Geometry]

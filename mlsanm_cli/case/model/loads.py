@@ -12,9 +12,9 @@ from mlsanm_cli.case.model.base import (
     FORCE,
     LENGTH,
     MOMENT,
+    RADIANS,
     STRESS,
     TEMPERATURE,
-    TURN,
     Amount,
     AmountVector,
     Name,
@@ -30,7 +30,7 @@ Control = Literal["force", "displacement"]
 Rows = tuple[tuple[float, ...], ...]
 
 
-def _sound(rows: Rows) -> Rows:
+def _checked_rows(rows: Rows) -> Rows:
     problem = row_problem(rows)
     if problem:
         raise PydanticCustomError("table", "{problem}", {"problem": problem})
@@ -50,12 +50,12 @@ class _OnBoundary(BoundaryPart):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """The loaded regions, one per body; only plates have more than one."""
+        """The loaded regions, one per body; only platens have more than one."""
         return (self.place,)
 
     @property
     def owner(self) -> str:
-        """The loaded body, of several the first."""
+        """The loaded body; the first of several."""
         return self.place.body
 
     @property
@@ -88,7 +88,9 @@ class Traction(_OnBoundary):
     """Kind of load."""
     traction: Annotated[AmountVector, STRESS] | None = None
     """Components in x and y: numbers or expressions in x and y."""
-    table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_sound), STRESS] | None = None
+    table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_checked_rows), STRESS] | None = (
+        None
+    )
     """Rows [arc length, x component, y component], interpolated linearly; instead of `traction`."""
 
 
@@ -99,7 +101,7 @@ class Pressure(_OnBoundary):
     """Kind of load."""
     pressure: Annotated[Amount, STRESS] | None = None
     """Pressure, positive in compression: a number or an expression in x and y."""
-    table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_sound), STRESS] | None = None
+    table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_checked_rows), STRESS] | None = None
     """Rows [arc length, pressure], interpolated linearly; instead of `pressure`."""
     follows: bool = False
     """Follower load (finite strain): pressure per current length along the current normal. Otherwise force
@@ -142,10 +144,10 @@ class Temperature(_InBody):
     """Temperature change: a number or an expression in x and y."""
 
 
-class _Moving(Section):
+class _RigidMotion(Section):
     """A rigid body with a prescribed force or displacement in each direction.
 
-    ``force`` or ``displacement`` give both components; ``ux, uy, fx, fy`` one each. Forces are per unit
+    ``force`` and ``displacement`` give both components, ``ux, uy, fx, fy`` one each. Forces are per unit
     thickness.
     """
 
@@ -169,34 +171,31 @@ class _Moving(Section):
         >>> Platen(name="p", boundary="a.top", kind="platen", fy=-2.0).control
         {'y': ('force', -2.0)}
         """
-        held: dict[str, tuple[Control, float]] = {}
-        for axis, direction in enumerate("xy"):
-            if self.force is not None:
-                held[direction] = ("force", self.force[axis])
-            elif self.displacement is not None:
-                held[direction] = ("displacement", self.displacement[axis])
-            else:
-                displacement, force = (self.ux, self.fx) if axis == 0 else (self.uy, self.fy)
-                if displacement is not None:
-                    held[direction] = ("displacement", displacement)
-                elif force is not None:
-                    held[direction] = ("force", force)
-        return held
+        force = self.force or (self.fx, self.fy)
+        displacement = self.displacement or (self.ux, self.uy)
+        found: dict[str, tuple[Control, float]] = {}
+        for direction, f, u in zip("xy", force, displacement, strict=True):
+            if self.force is None and u is not None:
+                found[direction] = ("displacement", u)
+            elif f is not None:
+                found[direction] = ("force", f)
+        return found
 
 
-class Platen(_OnBoundary, _Moving):
-    """A rigid plate bonded to a boundary. A direction without force or displacement is free to slide."""
+class Platen(_OnBoundary, _RigidMotion):
+    """A rigid plate bonded to a boundary. In a direction without force or displacement the boundary is free
+    to slide along the plate."""
 
     boundary: PlateBoundaries
-    """Boundary with the plate, or a list of boundaries, also of several bodies, that move together."""
+    """Boundary with the plate, or a list of boundaries that move together, also of several bodies."""
     kind: Literal["platen"]
     """Kind of load."""
-    rotation: Annotated[Rotation, TURN] = "fixed"
+    rotation: Annotated[Rotation, RADIANS] = "fixed"
     """Rotation of the plate: `"fixed"`, `"free"`, or a prescribed angle (counter-clockwise). Free by default
-    if a `hinge` or a `moment` is given, there or in another load on the same plate."""
+    if a `hinge` or a `moment` is given, here or in another load on the same plate."""
     hinge: Annotated[Vector, LENGTH] | None = None
-    """Reference point of force, moment and displacement; that of other loads on the same plate, or the middle
-    of the boundary by default."""
+    """Reference point of force, moment and displacement; by default that of another load on the same plate,
+    else the middle of the boundary."""
     moment: Annotated[float, MOMENT] | None = None
     """Moment about the hinge, counter-clockwise."""
 
@@ -227,11 +226,11 @@ class Platen(_OnBoundary, _Moving):
 
     @property
     def turning(self) -> Literal["fixed", "free", "prescribed"]:
-        """Kind of rotation."""
+        """The kind of rotation."""
         return "prescribed" if isinstance(self.rotation, float) else self.rotation
 
 
-class ObstacleMotion(_Moving):
+class ObstacleMotion(_RigidMotion):
     """Motion of the rigid obstacle of a contact. A direction without force or displacement is fixed."""
 
     name: Name
@@ -240,20 +239,20 @@ class ObstacleMotion(_Moving):
     """Contact to which the obstacle belongs."""
     kind: Literal["obstacle"]
     """Kind of load."""
-    rotation: Annotated[float, TURN] = 0.0
+    rotation: Annotated[float, RADIANS] = 0.0
     """Angle by which the obstacle turns, counter-clockwise, any number of turns (finite strain only)."""
     pivot: Annotated[Vector, LENGTH] | None = None
-    """Point of the obstacle as drawn about which it turns; it moves with the obstacle. The centre of disks by
+    """Centre of rotation in the undeformed position; it moves with the obstacle. The centre of a disk by
     default."""
 
     @property
     def owner(self) -> None:
-        """No body is loaded directly."""
+        """None: no body is loaded directly."""
         return None
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The loaded bodies."""
+        """Empty: no body is loaded directly."""
         return ()
 
 

@@ -1,4 +1,4 @@
-"""Materials: isotropic, orthotropic or given by a plane stiffness; checks that they are admissible."""
+"""Materials: isotropic, orthotropic or given by a plane stiffness, with checks of admissibility."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ FORMS: dict[Form, tuple[str, ...]] = {
     "stiffness": ("stiffness",),
 }
 """Keys required by each form of a material."""
-ACROSS = ("E3", "nu13", "nu23")
-"""Keys that an orthotropic material requires in addition in plane strain."""
-SYMMETRIC = 1e-9
-DEFINITE = 1e-12
-"""Least determinants of a stiffness or compliance scaled to a unit diagonal."""
+OUT_OF_PLANE = ("E3", "nu13", "nu23")
+"""Additional keys required by an orthotropic material in plane strain."""
+SYMMETRY_TOLERANCE = 1e-9
+"""Largest asymmetry of a stiffness, relative to its largest entry."""
+MIN_DETERMINANT = 1e-12
+"""Of the leading minors of a positive definite stiffness or compliance scaled to a unit diagonal."""
 
 
 def _number(value: Any) -> bool:
@@ -98,8 +99,8 @@ class Material(Section):
         ]
         | None
     ) = None
-    """Coefficient of thermal expansion; for orthotropic materials also [a1, a2, a3] along the axes; with a
-    `stiffness` the strains [xx, yy, 2xy] of a body that is free in the plane."""
+    """Coefficient of thermal expansion; for orthotropic materials also [a1, a2, a3] along the axes; with
+    `stiffness` the strains [xx, yy, 2xy] per degree of a body that is free in the plane."""
 
     law: Literal["linear", "saint-venant-kirchhoff", "neo-hookean"] = "linear"
     """Linear elasticity for small strains; Saint Venant-Kirchhoff (large rotations, moderate strains) or
@@ -107,26 +108,26 @@ class Material(Section):
 
     @property
     def form(self) -> Form:
-        """The form that the keys belong to; isotropic if there are none."""
+        """The form to which the keys belong; isotropic if there are none."""
         if self.stiffness is not None:
             return "stiffness"
-        given = [getattr(self, key) for key in (*FORMS["orthotropic"], *ACROSS, "angle")]
+        given = [getattr(self, key) for key in (*FORMS["orthotropic"], *OUT_OF_PLANE, "angle")]
         return "orthotropic" if any(value is not None for value in given) else "isotropic"
 
 
 def check_material(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
     """Adds missing and contradictory keys, and stiffnesses that are not positive definite in ``plane``."""
     form = material.form
-    allowed = {*FORMS[form], "alpha", "law", *((*ACROSS, "angle") if form == "orthotropic" else ())}
+    allowed = {*FORMS[form], "alpha", "law", *((*OUT_OF_PLANE, "angle") if form == "orthotropic" else ())}
     for key in material.model_fields_set - allowed:
         message = f"cannot be combined with {', '.join(FORMS[form])}"
         report.add((*path, key), message, "E, nu; or E1, E2, G12, nu12; or stiffness")
-    needed = [*FORMS[form], *(ACROSS if form == "orthotropic" and plane == "strain" else ())]
+    needed = [*FORMS[form], *(OUT_OF_PLANE if form == "orthotropic" and plane == "strain" else ())]
     missing = [key for key in needed if getattr(material, key) is None]
     for key in missing:
         hint = {
             "isotropic": "" if material.model_fields_set else "E, nu; or E1, E2, G12, nu12; or stiffness",
-            "orthotropic": "plane strain requires the third axis too" if key in ACROSS else "",
+            "orthotropic": "required in plane strain" if key in OUT_OF_PLANE else "",
             "stiffness": "",
         }[form]
         report.add((*path, key), "missing (required)", hint)
@@ -147,7 +148,7 @@ def _check_isotropic(material: Material, path: KeyPath, plane: str | None, repor
 
 
 def _check_orthotropic(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
-    """The compliance must be positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
+    """Checks that the compliance is positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
     moduli = [material.E1, material.E2, material.E3]
     sound = True
     for key, first, second in (("nu12", 0, 1), ("nu13", 0, 2), ("nu23", 1, 2)):
@@ -159,16 +160,15 @@ def _check_orthotropic(material: Material, path: KeyPath, plane: str | None, rep
             sound = False
             message = f"{value:g} is not between -{limit:g} and {limit:g}, the square root of "
             report.add((*path, key), f"{message}E{first + 1}/E{second + 1}")
-    third = [getattr(material, key) for key in ACROSS]
+    third = [getattr(material, key) for key in OUT_OF_PLANE]
     if sound and None not in third:
-        # The compliance scaled to a unit diagonal.
         cross = [
             -getattr(material, f"nu{i}{j}")
             * math.sqrt(getattr(material, f"E{j}") / getattr(material, f"E{i}"))
             for i, j in ((1, 2), (1, 3), (2, 3))
         ]
         unit = [[1.0, cross[0], cross[1]], [cross[0], 1.0, cross[2]], [cross[1], cross[2], 1.0]]
-        if not _determinant(unit) > DEFINITE:
+        if not _determinant(unit) > MIN_DETERMINANT:
             message = "nu12, nu13 and nu23 together give a stiffness that is not positive definite"
             report.add((*path, "nu12"), message, "reduce them")
 
@@ -177,7 +177,7 @@ def _check_stiffness(material: Material, path: KeyPath, plane: str | None, repor
     assert material.stiffness is not None
     c, here = material.stiffness, (*path, "stiffness")
     largest = max(abs(value) for row in c for value in row)
-    if any(abs(c[i][j] - c[j][i]) > SYMMETRIC * largest for i, j in ((0, 1), (0, 2), (1, 2))):
+    if any(abs(c[i][j] - c[j][i]) > SYMMETRY_TOLERANCE * largest for i, j in ((0, 1), (0, 2), (1, 2))):
         report.add(here, "is not symmetric", "rows and columns are xx, yy, xy; the last strain is 2 e_xy")
     elif not _positive(c):
         report.add(here, "is not positive definite")
@@ -188,7 +188,7 @@ def _positive(c: Sequence[Sequence[float]]) -> bool:
         return False
     root = [math.sqrt(c[i][i]) for i in range(3)]
     unit = [[c[i][j] / (root[i] * root[j]) for j in range(3)] for i in range(3)]
-    return 1.0 - unit[0][1] ** 2 > DEFINITE and _determinant(unit) > DEFINITE
+    return 1.0 - unit[0][1] ** 2 > MIN_DETERMINANT and _determinant(unit) > MIN_DETERMINANT
 
 
 def _determinant(m: Sequence[Sequence[float]]) -> float:

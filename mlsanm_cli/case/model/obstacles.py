@@ -1,4 +1,4 @@
-"""Rigid obstacles that a boundary can touch instead of another body."""
+"""Rigid obstacles that a boundary may contact instead of another body."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PlaneObstacle(Section):
 
     @property
     def curvature(self) -> float:
-        """Straight."""
+        """Zero."""
         return 0.0
 
 
@@ -53,11 +53,11 @@ class PolylineObstacle(Section):
     """Kind of obstacle."""
     points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH]
     """Points along its boundary, with the obstacle on the left. Three or more consecutive turns of at most 15
-    degrees that change gradually are taken as a smooth curve."""
+    degrees that change gradually are treated as a smooth curve."""
 
     @property
     def curvature(self) -> float:
-        """Straight."""
+        """Zero, as of its straight sides."""
         return 0.0
 
 

@@ -33,12 +33,12 @@ Boundaries = Annotated[
 """A boundary of a body, or several that form one surface."""
 
 
-def _plated(value: Any) -> str | tuple[str, ...]:
+def _plate_boundaries(value: Any) -> str | tuple[str, ...]:
     names = value if isinstance(value, tuple) else (value,)
     bodies = list(dict.fromkeys(split_boundary(name)[0] for name in names if isinstance(name, str)))
     if len(bodies) < 2:
         return _boundaries(value)
-    # Each body's own boundaries follow the common rules.
+    # The boundaries of each body must be valid on their own.
     for body in bodies:
         own = [name for name in names if not isinstance(name, str) or split_boundary(name)[0] == body]
         _boundaries(tuple(own))
@@ -47,14 +47,14 @@ def _plated(value: Any) -> str | tuple[str, ...]:
 
 PlateBoundaries = Annotated[
     str | tuple[str, ...],
-    PlainValidator(_plated),
+    PlainValidator(_plate_boundaries),
     WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
 ]
-"""The same, of one body or of several that one rigid plate moves."""
+"""The same, of one body or of several, for a rigid plate."""
 
 
 def listed(boundaries: str | tuple[str, ...] | None) -> tuple[str, ...]:
-    """The names of a boundary or of several, none of None.
+    """One boundary or several as a tuple, empty for None.
 
     >>> listed("block.top")
     ('block.top',)
@@ -75,7 +75,7 @@ def label_of(boundaries: tuple[str, ...]) -> str:
 
 @dataclass(frozen=True)
 class Place:
-    """Boundaries of one body, or their part between the points of them that are nearest to two ``ends``."""
+    """Boundaries of one body, or their part between the points nearest to two ``ends``."""
 
     boundaries: tuple[str, ...]
     ends: tuple[Point, Point] | None = None

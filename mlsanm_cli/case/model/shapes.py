@@ -1,4 +1,4 @@
-"""Shapes of bodies: the keys that draw them. Their geometry is found and checked on outlines (``cloud``)."""
+"""Shapes of bodies: their keys. Geometry is computed and checked on outlines (``cloud``)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mlsanm_cli.errors import Fault
 
 Center = Annotated[Vector, LENGTH]
 Radius = Annotated[Positive, LENGTH]
-RADIUS = {"type": "number", "minimum": 0.0}
+RADIUS_SCHEMA = {"type": "number", "minimum": 0.0}
 
 
 class Rectangle(Section):
@@ -98,42 +98,43 @@ class Polygon(Section):
     """Names of the sides, one per point: from that point to the next; side1, side2 ... by default."""
     rounding: Annotated[
         tuple[Annotated[float, Field(ge=0.0)], ...],
-        WithJsonSchema({"anyOf": [{"type": "array", "items": RADIUS}, RADIUS]}),
+        WithJsonSchema({"anyOf": [{"type": "array", "items": RADIUS_SCHEMA}, RADIUS_SCHEMA]}),
         LENGTH,
     ] = ()
-    """Radius of the arc at each point, 0 where it stays sharp, or one for all; all sharp by default."""
+    """Radius of the arc at each point (0: sharp corner), or one radius for all; all sharp by default."""
     corners: tuple[Name | Literal[""], ...] = ()
-    """Names of the arcs, one per point; "" for the default: corner1 ..., or that of both sides next to it."""
+    """Names of the arcs, one per point; "" for the default: the common name of both adjacent sides, else
+    corner1 ..."""
     holes: tuple[Hole, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _rounded_alike(cls, data: Any) -> Any:
-        """One radius is that of all corners."""
+        """A single radius applies to all corners."""
         radius, points = (data.get(key) if isinstance(data, dict) else None for key in ("rounding", "points"))
         if isinstance(radius, bool) or not isinstance(radius, int | float) or not isinstance(points, tuple):
             return data
-        # An invalid radius is reported once.
+        # An invalid radius is kept once, to be reported once.
         return {**data, "rounding": (radius,) * (len(points) if 0.0 <= radius < math.inf else 1)}
 
 
 class OutlineSide(Section):
-    """A side of an outline: a straight line to a point, or a smooth curve through points. With neither, the
-    straight line from where the side before ends to where the next one begins."""
+    """A side of an outline: a straight line to a point, or a smooth curve through points; with neither, the
+    straight line from the end of the previous side to the start of the next one."""
 
     name: Name | None = None
     """Name of the boundary; side1, side2 and so on by default. Sides of one name are one boundary."""
     to: Annotated[Vector, LENGTH] | None = None
-    """End of the straight line that begins where the side before ends."""
+    """End of the straight line, which starts at the end of the previous side."""
     points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH] | None = None
-    """Points of a smooth curve, a cubic spline; an only side repeats its first point at the end."""
+    """Points of a smooth curve (cubic spline); an only side repeats its first point at the end."""
     file: Annotated[str, Field(min_length=1)] | None = None
-    """CSV file of these points, with the header x,y; a relative path is relative to the case file."""
+    """CSV file of these points with the header x,y; relative paths are relative to the case file."""
 
 
 class OutlineShape(Section):
-    """Sides one after the other around the body, in either direction, and circular holes. Every side begins
-    where the one before ends; the first one begins where the last one ends."""
+    """Consecutive sides around the body, in either direction, and circular holes. Every side starts at the
+    end of the previous one, the first at the end of the last."""
 
     kind: Literal["outline"]
     """Kind of shape."""
@@ -142,7 +143,7 @@ class OutlineShape(Section):
 
 
 DrawnShape = Rectangle | Disk | HalfDisk | Sector | Annulus | Polygon | OutlineShape
-"""Shapes whose geometry stands in the case file."""
+"""Shapes whose geometry is given in the case file."""
 AnyShape = DrawnShape | Mesh | Points
 EDGES = {
     "rectangle": ("left", "right", "bottom", "top"),
@@ -151,7 +152,7 @@ EDGES = {
     "sector": ("outer", "end", "inner", "start"),
     "annulus": ("outer", "inner"),
 }
-"""Boundaries of the shapes that always have the same."""
+"""Names of the boundaries of shapes that always have the same ones."""
 Shape = Annotated[AnyShape, Field(discriminator="kind")]
 
 
@@ -169,8 +170,8 @@ def hole_names(shape: Polygon | OutlineShape) -> tuple[str, ...]:
 
 
 def edge_names(shape: AnyShape) -> tuple[str, ...]:
-    """Names of the boundaries as the keys give them, none of shapes in files; a polygon's arcs may use up
-    sides."""
+    """Names of the boundaries by the keys of a shape, empty for shapes in files. Arcs of a polygon may
+    replace whole sides; these are included."""
     if isinstance(shape, Polygon | OutlineShape):
         arcs = shape.corners if isinstance(shape, Polygon) else ()
         rounded = enumerate(shape.rounding, start=1) if isinstance(shape, Polygon) else ()
@@ -180,7 +181,7 @@ def edge_names(shape: AnyShape) -> tuple[str, ...]:
 
 
 def shape_faults(shape: AnyShape) -> Iterator[Fault]:
-    """Values that contradict each other, and names that are not unique; the geometry is checked elsewhere."""
+    """Contradictory values and duplicate names; geometry is checked on the outline."""
     if isinstance(shape, Rectangle):
         for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
             if not low < high:
@@ -224,7 +225,7 @@ def _polygon_faults(shape: Polygon) -> Iterator[Fault]:
 
 def _hole_faults(shape: Polygon | OutlineShape) -> Iterator[Fault]:
     names = hole_names(shape)
-    # Names given to sides of polygons are reported there.
+    # Explicit names of polygon sides are reported by _polygon_faults.
     given = shape.names if isinstance(shape, Polygon) else ()
     sides = [name for name in side_names(shape) if name not in given]
     for number, name in enumerate(names):

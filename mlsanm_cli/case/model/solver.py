@@ -1,4 +1,4 @@
-"""How a scene is solved: approximation, refinement, path following, as frozen values."""
+"""Settings of approximation, refinement and path following."""
 
 from __future__ import annotations
 
@@ -6,12 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import (
-    NUMBER,
-    AutoCount,
-    AutoDegree,
-    Section,
-)
+from mlsanm_cli.case.model.base import NUMBER, AutoCount, AutoDegree, Section
 
 
 class Mls(Section):
@@ -19,10 +14,9 @@ class Mls(Section):
 
     degree: AutoDegree = "auto"
     """Degree of the local polynomials, 1 to 6; `"auto"` is 4, and 2 for bodies whose contacts have nodal
-    pressures at small strain, whose parts are too thin for 4, or that have slits or come with their
-    nodes."""
+    pressures at small strain, whose parts are too thin for 4, or that have slits or nodes from a file."""
     scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
-    """All equations in the least-squares sense, or square systems by collocation or with ghost nodes."""
+    """All equations solved by least squares, or square systems by collocation or with ghost nodes."""
     neighbors: AutoCount = "auto"
     """Nodes per stencil; `"auto"` is about 2.5 times the number of coefficients."""
 

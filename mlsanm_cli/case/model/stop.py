@@ -8,7 +8,7 @@ from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import Section, Unit
 from mlsanm_cli.case.report import Report, suggestion
 
-AS_ASKED = Unit("unit of the quantity")
+UNIT_OF_QUANTITY = Unit("unit of the quantity")
 VECTORS = ("force", "displacement")
 
 
@@ -16,16 +16,16 @@ class Stop(Section):
     """Condition that ends the path at the load where a quantity reaches a limit."""
 
     what: Literal["force", "displacement", "pressure", "area", "slip", "von_mises", "fold"]
-    """Force of a load, support or contact; displacement of a platen, obstacle or probe; largest pressure,
-    length in contact (area) or largest slip of what is closed of a contact; von Mises stress at a probe; or a
-    fold (limit point)."""
+    """Force of a load, support or contact; displacement of a platen, obstacle or probe; of a contact the
+    largest pressure, the length in contact (area) or the largest slip where it is closed; von Mises stress at
+    a probe; or a fold (limit point)."""
     of: str = ""
     """Name of the load, contact or probe, or boundary of the support; empty for a fold."""
     component: Literal["x", "y", "size"] = "size"
     """Component of a force or displacement, with its sign, or its magnitude (size)."""
-    above: Annotated[float | None, AS_ASKED] = None
+    above: Annotated[float | None, UNIT_OF_QUANTITY] = None
     """Limit reached from below; give `above` or `below`."""
-    below: Annotated[float | None, AS_ASKED] = None
+    below: Annotated[float | None, UNIT_OF_QUANTITY] = None
     """Limit reached from above; give `above` or `below`."""
 
     @property
@@ -39,10 +39,10 @@ class Stop(Section):
 
 
 def check_stop(stop: Stop, path: KeyPath, names: dict[str, list[str]], report: Report) -> None:
-    """Adds a problem for missing or double limits and for unknown names.
+    """Adds problems for missing or double limits and unknown names.
 
-    ``names`` are those of the load, contact, probe and support items of the case, and of what moves rigidly
-    as "mover".
+    ``names`` are those of the items of the case by section ("load", "contact", "probe", "support"), and of
+    its platen and obstacle loads ("rigid").
     """
     given = [key for key in ("above", "below") if getattr(stop, key) is not None]
     if stop.what == "fold":
@@ -55,12 +55,12 @@ def check_stop(stop: Stop, path: KeyPath, names: dict[str, list[str]], report: R
         report.add((*path, "component"), f"{stop.what} has no components", "remove it")
     sections = {
         "force": ("load", "contact", "support"),
-        "displacement": ("mover", "probe"),
+        "displacement": ("rigid", "probe"),
         "von_mises": ("probe",),
     }.get(stop.what, ("contact",))
     known = [name for section in sections for name in names[section]]
     if stop.of not in known:
-        what = {"mover": "platen or obstacle load"}
+        what = {"rigid": "platen or obstacle load"}
         there = " or ".join(what.get(section, section) for section in sections)
         message = f'there is no {there} "{stop.of}"' if stop.of else f"missing: the name of a {there}"
         report.add((*path, "of"), message, suggestion(stop.of, known))

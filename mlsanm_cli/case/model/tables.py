@@ -1,4 +1,4 @@
-"""Tables of loads and points of curves, read from CSV files into the case, which is then self-contained."""
+"""Tables of loads and points of curves, read from CSV files into the case, which makes it self-contained."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from mlsanm_cli.inputs import MB, read_input
 
 HEADERS = {"pressure": ("s", "pressure"), "traction": ("s", "tx", "ty")}
 """Columns of the table by kind of load; s is the arc length."""
-POINTS = ("x", "y")
+POINT_HEADER = ("x", "y")
 """Columns of the table of a curve."""
-MOST_ROWS, MOST_POINTS = 100_000, 2000
-LARGEST = 16 * MB
-"""Largest table, in bytes."""
+MAX_ROWS, MAX_POINTS = 100_000, 2000
+MAX_BYTES = 16 * MB
+"""Largest file of a table."""
 
 
 class TableError(ValueError):
-    """A problem with the file of a table."""
+    """A table file that cannot be read or is invalid."""
 
 
 def inline_tables(data: Mapping[str, Any], base: Path) -> tuple[dict[str, Any], list[tuple[KeyPath, str]]]:
-    """The content of a case with the rows of its tables in place of their files' names.
+    """The content of a case with the rows of tables in place of file names, which are relative to ``base``.
 
-    Names are relative to the directory ``base``. Also the problems found, by key; there the name stays.
+    Also returns the problems found, by key; there the file name remains.
     """
     content = dict(data)
     problems: list[tuple[KeyPath, str]] = []
@@ -55,7 +55,7 @@ def inline_tables(data: Mapping[str, Any], base: Path) -> tuple[dict[str, Any], 
 
 
 def _with_points(index: int, body: Any, base: Path, problems: list[tuple[KeyPath, str]]) -> Any:
-    """A body with the points of its curves in place of their files' names."""
+    """A body with the points of its curves in place of file names."""
     shape = body.get("shape") if isinstance(body, Mapping) else None
     sides = shape.get("sides") if isinstance(shape, Mapping) else None
     if not isinstance(sides, tuple) or not isinstance(shape, Mapping):
@@ -65,7 +65,7 @@ def _with_points(index: int, body: Any, base: Path, problems: list[tuple[KeyPath
         file = side.get("file") if isinstance(side, Mapping) else None
         if isinstance(file, str) and file and "points" not in side and "to" not in side:
             try:
-                points = read_table(base / file, POINTS, MOST_POINTS)
+                points = read_table(base / file, POINT_HEADER, MAX_POINTS)
                 side = {**{key: value for key, value in side.items() if key != "file"}, "points": points}
             except TableError as error:
                 problems.append((("body", index, "shape", "sides", number, "file"), str(error)))
@@ -74,13 +74,13 @@ def _with_points(index: int, body: Any, base: Path, problems: list[tuple[KeyPath
 
 
 def read_table(
-    path: Path, header: tuple[str, ...] | None, most: int = MOST_ROWS
+    path: Path, header: tuple[str, ...] | None, most: int = MAX_ROWS
 ) -> tuple[tuple[float, ...], ...]:
-    """Rows, ``most`` of them at most, of a CSV file whose first line is ``header``. Raises TableError."""
+    """Rows of a CSV file whose first line is ``header``, at most ``most``. Raises TableError."""
     if header is None:
         raise TableError("loads of this kind have no table")
     try:
-        file = io.StringIO(read_input(path, LARGEST).decode("utf-8-sig"), newline="")
+        file = io.StringIO(read_input(path, MAX_BYTES).decode("utf-8-sig"), newline="")
         lines = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if any(row)]
     except RunError as error:
         raise TableError(f"{error.message} ({error.hint})" if error.hint else error.message) from error
@@ -110,7 +110,7 @@ def _numbers(path: Path, line: int, row: list[str], columns: int) -> tuple[float
 
 
 def row_problem(rows: tuple[tuple[float, ...], ...]) -> str:
-    """The problem with the arc lengths of a table, "" if there is none."""
+    """The problem with the rows of a table, "" if there is none."""
     if len(rows) < 2:
         return "a table needs at least two rows"
     for number, (before, after) in enumerate(pairwise(rows), start=2):

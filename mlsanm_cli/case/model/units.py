@@ -22,6 +22,6 @@ class Units(Section):
     """Unit of forces per unit thickness, as in "N/mm"."""
 
     def label(self, text: str, kind: str) -> str:
-        """A label with the unit of a ``kind``, length, stress or force, if it is known."""
+        """A label with the unit of a ``kind`` (length, stress or force), if it is given."""
         symbol = getattr(self, kind, "")
         return f"{text} [{symbol}]" if symbol else text

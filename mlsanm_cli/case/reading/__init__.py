@@ -1,1 +1,1 @@
-"""From TOML text to a case, with faults located."""
+"""Reading of TOML text into a case, with errors located by line."""

@@ -1,7 +1,7 @@
 """Limits on counts, depths and magnitudes, checked before anything else.
 
-They are far beyond any scene that could be solved. Where the cost grows faster than the input, as in the
-search for crossing sides, the limit keeps it below seconds.
+They are far beyond any scene that could be solved, and keep checks whose cost grows faster than the input, as
+the search for crossing sides, below seconds.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from mlsanm_cli.case.lines import DEEPEST, KeyPath
+from mlsanm_cli.case.lines import MAX_KEY_PARTS, KeyPath
 
-MOST: Mapping[str, int] = {
+MAX_ITEMS: Mapping[str, int] = {
     "material": 500,
     "body": 500,
     "refine": 500,
@@ -29,47 +29,47 @@ MOST: Mapping[str, int] = {
     "at": 10_000,
 }
 """Largest number of items by the key of their list or table, or by the last two keys."""
-SMALLEST, LARGEST = 1e-60, 1e60
-"""Magnitudes of numbers: products of a few of them must not overflow or underflow."""
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-60, 1e60
+"""Products of a few numbers of these magnitudes neither overflow nor underflow."""
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
-LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-MOST_TABLES, MOST_KEYS, MOST_VALUES = 20_000, 100_000, 1_000_000
-MOST_IN_TABLE = 2000
+LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""")
+MAX_TABLES, MAX_KEYS, MAX_VALUES = 20_000, 100_000, 1_000_000
+MAX_KEYS_OF_TABLE = 2000
 TABLE = re.compile(r"""(?m)^[ \t]*\[\[?[ \t]*[A-Za-z"'_]""")
 
 Problem = tuple[KeyPath, str, str]
 
 
 def text_problem(text: str) -> tuple[int, str]:
-    """Line and message of text that would keep the TOML parser busy for minutes; line 0 if there is none."""
-    # A key needs two characters for each of its parts.
+    """Line and message for text that would keep the TOML parser busy for minutes; line 0 if there is none."""
+    # Each part of a key takes at least two characters.
     for number, line in enumerate(text.split("\n"), start=1):
-        if len(line) >= 2 * DEEPEST and LONG_KEY.search(line):
-            return number, f"a key of {DEEPEST} or more parts"
-    if sum(1 for _ in TABLE.finditer(text)) > MOST_TABLES:
-        return 1, f"more than {MOST_TABLES} tables"
-    for sign, most, what in (("=", MOST_KEYS, "keys"), (",", MOST_VALUES, "values")):
+        if len(line) >= 2 * MAX_KEY_PARTS and LONG_KEY.search(line):
+            return number, f"a key of {MAX_KEY_PARTS} or more parts"
+    if sum(1 for _ in TABLE.finditer(text)) > MAX_TABLES:
+        return 1, f"more than {MAX_TABLES} tables"
+    for sign, most, what in (("=", MAX_KEYS, "keys"), (",", MAX_VALUES, "values")):
         if text.count(sign) > most:
             return 1, f"more than {most} {what}"
     return 0, ""
 
 
 def size_problems(content: Mapping[str, Any]) -> list[Problem]:
-    """Lists with too many items and tables nested too deeply; their content is not examined."""
+    """Lists and tables with too many items, whose content is not examined, and too deep nesting."""
     problems: list[Problem] = []
     waiting: list[tuple[KeyPath, Any]] = [((), content)]
     while waiting:
         path, value = waiting.pop()
-        if len(path) > DEEPEST:
-            return [(path[:1], f"is nested more than {DEEPEST} levels deep", "")]
+        if len(path) > MAX_KEY_PARTS:
+            return [(path[:1], f"is nested more than {MAX_KEY_PARTS} levels deep", "")]
         named, owner, *_ = [step for step in reversed(path) if isinstance(step, str)] + ["", ""]
         counted = isinstance(value, list | tuple) or path == ("material",)
-        most = MOST.get(f"{owner}.{named}", MOST.get(named))
+        most = MAX_ITEMS.get(f"{owner}.{named}", MAX_ITEMS.get(named))
         if counted and path[-1:] == (named,) and most is not None and len(value) > most:
-            problems.append((path, f"has {len(value)} items", f"{most} at most"))
+            problems.append((path, f"has {len(value)} items", f"at most {most}"))
             continue
-        if isinstance(value, dict) and len(value) > MOST_IN_TABLE:
-            problems.append((path, f"has {len(value)} keys", f"at most {MOST_IN_TABLE}"))
+        if isinstance(value, dict) and len(value) > MAX_KEYS_OF_TABLE:
+            problems.append((path, f"has {len(value)} keys", f"at most {MAX_KEYS_OF_TABLE}"))
             continue
         waiting += [((*path, step), item) for step, item in _items(value) if isinstance(item, _NESTED)]
     return problems
@@ -79,11 +79,11 @@ def number_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
     """Numbers too large or too small for floating-point arithmetic."""
     for path, value in _numbers((), content):
         # Coordinates and components may be 0 up to round-off.
-        small = 0.0 < abs(value) < SMALLEST and not isinstance(path[-1], int)
-        if small or LARGEST < abs(value) < float("inf"):
+        small = 0.0 < abs(value) < MIN_MAGNITUDE and not isinstance(path[-1], int)
+        if small or MAX_MAGNITUDE < abs(value) < float("inf"):
             size = "small" if small else "large"
             shown = f"{value:g}" if isinstance(value, float) else "a number"
-            hint = f"allowed magnitudes: {SMALLEST:g} to {LARGEST:g}"
+            hint = f"allowed magnitudes: {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
             yield path, f"{shown} is too {size} for floating-point arithmetic", hint
 
 

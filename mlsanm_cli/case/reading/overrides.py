@@ -1,4 +1,4 @@
-"""``--set KEY=VALUE``: changes of the content of a case file before validation."""
+"""``--set KEY=VALUE``: changes to the content of a case file before validation."""
 
 from __future__ import annotations
 
@@ -8,22 +8,20 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any
 
-from mlsanm_cli.case.lines import DEEPEST, KeyPath
+from mlsanm_cli.case.lines import MAX_KEY_PARTS, KeyPath
 from mlsanm_cli.case.reading.limits import text_problem
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import CaseProblem
 
 SOURCE = "--set"
 _PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*(\.|$)""")
-
-
-ALL = "*"
+WILDCARD = "*"
 """Wildcard in a key for all items of a list, or all tables of a table like ``material``."""
 _WORD = re.compile(r"[^\W\d][^\n\"'\[\]{}#=,]*|[./~][^\n\"'\[\]{}#=,]*[^\W\d][^\n\"'\[\]{}#=,]*")
 
 
 def is_word(text: str) -> bool:
-    """Whether a value that is not TOML is a text whose quotes were removed by the shell.
+    """Whether a value that is not TOML is a text whose quotes the shell removed.
 
     >>> [is_word(text) for text in ("exact", "meshes/a.msh", "1e-", "[1", "")]
     [True, True, False, False, False]
@@ -41,10 +39,7 @@ class _BadOverride(Exception):
 def apply_overrides(
     data: dict[str, Any], overrides: Sequence[str]
 ) -> tuple[dict[str, Any], frozenset[KeyPath], tuple[CaseProblem, ...]]:
-    """The content with all overrides, the paths that they changed, and their problems.
-
-    They are applied in order. ``data`` is not changed.
-    """
+    """The content with all overrides applied in order, the paths they changed, and their problems."""
     content = copy.deepcopy(data) if overrides else data
     changed: set[KeyPath] = set()
     problems: list[CaseProblem] = []
@@ -63,7 +58,7 @@ def apply_overrides(
 
 
 def key_path(content: dict[str, Any], key: str) -> KeyPath:
-    """The path of a dotted key, with list items by name, as far as it exists in the content.
+    """The path of a dotted key with list items by name, as far as it exists in the content.
 
     >>> key_path({"load": [{"name": "press"}]}, "load.press.force")
     ('load', 0, 'force')
@@ -86,8 +81,8 @@ def _parts(key: str) -> list[str]:
     at = 0
     more = True
     while more:
-        if len(parts) == DEEPEST:
-            raise _BadOverride(f"is a key of {DEEPEST} or more parts")
+        if len(parts) == MAX_KEY_PARTS:
+            raise _BadOverride(f"is a key of {MAX_KEY_PARTS} or more parts")
         found = _PART.match(key, at)
         if found is None:
             raise _BadOverride("is not a dotted key", "as in contact.interface.reach or body.0.spacing")
@@ -116,9 +111,9 @@ def _value(key: str, text: str) -> Any:
 
 def _spread(content: dict[str, Any], parts: list[str]) -> list[list[str]]:
     """The keys matched by a key with wildcards."""
-    if ALL not in parts:
+    if WILDCARD not in parts:
         return [parts]
-    at = parts.index(ALL)
+    at = parts.index(WILDCARD)
     table: Any = content
     for position, part in enumerate(parts[:at]):
         step = _step(table, part, parts[:position])
@@ -151,7 +146,7 @@ def _assign(content: dict[str, Any], parts: list[str], value: Any) -> KeyPath:
 
 
 def _step(table: Any, part: str, before: list[str]) -> str | int:
-    """The key or index of a part of a dotted key in this table or list."""
+    """The key or index of one part of a dotted key in a table or list."""
     where = ".".join(before)
     if isinstance(table, dict):
         return part

@@ -1,4 +1,4 @@
-"""From a case file to a validated case, or to the list of all its problems."""
+"""Reads a case file into a validated case, or into the list of all its problems."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.case.checks.relations import run_checks
-from mlsanm_cli.case.checks.sound import validate
+from mlsanm_cli.case.checks.valid_parts import LISTS, validate
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.files import Geometry, GeometryInspector
@@ -24,12 +24,12 @@ from mlsanm_cli.case.report import Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.inputs import MB, is_text, read_input
 
-MOST_CASES = 1000
+MAX_LISTED_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""
-LARGEST = 16 * MB
-"""Largest case file, in bytes."""
+MAX_BYTES = 16 * MB
+"""Largest case file."""
 REGULARIZED = "hyperbolic"
-"""The law of contacts that ask for parameters or methods which the exact law does not have."""
+"""The law of contacts with parameters or methods that the exact law does not have."""
 
 
 @dataclass(frozen=True)
@@ -55,38 +55,36 @@ class LoadedCase:
 
 
 def load_case(
-    path: Path, overrides: Sequence[str] = (), inspect_geometry_file: GeometryInspector | None = None
+    path: Path, overrides: Sequence[str] = (), inspector: GeometryInspector | None = None
 ) -> LoadedCase:
     """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
 
-    ``inspect_geometry_file`` answers about geometry; without one neither geometry nor the names of boundaries
-    are checked.
-
-    Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
+    Without ``inspector`` neither geometry nor names of boundaries are checked. Raises RunError
+    if the file cannot be read, and CaseError with every problem found.
     """
     if not is_text(path.absolute()):
         # Files of bodies are stored with their absolute path.
         raise RunError(f"the path {str(path.absolute())!r} is not UTF-8 text", "rename the directories in it")
     try:
-        content = read_input(path, LARGEST, what="case file", streams=True)
+        content = read_input(path, MAX_BYTES, what="case file", streams=True)
     except RunError as error:
         if isinstance(error.__cause__, FileNotFoundError):
             raise RunError(error.message, _nearest_case(path)) from error
         raise
     try:
-        # Some editors write a byte order mark, which is not part of the text.
+        # utf-8-sig drops the byte order mark that some editors write.
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
     except UnicodeDecodeError as error:
         raise RunError(
             f"{path} is not UTF-8 text (byte {error.start})", "a case is a TOML text file"
         ) from error
-    return parse_case(text, path, overrides, inspect_geometry_file)
+    return parse_case(text, path, overrides, inspector)
 
 
 def _nearest_case(path: Path) -> str:
     """A hint with the most similar name of an existing case file."""
     try:
-        there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MOST_CASES]}
+        there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MAX_LISTED_CASES]}
     except (OSError, ValueError):
         return ""
     found = nearest(path.stem, there)
@@ -100,11 +98,11 @@ def parse_case(
     text: str,
     path: Path,
     overrides: Sequence[str] = (),
-    inspect_geometry_file: GeometryInspector | None = None,
+    inspector: GeometryInspector | None = None,
 ) -> LoadedCase:
-    """Validates a case given as text; ``path`` is the source in messages, and its folder that of other files.
+    """Validates a case given as text. Raises CaseError.
 
-    Raises CaseError.
+    ``path`` is the source named in messages; other files are relative to its directory.
     """
     source = str(path)
     content = _parse_toml(text, source)
@@ -123,20 +121,20 @@ def parse_case(
     for key, message, hint in number_problems(data):
         report.add(key, message, hint)
         covered.append(key)
-    sound = validate(data, report, frozenset(covered))
-    if sound is not None:
-        sound = run_checks(sound, inspect_geometry_file, report)
+    parts = validate(data, report, frozenset(covered))
+    if parts is not None:
+        parts = run_checks(parts, inspector, report)
     problems = report.problems + bad_overrides
-    if problems or sound is None:
+    if problems or parts is None:
         raise CaseError(problems)
-    case = _with_digests(sound.case, sound.geometries)
+    case = _with_digests(parts.case, parts.geometries)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
 def stored_case(text: str) -> Case:
-    """The resolved case of a run, checked when it ran; files that it names may be gone.
+    """The resolved case of a run; the files that it names need not exist any more.
 
-    Raises RunError for a text that is no such case.
+    Raises RunError if the text is not a case.
     """
     try:
         return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
@@ -145,7 +143,7 @@ def stored_case(text: str) -> Case:
 
 
 def _anchored(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The content with the files of its shapes as absolute paths."""
+    """The content with absolute paths of the files of shapes."""
     bodies = data.get("body")
     if not isinstance(bodies, tuple):
         return data
@@ -163,8 +161,8 @@ def _anchored_body(body: Any, folder: Path) -> Any:
 
 
 def _with_law(data: dict[str, Any]) -> dict[str, Any]:
-    """The content with the regularised law in contacts that name none, where a parameter or a contact of that
-    law, a method that needs it or polishing asks for it; at finite strain there is none."""
+    """The content with the regularised law in contacts that name no law, if another contact, a parameter of
+    that law, the method, the formulation or polishing requires it; never at finite strain."""
     model, contacts, solver = data.get("model"), data.get("contact"), data.get("solver", {})
     if not (isinstance(model, Mapping) and isinstance(contacts, tuple) and isinstance(solver, Mapping)):
         return data
@@ -180,7 +178,7 @@ def _with_law(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _is_regularized(contact: Any) -> bool:
-    """Whether a contact names the regularised law, or no law but parameters of that one."""
+    """Whether a contact names the regularised law, or only parameters of it."""
     given = contact.get("regularization") if isinstance(contact, Mapping) else None
     return bool(given) and isinstance(given, Mapping) and given.get("law", REGULARIZED) == REGULARIZED
 
@@ -205,7 +203,7 @@ def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:
 def resolved_mapping(case: Case) -> dict[str, Any]:
     """The case as nested plain values with all defaults; keys without a value are omitted.
 
-    Written as TOML and loaded again it is an equal case.
+    Written as TOML and loaded again, it gives an equal case.
     """
     plain = _plain(case.model_dump(mode="python", exclude_none=True, by_alias=True))
     assert isinstance(plain, dict)
@@ -213,7 +211,7 @@ def resolved_mapping(case: Case) -> dict[str, Any]:
 
 
 def case_hash(case: Case) -> str:
-    """SHA-256 of the resolved content in a canonical form; files count by content, not by path."""
+    """SHA-256 of the resolved content in canonical form; files enter by content, not by path."""
     content = resolved_mapping(case)
     for body in content["body"]:
         if "sha256" in body["shape"]:
@@ -222,10 +220,8 @@ def case_hash(case: Case) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
-"""Tables of which there may be several."""
 NESTED = {"shape": "body.shape", "refine": "body.refine", "regularization": "contact.regularization"}
-"""Tables that belong to an item of a list, by the last part of their names."""
+"""Tables that belong to a list item, by the last part of their names."""
 
 
 def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
@@ -258,7 +254,7 @@ def _parse_toml(text: str, source: str) -> dict[str, Any]:
 
 
 def _syntax_hint(message: str, line: str) -> str:
-    """What to write instead, from the parser's message and the line that it is about."""
+    """A correction, from the parser's message and the line that it refers to."""
     if any(quote in line for quote in "“”„"):
         return 'write straight quotes: "'
     if message.startswith("Invalid value"):
@@ -267,7 +263,7 @@ def _syntax_hint(message: str, line: str) -> str:
         return "the key is defined twice"
     name = line.strip().strip("[]").strip()
     if "twice" in message and name in LISTS:
-        return f"each of several is headed [[{name}]]"
+        return f"write [[{name}]] above each one"
     return f"[{NESTED[name]}] belongs to the item above" if "twice" in message and name in NESTED else ""
 
 

@@ -1,6 +1,6 @@
-"""Starter cases: one small, commented case for each kind of scene, which ``mlsanm new`` writes.
+"""Starter cases: a small, commented case for each kind of scene, written by ``mlsanm new``.
 
-The published checks, with finer clouds and their closed formulas, are the files in ``cases``.
+The published cases, with finer clouds and closed formulas, are in ``cases``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ SUFFIX = ".toml"
 
 
 def kinds() -> dict[str, str]:
-    """Title of every starter by its kind, in alphabetical order."""
+    """Titles of the starters by kind, in alphabetical order."""
     names = sorted(entry.name for entry in resources.files(__name__).iterdir() if entry.name.endswith(SUFFIX))
     return {name.removesuffix(SUFFIX): tomllib.loads(_read(name))["title"] for name in names}
 

@@ -1,14 +1,14 @@
-"""How sides answer to tractions on themselves: by fields in closed form what clouds do not resolve.
+"""Near-field correction of the response of sides to their own tractions.
 
-For a body that is not deformed the displacements K of a side's nodes by unit tractions there, linear between
-the nodes, are known as in a contact on a grid of its own: the field of a force in closed form, and a smooth
-remainder (:mod:`mlsanm_cli.mechanics.remainder`). The cloud by itself answers with C. What a state adds to
-that is smooth, and given by local fits F along the side::
+For the undeformed body the displacements K of a side's nodes due to unit tractions there, linear between
+nodes, are computed as for contact grids: closed-form near fields and a smooth remainder
+(:mod:`mlsanm_cli.mechanics.remainder`). The cloud alone responds with C. The change of the response with the
+state is smooth and represented by local fits F along the side::
 
     displacement of the side = F u + Q (K - F C) Q^T T
 
-with the cloud's own displacements u and the turns Q of the nodes, so that short waves of tractions T never
-are a matter of the cloud, and small loads are answered as by small strains.
+with the cloud's displacements u and the nodes' rotations Q. Short waves of tractions T thus do not depend on
+the cloud, and small loads give the small-strain response.
 
 Equation (21) of docs/method.md.
 """
@@ -32,11 +32,11 @@ from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.rigid import free_motions
 from mlsanm_cli.startup import cKDTree
 
-CLEAR = 2
-"""Up to so many nodes from corners nothing is put back, from twice as many on all: fields there would have to
-know the corner."""
-WIDE = 4
-"""Half-width of the windows of the fits, in nodes: waves of fewer than about six are not seen."""
+CORNER_NODES = 2
+"""Up to this many nodes from corners without near field no correction is made, from twice as many on the full
+one."""
+HALF_WINDOW = 4
+"""Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
 
 
 DEEP = 0.5
@@ -45,15 +45,16 @@ DEEP = 0.5
 
 @dataclass(frozen=True)
 class Answer:
-    """Of a side's c nodes, x and y in turn, the ``fit`` F (2c, 2c) and what is ``missing`` then, K - F C."""
+    """Correction for a side's c nodes, x and y in turn: ``fit`` F (2c, 2c) and ``missing`` K - F C (2c,
+    2c)."""
 
     fit: FloatArray
     missing: FloatArray
 
     @classmethod
     def of(cls, side: ContactSide, projector: Projector, first: int, center: complex | None) -> Answer:
-        """By a body's equations of the undeformed state, whose loads from the number ``first`` on are the
-        unit tractions; fields end at a ``center`` in hollows."""
+        """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
+        tractions; in hollows near fields end at a ``center``."""
         body = projector.body.elastic
         share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
         still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
@@ -71,14 +72,14 @@ class Answer:
 
     @classmethod
     def plain(cls, side: ContactSide) -> Answer:
-        """Where no field in closed form is known: the cloud's."""
+        """No correction, where no near field is known."""
         return cls(np.eye(2 * side.count), np.zeros((2 * side.count,) * 2))
 
 
 @dataclass(frozen=True)
 class Closer:
-    """What sides' displacements (2s,) are in a state: those of the cloud ``smooth`` (2s, 2s), and those
-    ``by_traction`` (2s, 2s), which change ``by_turning`` (2s, 2s) of the former."""
+    """Displacements (2s,) of sides in a state: ``smooth`` (2s, 2s) applied to the cloud's, plus
+    ``by_traction`` (2s, 2s), which changes with the former by ``by_turning`` (2s, 2s)."""
 
     smooth: sparse.csr_array
     by_traction: FloatArray
@@ -92,7 +93,8 @@ class Closer:
         displacement: FloatArray,
         traction: FloatArray,
     ) -> Closer:
-        """By the sides' answers, the cloud's ``displacement`` (2s,) of their nodes and their ``traction``."""
+        """From the sides' corrections, the cloud's ``displacement`` (2s,) of their nodes and their
+        ``traction``."""
         fits = [one.fit for one in answers] or [np.zeros((0, 0))]
         smooth = sparse.csr_array(sparse.block_diag(fits, format="csr"))
         surface = smooth @ displacement
@@ -108,11 +110,11 @@ class Closer:
         return cls(smooth, by_traction, by_turning)
 
     def moved(self, displacement: FloatArray, traction: FloatArray) -> FloatArray:
-        """The sides' displacements (2s,)."""
+        """Displacements (2s,) of the sides."""
         return np.asarray(self.smooth @ displacement + self.by_traction @ traction)
 
     def changed(self, displacement: FloatArray) -> FloatArray:
-        """How these go with changes (2s, ...) of the cloud's."""
+        """Derivative of these, applied to changes (2s, ...) of the cloud's displacements."""
         smooth = self.smooth @ displacement
         return np.asarray(smooth + self.by_turning @ smooth)
 
@@ -144,7 +146,7 @@ def _turned(part: FloatArray, turn: ComplexArray) -> FloatArray:
 
 
 def _across(values: FloatArray) -> sparse.csr_array:
-    """What vectors (2c,) change by as they turn by angles: (2c, c)."""
+    """Derivative (2c, c) of vectors (2c,) by their rotation angles."""
     x, y = values[::2], values[1::2]
     lines, columns = np.arange(len(values)), np.repeat(np.arange(len(x)), 2)
     entries = (np.stack([-y, x], axis=1).ravel(), (lines, columns))
@@ -152,20 +154,22 @@ def _across(values: FloatArray) -> sparse.csr_array:
 
 
 def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatArray:
-    """What is ``missing`` (2c, 2c) of tractions that are no constant: to one all along the cloud answers
-    exactly. Where fields have a ``share`` (c,) below 1, near corners, only some of a node's neighbours
-    count, and what cancels elsewhere would be left: there it is of differences from the node's own."""
+    """Part of the correction ``missing`` (2c, 2c) for non-uniform tractions: the cloud responds exactly to a
+    uniform one.
+
+    Where the ``share`` (c,) is below 1, near corners, only some neighbours count, and terms that cancel
+    elsewhere would remain: there it acts on differences from the node's own traction.
+    """
     count, number = side.count, np.arange(side.count)
     blocks = missing.reshape(count, 2, count, 2).copy()
-    near = np.abs(number[:, None] - number) <= 3 * WIDE
+    near = np.abs(number[:, None] - number) <= 3 * HALF_WINDOW
     blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - share)[:, None] * near)
     blocks -= blocks.sum(axis=2)[:, :, None] * (side.weight / side.weight.sum())[:, None]
     return blocks.reshape(missing.shape)
 
 
 def _fit(side: ContactSide) -> FloatArray:
-    """Values at the nodes (2c, 2c) of local cubic fits along the side, which continue behind planes of
-    symmetry."""
+    """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry."""
     count, number = side.count, np.arange(side.count)
     arc, node, sign = side.arc, number, np.ones((count, 2))
     if side.around is not None:
@@ -186,9 +190,9 @@ def _fit(side: ContactSide) -> FloatArray:
     fit = np.zeros((count, 2, count, 2))
     for i in number:
         here = first + int(i)
-        low, high = max(0, here - 3 * WIDE), min(len(arc), here + 3 * WIDE + 1)
+        low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
         x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
-        weight = np.exp(-((away / WIDE) ** 2.0))
+        weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
         basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
         values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
         for c in (0, 1):
@@ -197,8 +201,8 @@ def _fit(side: ContactSide) -> FloatArray:
 
 
 def _share(side: ContactSide) -> FloatArray:
-    """How much (c,) fields in closed form have to say: nothing where nodes are held, but for planes of
-    symmetry, and near corners that they do not know."""
+    """Fraction (c,) of the correction: zero at held nodes, except on planes of symmetry, and near corners
+    without near field."""
     number = np.arange(side.count)
     ends = (0, side.count - 1)
     mirrored = {end for end, axis in zip(ends, side.mirrors, strict=True) if axis is not None}
@@ -210,4 +214,4 @@ def _share(side: ContactSide) -> FloatArray:
             apart = apart if side.around is None else np.minimum(apart, side.count - apart)
             away = np.minimum(away, apart)
     held = side.held & ~np.isin(number, list(mirrored))
-    return np.where(held, 0.0, np.clip(away / CLEAR - 1.0, 0.0, 1.0))
+    return np.where(held, 0.0, np.clip(away / CORNER_NODES - 1.0, 0.0, 1.0))

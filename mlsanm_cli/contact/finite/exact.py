@@ -1,10 +1,10 @@
-"""Exact contact at finite strain, p >= 0, h >= 0, p h = 0, with Coulomb friction, by Newton's method on
+"""Exact contact at finite strain, p >= 0, h >= 0, p h = 0, with Coulomb friction, by Newton's method for
 bodies and contacts together.
 
-Every iteration factorises the bodies' derivatives and condenses them on the tractions T at the nodes that
-may touch: U = U_0 + z + C dT, C with what clouds do not resolve of it. Tractions go with pressures and
-friction and turn with the displacements, dT = B (dp, dq) + K dU, so that
-dT = (1 - K C)^-1 (B (dp, dq) + K z); an active set finds dp and dq.
+Every iteration factorises the bodies' derivatives and condenses them to the tractions T at the nodes that may
+touch: U = U_0 + z + C dT, with C corrected for what clouds do not resolve. Tractions depend on pressures and
+friction and rotate with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K
+z); an active set determines dp and dq.
 
 Equation (28) of docs/method.md.
 """
@@ -32,27 +32,31 @@ from mlsanm_cli.contact.finite.update import Done, Used
 from mlsanm_cli.mechanics.finite.projector import Projector
 
 AnyContact: TypeAlias = RigidContact | BodyContact
-LEAST = 0.05
-"""Updates are shortened until det F stays above this everywhere."""
-PATIENCE = 3
-"""Iterations without a smaller update after which an increment is given up, from twice as many on."""
-CLOSE, SLOW = 1e-3, 0.1
-"""Derivatives of the bodies before an update of at most this part of the typical displacement are good enough
-behind it: the next updates shrink by about as much, or else by less than this factor."""
-SLIGHT = 1e-3
-"""What falls on something is first let into it by this part of the typical displacement."""
-NOTHING = 1e-12
-"""Pressures below this part of those of the typical displacement are none."""
+MIN_JACOBIAN = 0.05
+"""Updates are shortened until det F exceeds this everywhere."""
+MAX_STALLED = 3
+"""Iterations without a smaller update after which an increment is abandoned, once there are twice as many."""
+REUSE_BELOW, REUSE_RATE = 1e-3, 0.1
+"""Derivatives of the bodies are reused after an update below REUSE_BELOW times the typical displacement, as
+long as updates shrink by REUSE_RATE or better."""
+INITIAL_OVERLAP = 1e-3
+"""Initial penetration allowed to a free body that falls on something, as a fraction of the typical
+displacement."""
+ZERO_PRESSURE = 1e-12
+"""Pressures below this fraction of that of the typical displacement are zero."""
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts
-    nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
-    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn, which have moved by
-    ``surface`` (2s,), where their answers differ from the clouds'; the ``free`` motions (d,). ``residual`` is
-    what the next update would be over the typical displacement, ``stability`` the least resistance of a
-    contact to pressures that change from node to node."""
+    """A state in contact.
+
+    ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts nominal ``pressure``,
+    friction ``shear``, ``gap``, ``place`` and ``slip`` (c,), ``normal`` (c, 2) and ``sets``; ``traction``
+    (2s,) at the nodes of all sides in turn and their displacements ``surface`` (2s,), corrected by near
+    fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the typical
+    displacement, ``stability`` the least resistance of a contact to pressures that oscillate from node to
+    node.
+    """
 
     displacement: FloatArray
     pressure: FloatArray
@@ -75,10 +79,12 @@ class Pressed:
 @dataclass(frozen=True)
 class ExactContact:
     """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
-    node of their sides in turn, in the order of the contacts. ``length`` is the typical displacement;
-    ``stiffness`` turns gaps into pressures, to guess what touches. The motions of ``loose`` bodies and of
-    ``driven`` obstacles and ``plates`` (d,) are load factors behind those of the case. ``answers`` are those
-    of all sides to their own tractions."""
+    node of their sides, in the order of the contacts.
+
+    ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess. The
+    motions of ``loose`` bodies, ``driven`` obstacles and ``plates`` (d,) are load factors after those of the
+    case. ``answers`` are the near-field corrections of all sides.
+    """
 
     projectors: Mapping[str, Projector]
     contacts: Sequence[AnyContact]
@@ -91,8 +97,8 @@ class ExactContact:
 
     @property
     def nothing(self) -> float:
-        """Pressures up to this are none."""
-        return NOTHING * self.stiffness * self.length
+        """Pressures up to this are zero."""
+        return ZERO_PRESSURE * self.stiffness * self.length
 
     @property
     def free(self) -> int:
@@ -102,13 +108,13 @@ class ExactContact:
 
     @cached_property
     def firsts(self) -> dict[str, int]:
-        """Where every body's displacements begin."""
+        """Index of every body's first displacement."""
         sizes = [one.body.unknowns for one in self.projectors.values()]
         return dict(zip(self.projectors, np.cumsum([0, *sizes]).tolist(), strict=False))
 
     @cached_property
     def numbers(self) -> IntArray:
-        """Where among the displacements of all bodies those of all sides' nodes (2s,) are."""
+        """Indices (2s,) of all sides' nodal displacements among those of all bodies."""
         found = [
             self.firsts[side.body] + (2 * side.nodes[:, None] + np.arange(2)).ravel() for side in self.sides
         ]
@@ -116,7 +122,7 @@ class ExactContact:
 
     @cached_property
     def columns(self) -> dict[str, IntArray]:
-        """By body, which tractions (2s,) of all sides are its own, in their order."""
+        """Indices of each body's tractions among those of all sides (2s,)."""
         found: dict[str, list[IntArray]] = {name: [] for name in self.projectors}
         first = 0
         for side in self.sides:
@@ -126,8 +132,8 @@ class ExactContact:
 
     @cached_property
     def friction(self) -> FloatArray:
-        """Coulomb's coefficient at the slaves' nodes (c,); none at held ones, as at the ends of a plane of
-        symmetry: what cannot slip has no friction that could be known."""
+        """Friction coefficients at the slaves' nodes (c,); zero at held ones, as at a plane of symmetry: a
+        node that cannot slip has undetermined friction."""
         found = [np.where(one.slave.held, 0.0, one.friction) for one in self.contacts]
         return np.concatenate([*found, np.zeros(0)])
 
@@ -139,8 +145,8 @@ class ExactContact:
     def meet(
         self, surface: FloatArray, factors: FloatArray, before: FloatArray | None, closed: BoolArray
     ) -> tuple[Meeting, ...]:
-        """All contacts in a state of the sides' displacements ``surface`` (2s,); slips are from the places
-        (c,) ``before``, or nothing; ``closed`` (c,) were these nodes."""
+        """All contacts for displacements ``surface`` (2s,) of the sides; slips are relative to the places
+        ``before`` (c,), zero without; ``closed`` (c,) is the earlier status."""
         found, first, node = [], 0, 0
         moved = surface.reshape(-1, 2)
         for contact in self.contacts:
@@ -159,9 +165,9 @@ class ExactContact:
         most: int,
         before: FloatArray | None = None,
     ) -> Pressed | None:
-        """The state at load ``factors`` (L,), searched from ``start``; slips are from the places ``before``
-        (c,). None where ``most`` iterations do not settle. Raises LinAlgError or NumericalError for singular
-        derivatives."""
+        """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
+        ``before`` (c,). None if ``most`` iterations do not converge. Raises LinAlgError or NumericalError for
+        singular derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
         settled, traction, updates, spent = False, start.traction, [np.inf], 0
@@ -172,26 +178,26 @@ class ExactContact:
             surface = closer.moved(u[self.numbers], traction)
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
-            # Thin bodies that turn may not forgive it.
-            slow = len(updates) > 2 and updates[-1] > SLOW * updates[-2]
-            close = used if updates[-1] <= CLOSE and not slow else None
+            # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
+            slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
+            close = used if updates[-1] <= REUSE_BELOW and not slow else None
             done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
             solves, used = solves + done.solves, done.used
             part = self._until_touch(met, done)
-            while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
+            while part > 1e-3 and not self._volume(u + part * done.du) > MIN_JACOBIAN:
                 part *= 0.5
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
             free = free + part * done.free
             traction = traction + part * done.traction
-            # Where bodies only just touch, round-off decides what nodes do.
+            # At light touch the status of nodes is decided by round-off and may be ignored.
             still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= self.nothing
             settled = count > 1 and done.settled and (still or done.sets.same(sets))
             sets = done.sets
             last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last) or _stalls(updates, last):
                 return None
-            # What is left shrinks at least as it did.
+            # Estimated next update, assuming the same rate of convergence.
             left = last * min(1.0, last / updates[-1]) if last else 0.0
             updates.append(last)
             if part == 1.0 and settled and left <= tolerance:
@@ -202,8 +208,8 @@ class ExactContact:
         return None
 
     def _until_touch(self, met: Sequence[Meeting], done: Done) -> float:
-        """How much of an update moves what nothing holds yet until it meets something: the whole would carry
-        it through, as hardly anything resists."""
+        """Fraction of an update after which a body that nothing holds meets something: the full update would
+        penetrate it, as hardly anything resists."""
         if not self.free or done.sets.closed.any():
             return 1.0
         least, first = 1.0, 0
@@ -215,7 +221,7 @@ class ExactContact:
                 moved[driven.component : 2 * contact.slave.count : 2] -= done.free[driven.number]
             falls = -(one.d_gap @ moved)
             near = one.facing & (falls > 0.0) & (one.gap > 0.0)
-            ways = (one.gap[near] + SLIGHT * self.length) / falls[near]
+            ways = (one.gap[near] + INITIAL_OVERLAP * self.length) / falls[near]
             least = min(least, float(ways.min(initial=1.0)))
         return least
 
@@ -250,7 +256,7 @@ class ExactContact:
         return Pressed(*args, *counts, stable)
 
     def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
-        """Tractions (2s,) at the nodes of all sides by the slaves' pressures and friction (c,)."""
+        """Tractions (2s,) at the nodes of all sides for the slaves' pressures and friction (c,)."""
         parts = [
             one.tractions(pressure[here], shear[here]).ravel()
             for one, here in zip(met, self.places, strict=True)
@@ -259,18 +265,20 @@ class ExactContact:
 
     @cached_property
     def places(self) -> list[slice]:
-        """Where every contact's slave nodes are among those of all."""
+        """Range of every contact's slave nodes among those of all contacts."""
         ends = np.cumsum([0, *(one.slave.count for one in self.contacts)]).tolist()
         return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def _stalls(updates: Sequence[float], last: float) -> bool:
-    """Whether the updates before the ``last`` one, and it, have become no smaller for PATIENCE of them."""
-    return len(updates) > 2 * PATIENCE and min(*updates[1 - PATIENCE :], last) >= min(updates[: 1 - PATIENCE])
+    """Whether the ``last`` and earlier updates have not decreased for MAX_STALLED iterations."""
+    return len(updates) > 2 * MAX_STALLED and min(*updates[1 - MAX_STALLED :], last) >= min(
+        updates[: 1 - MAX_STALLED]
+    )
 
 
 def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:
-    """The state before loading of bodies with so many ``unknowns`` and ``free`` motions."""
+    """The undeformed state of bodies with ``unknowns`` unknowns and ``free`` motions."""
     count = sum(one.slave.count for one in contacts)
     sides = sum(side.count for one in contacts for side in one.sides)
     none = np.zeros(count)

@@ -1,11 +1,10 @@
-"""Motions at finite strain that are not given: of bodies that only contact holds, of obstacles and plates
-under forces.
+"""Unknown rigid motions at finite strain: of floating bodies, and of obstacles and plates under forces.
 
-They are unknown load factors behind those of the case. A loose body is pinned at as many nodes as it has
-free motions, and the pins move as the factors say, in directions that turn with the body; the forces on it,
-and their moment, have to vanish together, and so do the pins' reactions. Moments are about where single nodes
-hold the body, as about a hinge. An obstacle's factors move it, and what presses it balances its force; a
-plate's move the sides that it holds, whose stress balances its force and its moment about its hinge.
+They are load factors after those of the case. A floating body is pinned at as many nodes as it has free
+motions; the factors move the pins, in directions that rotate with the body. The resultant force and moment on
+it must vanish, and so do the pins' reactions. Moments are taken about held nodes, as about a hinge. An
+obstacle's factors move it, and contact tractions balance its force; a plate's factors move the sides bonded
+to it, whose stress balances its force and its moment about its hinge.
 """
 
 from __future__ import annotations
@@ -25,9 +24,11 @@ from mlsanm_cli.mechanics.rigid import ROTATION
 
 @dataclass(frozen=True)
 class LooseMotions:
-    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation, as a length: over its ``size``), with
-    the ``anchors``, the (node, component) pairs that supports hold, and ``moves`` (p, d), by which the free
-    motions move its pins."""
+    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``).
+
+    ``anchors`` are the (node, component) pairs held by supports; ``moves`` (p, d) are the displacements of
+    its pins per free motion.
+    """
 
     body: str
     components: tuple[int, ...]
@@ -37,22 +38,22 @@ class LooseMotions:
 
     @property
     def count(self) -> int:
-        """How many there are (d)."""
+        """Number of free motions (d)."""
         return len(self.components)
 
     def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
-        """The free motions (d,) that have the pins of a body where its ``displacement`` (2N,) does."""
+        """Free motions (d,) for which the pins match the body's ``displacement`` (2N,)."""
         return np.asarray(np.linalg.solve(self.moves, body.pinned @ displacement))
 
     def sums(
         self, body: FiniteBody, series: BodySeries, displacement: FloatArray
     ) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Rows (d, 3k) that add up what the body's pieces lack to forces and moment on the whole of it, and
-        rows (d, 2N) of how that moves with the arms, in a state of ``displacement`` (2N,)."""
+        """Rows (d, 3k) that sum the imbalance of the pieces to force and moment on the body, and rows (d, 2N)
+        of their derivative by the lever arms, at ``displacement`` (2N,)."""
         pieces, count = body.elastic.pieces, body.count
         _, _, middle = series.state()
         center = middle.mean(axis=1)
-        # A node held in x can pull along x only: the moment of that is known on its own line alone.
+        # A node held in x reacts along x only: its moment vanishes about points on that line alone.
         for node, component in self.anchors:
             other = 1 - component
             center[other] = body.elastic.model.nodes[node, other] + displacement[2 * node + other]
@@ -74,8 +75,8 @@ class LooseMotions:
 
 @dataclass(frozen=True)
 class DrivenObstacle:
-    """A ``component`` of the motion of the obstacle of the contact number ``contact``, of the unknown number
-    ``number``, under a ``force`` (L,) per load factor."""
+    """Unknown motion ``number`` of the obstacle of contact number ``contact``: its ``component``, under a
+    ``force`` (L,) per load factor."""
 
     contact: int
     component: int
@@ -85,12 +86,12 @@ class DrivenObstacle:
 
 @dataclass(frozen=True)
 class Plate:
-    """A rigid plate, called ``name``, that holds ``surfaces`` of bodies by name and has its hinge at
-    ``center`` (2,) as drawn; ``loads`` are the numbers of those that move it.
+    """A rigid plate ``name`` bonded to ``surfaces`` of bodies, with its hinge at ``center`` (2,) as drawn;
+    ``loads`` are those that move it.
 
-    Its unknown ``components``, 0 (x), 1 (y), 2 (rotation, as a length: over its ``size``), are those from the
-    ``number`` on, under ``force`` (k, L) per load factor. ``motion`` (3, L + d) are its displacement and its
-    rotation by load factors and free motions.
+    Its unknown ``components``, 0 (x), 1 (y), 2 (rotation times its ``size``), are the unknowns from
+    ``number`` on, under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and
+    rotation per load factor and free motion.
     """
 
     name: str
@@ -111,25 +112,26 @@ class Plate:
     def pulled(
         self, body: FiniteBody, name: str, displacement: FloatArray, factors: FloatArray
     ) -> tuple[FloatArray, sparse.csr_array]:
-        """Force x, y and moment about the hinge (3,) on one body by its stress, and rows (3, 2N) of how these
-        move."""
+        """Force x, y and moment about the hinge (3,) on one body from its stress, and rows (3, 2N) of the
+        derivative."""
         hinge = self.center + self.motion[:2] @ factors[: self.motion.shape[1]]
         return held_force(body, displacement, factors, self.surfaces[name], hinge)
 
     def unknown(self, values: FloatArray) -> FloatArray:
-        """Those of its unknowns (k, ...) of ``values`` (3, ...), moments over the plate's size."""
+        """The entries of ``values`` (3, ...) for its unknowns (k, ...), moments over the plate's size."""
         chosen = list(self.components)
         scale = np.where(np.array(chosen) == ROTATION, 1.0 / self.size, 1.0)
         return np.asarray((values[chosen].T * scale).T)
 
     def arms(self, pull: FloatArray) -> FloatArray:
-        """How its moment moves (3, L + d) with the hinge, by the ``pull`` (3,) on a body."""
+        """Derivative (3, L + d) of its moment by the position of the hinge, for the force ``pull`` (3,) on a
+        body."""
         found = np.zeros_like(self.motion)
         found[2] = self.motion[1] * pull[0] - self.motion[0] * pull[1]
         return found
 
     def given(self, factors: FloatArray) -> FloatArray:
-        """The force (k,) on it at load ``factors`` (L,), moments over its size."""
+        """Force on it (k,) at load ``factors`` (L,), moments over its size."""
         whole = np.zeros(3)
         whole[list(self.components)] = self.force @ factors
         return self.unknown(whole)

@@ -1,4 +1,4 @@
-"""One step of Newton's method on bodies and contacts at finite strain."""
+"""One Newton step for bodies and contacts at finite strain."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 if TYPE_CHECKING:
     from mlsanm_cli.contact.finite.exact import ExactContact
 
-NEIGHBORS = 3
-"""So many nodes next to those that touch may come to touch within an iteration."""
-REACH = 0.1
-"""With free motions also nodes with gaps up to this part of the typical displacement may."""
-DAMPED = 1e-5
-"""Free motions are held back by this part of the stiffness within an iteration: something has to where
-nothing touches yet, and steps that are 0 in the end change nothing."""
+ADJACENT_NODES = 3
+"""Number of nodes next to those in contact that may come into contact within an iteration."""
+REACH_WITH_MOTIONS = 0.1
+"""With free motions, so may nodes with gaps up to this fraction of the typical displacement."""
+DAMPING = 1e-5
+"""Damping of free motions within an iteration, as a fraction of the stiffness: needed while nothing touches,
+and without effect at convergence, where steps are zero."""
 
 
 @dataclass(frozen=True)
 class Iteration:
-    """Newton's steps at load ``factors`` (L,), with slips from the places ``before`` (c,); derivatives of the
-    bodies ``used`` before serve again, where there are any."""
+    """Newton steps at load ``factors`` (L,), with slips relative to the places ``before`` (c,); derivatives
+    of the bodies ``used`` before are reused if given."""
 
     pressing: ExactContact
     factors: FloatArray
@@ -54,8 +54,8 @@ class Iteration:
         met: Sequence[Meeting],
         first: bool,
     ) -> Done:
-        """One step from displacements (2N,), pressures and friction (c,), which make the ``traction`` (2s,)
-        of all sides up to what has turned since."""
+        """One step from displacements (2N,), pressures and friction (c,), which correspond to the
+        ``traction`` (2s,) of all sides up to rotations since."""
         pressing = self.pressing
         applied = pressing.tractions(met, p, q)
         jump = applied - traction
@@ -90,18 +90,18 @@ class Iteration:
         return slice(first, first + self.pressing.projectors[name].body.unknowns)
 
     def _numbers(self) -> list[IntArray]:
-        """The displacements of every contact's sides among those of all bodies."""
+        """Unknowns of every contact's sides among the displacements of all bodies."""
         ends = np.cumsum([0, *(2 * sum(s.count for s in one.sides) for one in self.pressing.contacts)])
         return [self.pressing.numbers[a:b] for a, b in pairwise(ends)]
 
     def _chosen(self, free: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
-        """The nodes that may touch, and the tractions (t,) of all sides that these make."""
+        """The nodes that may touch, and the tractions (t,) of all sides that these affect."""
         chosen, touched, first, node = [], [], 0, 0
         for contact, one in zip(self.pressing.contacts, met, strict=True):
             here = slice(first, first + contact.slave.count)
-            reach = REACH * self.pressing.length if self.pressing.free else 0.0
+            reach = REACH_WITH_MOTIONS * self.pressing.length if self.pressing.free else 0.0
             near = one.facing & ((free[here] <= reach) | (p[here] > 0.0))
-            for _ in range(NEIGHBORS):
+            for _ in range(ADJACENT_NODES):
                 adjacent = near.copy()
                 adjacent[1:] |= near[:-1]
                 adjacent[:-1] |= near[1:]
@@ -121,7 +121,7 @@ class Iteration:
         )
 
     def _answers(self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray) -> Responses:
-        """A body's displacements by the ``touched`` tractions and by its free motions."""
+        """A body's displacements due to the ``touched`` tractions and to its free motions."""
         pressing, projector = self.pressing, self.pressing.projectors[name]
         place = np.searchsorted(pressing.columns[name], touched)
         place = np.minimum(place, max(len(pressing.columns[name]) - 1, 0))
@@ -137,7 +137,7 @@ class Iteration:
         return Responses(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
 
     def _moves(self, name: str) -> IntArray:
-        """Which free motions move a body."""
+        """The free motions that move a body."""
         first, found = 0, [np.zeros(0, dtype=np.int64)]
         for one in self.pressing.loose:
             found += [first + np.arange(one.count)] if one.body == name else []
@@ -153,8 +153,8 @@ class Iteration:
         answers: Mapping[str, Responses],
         z: FloatArray,
     ) -> Imbalance:
-        """What is out of balance (d,) after the displacements ``z`` (2N,), and how that changes by touched
-        tractions and by free motions."""
+        """Force imbalance (d,) after the displacements ``z`` (2N,), and its derivatives by touched tractions
+        and free motions."""
         pressing = self.pressing
         shape = (pressing.free, len(touched))
         lack = Imbalance(np.zeros(pressing.free), np.zeros(shape), np.zeros((pressing.free,) * 2))
@@ -172,7 +172,7 @@ class Iteration:
                 by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
             )
             lack.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
-            lack.by_motion[rows, rows] += DAMPED * body.elastic.model.material.modulus
+            lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
         for plate in (some for some in pressing.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
             lack.now[rows] -= plate.given(self.factors[:known])
@@ -186,7 +186,7 @@ class Iteration:
                 lack.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
                 lack.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
                 lack.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
-                lack.by_motion[rows, rows] += DAMPED * body.elastic.model.material.modulus
+                lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
         for driven in pressing.driven:
             number, contact = driven.number, pressing.contacts[driven.contact]
             weight = np.zeros(len(applied))
@@ -195,11 +195,11 @@ class Iteration:
             lack.now[number] = weight @ applied - force
             lack.by_traction[number] = weight[touched]
             modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
-            lack.by_motion[number, number] = DAMPED * modulus
+            lack.by_motion[number, number] = DAMPING * modulus
         return lack
 
     def _driven(self, driven: DrivenObstacle) -> IntArray:
-        """Which tractions of all sides press an obstacle along its motion."""
+        """The tractions of all sides that act on an obstacle along its motion."""
         pressing = self.pressing
         before = pressing.contacts[: driven.contact]
         first = 2 * sum(side.count for contact in before for side in contact.sides)
@@ -220,7 +220,7 @@ class Iteration:
     ) -> Done:
         pressing, touched, answers = self.pressing, used.touched, used.answers
         mu, numbers, closer = pressing.friction[chosen], pressing.numbers, self.closer
-        # Displacements of all sides by the touched tractions.
+        # Displacements of all sides due to the touched tractions.
         seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), pressing.free))
         for name, answer in answers.items():
             here, rows = self._here(name), pressing.columns[name]
@@ -285,7 +285,7 @@ class Iteration:
         compliance = d_gap @ (seen @ push)
         stuck = np.flatnonzero((found.status == STICK) & (mu > 0.0))
         if len(stuck):
-            # What sticks does not give way along the surface either.
+            # Sticking nodes are fixed along the surface too.
             slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
         unbalanced = lack.by_traction[: sum(one.count for one in pressing.loose)] @ push

@@ -1,4 +1,5 @@
-"""A contact in a state: gaps, directions and slips of the slave's nodes, and how all that moves."""
+"""Kinematics of a contact in a state: gaps, directions and slips of the slave's nodes, and their
+derivatives."""
 
 from __future__ import annotations
 
@@ -10,20 +11,22 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
-NOWHERE = 1e300
-"""The gap of a node that faces nothing."""
+NO_GAP = 1e300
+"""Gap of a node that faces nothing."""
 
 
 @dataclass(frozen=True)
 class Meeting:
-    """Of the slave's nodes (c,): which are ``facing`` the master; ``gap`` (c,); the master's outward
-    ``normal`` (c, 2) and the ``tangent`` (c, 2), that turned by -90 degrees; the ``place`` (c,) they meet, an
-    arc length of the master before loading; and the ``slip`` (c,) along the tangent since they met another.
+    """Kinematics at the slave's nodes (c,).
 
-    How these move with the s displacements (2s,) of the slave's nodes and then the master's: ``d_gap``,
-    ``d_slip``, ``d_turn`` (c, 2s), the last one by how much the normal turns towards the tangent.
-    ``carried`` (m, c) is what the master's m nodes get of tractions at the slave's, per length before loading
-    of either, and ``carried_moved`` (T) (2m, 2s) how that of slave's tractions T (c, 2) moves.
+    ``facing`` (c,) marks nodes opposite to the master; ``gap`` (c,); the master's outward ``normal`` (c, 2)
+    and the ``tangent`` (c, 2), the normal rotated by -90 degrees; ``place`` (c,), the closest point as a
+    reference arc length of the master; ``slip`` (c,) along the tangent relative to an earlier place.
+
+    Derivatives by the s displacements (2s,) of the slave's nodes, then the master's: ``d_gap``, ``d_slip``,
+    ``d_turn`` (c, 2s), the last one for the rotation of the normal towards the tangent. ``carried`` (m, c)
+    maps tractions at the slave's nodes to the master's m nodes, per reference length of either, and
+    ``carried_moved`` (T) (2m, 2s) is the derivative for slave tractions T (c, 2).
     """
 
     facing: BoolArray
@@ -39,19 +42,19 @@ class Meeting:
     carried_moved: Callable[[FloatArray], sparse.csr_array]
 
     def tractions(self, pressure: FloatArray, friction: FloatArray) -> FloatArray:
-        """Nominal tractions (s, 2) of both sides by the slave's pressures and friction (c,)."""
+        """Nominal tractions (s, 2) of both sides for the slave's pressures and friction (c,)."""
         on_slave = pressure[:, None] * self.normal + friction[:, None] * self.tangent
         return np.concatenate([on_slave, -(self.carried @ on_slave)])
 
     def columns(self, directions: FloatArray) -> sparse.csr_array:
-        """Tractions (2s, c) of both sides by amounts along ``directions`` (c, 2) on the slave."""
+        """Tractions (2s, c) of both sides per unit along ``directions`` (c, 2) on the slave."""
         count = len(directions)
         entries = (directions.ravel(), (np.arange(2 * count), np.repeat(np.arange(count), 2)))
         on_slave = sparse.csr_array(entries, shape=(2 * count, count))
         return sparse.csr_array(sparse.vstack([on_slave, -(_twice(self.carried) @ on_slave)], format="csr"))
 
     def turning(self, pressure: FloatArray, friction: FloatArray) -> sparse.csr_array:
-        """How the tractions move with the displacements (2s, 2s)."""
+        """Derivative (2s, 2s) of the tractions by the displacements."""
         across = pressure[:, None] * self.tangent - friction[:, None] * self.normal
         count = len(pressure)
         spread = sparse.csr_array(
@@ -65,12 +68,12 @@ class Meeting:
 
 
 def _twice(rows: sparse.csr_array) -> sparse.csr_array:
-    """Rows (m, c) for both components of each (2m, 2c)."""
+    """Rows (m, c) applied to both components (2m, 2c)."""
     return sparse.csr_array(sparse.kron(rows, sparse.eye_array(2), format="csr"))
 
 
 def by_component(rows: sparse.csr_array, directions: FloatArray) -> sparse.csr_array:
-    """Rows (c, m) of a value as those (c, 2m) of its part along ``directions`` (c, 2)."""
+    """Rows (c, m) of a scalar as rows (c, 2m) of the component along ``directions`` (c, 2)."""
     found = rows.tocoo()
     line, column = found.coords
     entries = (

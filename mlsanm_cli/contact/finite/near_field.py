@@ -1,7 +1,7 @@
-"""What unit tractions at a side's nodes do to these: fields in closed form and a smooth remainder.
+"""Compliance of a side's nodes for unit nodal tractions: closed-form near fields and a smooth remainder.
 
-Tractions are linear between the nodes; behind planes of symmetry at the side's ends they have images, and
-corners there what keeps both of their faces free (:mod:`mlsanm_cli.mechanics.corner`).
+Tractions are linear between nodes; they have images behind planes of symmetry at the side's ends, and force
+densities at corners that free both faces (:mod:`mlsanm_cli.mechanics.corner`).
 """
 
 from __future__ import annotations
@@ -22,24 +22,25 @@ from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 
-NEAR_SURFACE = 1e-3
-"""Forces on planes of symmetry and at corners are moved off them by this part of their node's length."""
-AT_TIP = 1e-12
-"""Places at corners are looked at so far from these, in the length of their faces."""
+SURFACE_INSET = 1e-3
+"""Forces on planes of symmetry and at corners are shifted off them by this fraction of their node's
+length."""
+TIP_INSET = 1e-12
+"""Least distance from corners at which displacements are evaluated, relative to the length of their faces."""
 GAUSS = np.polynomial.legendre.leggauss(8)
-TOWARDS_TIP = 6.0
-"""Tractions beside a corner are integrated at places whose powers of this are even: fields there go with the
-logarithm of the distance."""
-AT_ONCE = 64
-"""Nodes whose remainders are worked on together, for the sake of memory."""
+TIP_EXPONENT = 6.0
+"""Exponent of the grading of quadrature points towards a corner, where fields depend on the logarithm of the
+distance."""
+BLOCK_SIZE = 64
+"""Nodes whose remainders are computed at once, to limit memory."""
 
 
 def exact_compliance(
     side: ContactSide, body: ElasticBody, center: complex | None, nodes: IntArray, deep: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Displacements (2c, 2c), x and y of every node in turn, by unit tractions at some ``nodes`` (k,) of a
-    side of an undeformed body, and those (2m, 2c) of nodes ``deep`` (m,) inside; fields end at a ``center``
-    in hollows. Nothing for other nodes."""
+    """Displacements (2c, 2c), x and y of every node in turn, due to unit tractions at some ``nodes`` (k,) of
+    a side of an undeformed body, zero for other nodes, and those (2m, 2c) of nodes ``deep`` (m,) inside. In
+    hollows near fields end at a ``center``."""
     near, rows = _Near(side, body, center), (2 * nodes[:, None] + np.arange(2)).ravel()
     count = len(rows)
     own = (2 * np.concatenate([side.nodes[nodes], deep])[:, None] + np.arange(2)).ravel()
@@ -49,8 +50,8 @@ def exact_compliance(
     if not len(nodes):
         return total, inside
     total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
-    for first in range(0, len(nodes), AT_ONCE):
-        some = nodes[first : first + AT_ONCE]
+    for first in range(0, len(nodes), BLOCK_SIZE):
+        some = nodes[first : first + BLOCK_SIZE]
         smooth = body.system.functionals(seen, sparse.csc_array(near.remainders(some)))
         columns = rows[2 * first : 2 * (first + len(some))]
         moved = smooth * np.repeat(side.weight[some], 2)
@@ -62,7 +63,7 @@ def exact_compliance(
 
 @dataclass(frozen=True)
 class _Near:
-    """The fields of a ``side``'s tractions, with their images behind planes of symmetry at its ends."""
+    """Near fields of a ``side``'s tractions, with images behind planes of symmetry at its ends."""
 
     side: ContactSide
     body: ElasticBody
@@ -70,14 +71,14 @@ class _Near:
 
     @cached_property
     def _corners(self) -> list[tuple[Corner, BoolArray]]:
-        """The corners, and which nodes (c,) are so near to each that forces there need what keeps it free."""
+        """The corners, and masks (c,) of nodes close enough to need their force densities."""
         known = [one for one in self.side.wedges if one is not None]
         return [(one, one.distance(as_complex(self.side.places)) <= one.reach) for one in known]
 
     @property
     def _mirrored(self) -> list[tuple[float, int, FloatArray]]:
-        """Of every plane its place, as an arc length and as its coordinate's axis, and what images are (2,)
-        of both components."""
+        """For every symmetry plane its arc length, its axis, and the signs (2,) of both components of
+        images."""
         side = self.side
         return [
             (float(side.arc[end]), axis, 1.0 - 2.0 * np.eye(2)[axis])
@@ -87,16 +88,16 @@ class _Near:
 
     @cached_property
     def _places(self) -> ComplexArray:
-        """Where forces act (c,), those at ends a little next to them."""
+        """Points (c,) where forces act, those at ends shifted inwards."""
         side, places = self.side, as_complex(self.side.places)
         if side.around is None:
             for end, way in ((0, 1.0), (-1, -1.0)):
-                places[end] += NEAR_SURFACE * way * side.weight[end] * self._along[end]
+                places[end] += SURFACE_INSET * way * side.weight[end] * self._along[end]
         return places
 
     @cached_property
     def _along(self) -> ComplexArray:
-        """Unit tangents (c,) along growing arc lengths."""
+        """Unit tangents (c,) in the direction of the arc length."""
         tangent: ComplexArray = 1j * as_complex(self.side.outward)
         ahead = as_complex(np.roll(self.side.places, -1, axis=0) - self.side.places)[0]
         return np.asarray(tangent * np.sign((ahead * np.conj(tangent[0])).real))
@@ -146,7 +147,7 @@ class _Near:
 
     @property
     def field(self) -> FloatArray:
-        """Displacements (2c, 2c) of the nodes by unit tractions, linear between nodes."""
+        """Displacements (2c, 2c) of the nodes due to unit tractions, linear between nodes."""
         side = self.side
         places, inward, arc = as_complex(side.places), -as_complex(side.outward), side.arc
         total = self._by(places, inward, self._along, arc, self.center)
@@ -160,34 +161,34 @@ class _Near:
         return np.asarray(total.transpose(0, 2, 1, 3).reshape(2 * side.count, 2 * side.count))
 
     def _cornered(self, corner: Corner) -> FloatArray:
-        """The same of what keeps the faces of a corner free."""
+        """Contribution of the force densities of a corner."""
         seen = as_complex(self.side.places)
         if corner.curved is not None:
-            # Within a hat these change little but at the tip, where single forces stand for hats.
+            # Smooth within a hat except at the tip: represented by point forces.
             by = np.asarray(corner.beyond_wedge(self._places)) * self.side.weight[:, None, None]
         else:
             by = np.zeros((len(seen), len(seen), 2, 2))
         arc, hats, length = self._points(corner)
-        x = np.maximum(corner.distance(seen), AT_TIP * corner.length)
+        x = np.maximum(corner.distance(seen), TIP_INSET * corner.length)
         for c, d in product((0, 1), (0, 1)):
             by[:, :, c, d] += (corner.wedge.compliance(x, arc, c, d) * length) @ hats
         return by
 
     def _points(self, corner: Corner) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distances (g,) from a corner of integration points of tractions, rows (g, c) of the nodes' linear
-        functions, and the length (g,) that each stands for."""
+        """Quadrature points for tractions as distances (g,) from a corner, hat functions (g, c) of the nodes
+        there, and weights (g,)."""
         at = corner.distance(as_complex(self.side.places))
         order = np.argsort(at)
         low, high = at[order[:-1], None], at[order[1:], None]
         share, weight = 0.5 * (1.0 + GAUSS[0]), 0.5 * GAUSS[1]
         first = np.arange(len(at) - 1)[:, None] == 0
-        part = np.where(first, share**TOWARDS_TIP, share)
-        size = np.where(first, TOWARDS_TIP * share ** (TOWARDS_TIP - 1.0), 1.0) * weight * (high - low)
+        part = np.where(first, share**TIP_EXPONENT, share)
+        size = np.where(first, TIP_EXPONENT * share ** (TIP_EXPONENT - 1.0), 1.0) * weight * (high - low)
         hats = np.zeros((*part.shape, len(at)))
         number = np.arange(len(at) - 1)
         hats[number, :, order[:-1]] = 1.0 - part
         hats[number, :, order[1:]] = part
-        x = np.maximum(low + part * (high - low), AT_TIP * corner.length)
+        x = np.maximum(low + part * (high - low), TIP_INSET * corner.length)
         return x.ravel(), hats.reshape(-1, len(at)), size.ravel()
 
     def _by(
@@ -198,8 +199,8 @@ class _Near:
         arc: FloatArray,
         center: complex | None,
     ) -> FloatArray:
-        """Displacements (c, c, 2, 2) of the side's nodes by tractions around places (c,) with unit normals
-        inward and unit tangents (c,), at ``arc`` (c,) along the side or its image."""
+        """Displacements (c, c, 2, 2) of the side's nodes due to tractions around points (c,) with unit
+        normals inward and unit tangents (c,), at ``arc`` (c,) along the side or its image."""
         side, kernel = self.side, self.body.model.kernel
         seen = as_complex(side.places)
         apart = _wrapped(side.arc[:, None] - arc, side.around)
@@ -242,18 +243,18 @@ SIGN: tuple[_Table, _Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
 
 
 def _integrals(side: ContactSide, arc: FloatArray, second: _Table, first: _Table) -> FloatArray:
-    """Integrals (c, c), seen from the nodes, with the linear functions of the nodes at ``arc`` (c,) along the
-    side or its image, of a kernel of the distance."""
+    """Integrals (c, c), observed at the nodes, of a kernel of the distance with the hat functions of the
+    nodes at ``arc`` (c,) along the side or its image."""
     steps = np.diff(arc if side.around is None else np.append(arc, arc[0] + side.around))
     if side.around is None:
         before, after = np.append(0.0, steps), np.append(steps, 0.0)
     else:
         before, after = np.roll(steps, 1), steps
-    # In extended precision: second differences over short steps, far away.
+    # Extended precision: second differences over short steps, far away.
     apart: FloatArray = _wrapped(side.arc[:, None] - arc, side.around).astype(np.longdouble)
     total = np.zeros_like(apart)
     for step, sense in ((before, 1.0), (after, -1.0)):
-        # Where an image runs the other way steps are negative, and so are the ways.
+        # Steps of an image that runs backwards are negative.
         way = sense * np.sign(np.where(step == 0.0, 1.0, step))
         size = np.where(step == 0.0, 1.0, np.abs(step))
         part = (second(apart + way * size) - second(apart)) / size - way * first(apart)

@@ -1,7 +1,7 @@
-"""A curve through the nodes of a deformed side: what is met there, and how it moves with the nodes.
+"""A curve through the nodes of a deformed side: closest points, and their derivatives by the nodes.
 
-Cubic between neighbours, with the slopes of quartics through five nodes: linear in the nodes' places, errors
-of fourth order, and what happens at one node matters to its neighbours only.
+Piecewise cubic with slopes of quartics through five nodes: linear in the nodes' positions, errors of fourth
+order, and a node affects its neighbours only.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 
-AROUND, AT_ENDS = 5, 3
-"""Nodes that tell a slope, and near the ends."""
-MOST = 40
-"""Newton steps to the closest point."""
-SMALL = 1e-13
-SLACK = 1e-3
-"""Points beyond an end by so much of the spacing are still opposite to it."""
+SLOPE_NODES, END_NODES = 5, 3
+"""Number of nodes that determine a slope, inside and near the ends."""
+MAX_NEWTON_STEPS = 40
+"""Largest number of Newton steps to the closest point."""
+CONVERGED = 1e-13
+END_SLACK = 1e-3
+"""Points beyond an end by this fraction of the spacing still count as opposite."""
 
 
 @dataclass(frozen=True)
 class NodeCurve:
-    """Curves over the arc length before loading: nodes at ``arc`` (m,); ``around`` is the length of a closed
-    one, ``corners`` are the numbers of nodes at which curves have a kink."""
+    """A curve over the reference arc length: nodes at ``arc`` (m,); ``around`` is the length of a closed one,
+    ``corners`` the indices of nodes at which it has a kink."""
 
     arc: FloatArray
     around: float | None
@@ -35,16 +35,16 @@ class NodeCurve:
 
     @cached_property
     def knots(self) -> FloatArray:
-        """Arc lengths of the nodes, of a closed curve with the first one again at its end."""
+        """Arc lengths of the nodes; on a closed curve the first one is repeated at the end."""
         return self.arc if self.around is None else np.append(self.arc, self.arc[0] + self.around)
 
     @cached_property
     def slopes(self) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Rows (m, m) of the derivatives behind the nodes and ahead of them, which differ at corners; nothing
-        behind the first node and ahead of the last one of an open curve."""
+        """Rows (m, m) of the derivatives on the left and right of the nodes, which differ at corners; zero on
+        the left of the first and on the right of the last node of an open curve."""
         count = len(self.arc)
         if self.around is not None and not self.corners:
-            both = _slopes(self.arc, self.around, np.arange(count), min(AROUND, count))
+            both = _slopes(self.arc, self.around, np.arange(count), min(SLOPE_NODES, count))
             return both, both
         stretches = self._stretches()
         rows = sparse.csr_array(sparse.vstack([self._open(nodes) for nodes in stretches], format="csr"))
@@ -58,7 +58,7 @@ class NodeCurve:
 
     @cached_property
     def mean_slopes(self) -> sparse.csr_array:
-        """Rows (m, m) of the derivatives at the nodes, at corners the means of both."""
+        """Rows (m, m) of the derivatives at the nodes; means of both at corners."""
         both = np.full(len(self.arc), 0.5)
         if self.around is None:
             both[[0, -1]] = 1.0
@@ -66,7 +66,7 @@ class NodeCurve:
         return sparse.csr_array(sparse.diags_array(both) @ (behind + ahead))
 
     def _stretches(self) -> list[IntArray]:
-        """The nodes between corners, with these, beyond the seam of a closed curve counted on."""
+        """Nodes from corner to corner; indices continue beyond the seam of a closed curve."""
         count = len(self.arc)
         ends = [0, *self.corners, count - 1]
         if self.around is not None:
@@ -74,19 +74,19 @@ class NodeCurve:
         return [np.arange(first, last + 1) for first, last in pairwise(ends)]
 
     def _open(self, nodes: IntArray) -> sparse.csr_array:
-        """Rows (k, m) of the derivatives at ``nodes`` (k,) between two corners, near these by fewer nodes:
-        taken from one side slopes of high degrees answer to every unevenness of the last nodes."""
+        """Rows (k, m) of the derivatives at ``nodes`` (k,) between two corners, with fewer nodes near these:
+        one-sided slopes of high degree amplify irregularities of the last nodes."""
         own, (turns, numbers) = len(nodes), np.divmod(nodes, len(self.arc))
         arc = self.arc[numbers] + turns * (self.around or 0.0)
-        inner = np.arange(AROUND // 2, own - AROUND // 2)
-        rows = _slopes(arc, None, np.setdiff1d(np.arange(own), inner), min(AT_ENDS, own))
+        inner = np.arange(SLOPE_NODES // 2, own - SLOPE_NODES // 2)
+        rows = _slopes(arc, None, np.setdiff1d(np.arange(own), inner), min(END_NODES, own))
         if len(inner):
-            rows = sparse.csr_array(rows + _slopes(arc, None, inner, AROUND))
+            rows = sparse.csr_array(rows + _slopes(arc, None, inner, SLOPE_NODES))
         entries = (np.ones(own), (np.arange(own), numbers))
         return sparse.csr_array(rows @ sparse.csr_array(entries, shape=(own, len(self.arc))))
 
     def interval(self, place: FloatArray) -> IntArray:
-        """Between which knots (c,) places (c,) lie, the number of the lower one."""
+        """Index of the knot (c,) at or below each place (c,)."""
         found = np.searchsorted(self.knots, place, side="right") - 1
         return np.asarray(np.clip(found, 0, len(self.knots) - 2))
 
@@ -109,8 +109,8 @@ class NodeCurve:
         return found[0], found[1], found[2]
 
     def _shapes(self, place: FloatArray) -> tuple[IntArray, FloatArray, tuple[tuple[FloatArray, ...], ...]]:
-        """Of places (c,) the number of the lower knot, the way to the next one, and what value, first and
-        second derivative, over that way, take of the lower node, its slope, the upper node and its slope."""
+        """For places (c,): index of the lower knot, interval length, and Hermite coefficients of value, first
+        and second derivative for lower node, its slope, upper node, its slope."""
         low = self.interval(place)
         step = self.knots[low + 1] - self.knots[low]
         t = (place - self.knots[low]) / step
@@ -128,7 +128,7 @@ class NodeCurve:
         self, place: FloatArray, nodes: FloatArray, slopes: tuple[FloatArray, FloatArray]
     ) -> list[FloatArray]:
         """Value, first and second derivative (c, 2) at places (c,) of the curve through ``nodes`` (m, 2) with
-        the ``slopes`` (m, 2) behind them and ahead."""
+        left and right ``slopes`` (m, 2)."""
         low, step, values = self._shapes(place)
         high, (behind, ahead) = (low + 1) % len(self.arc), slopes
         ends = nodes[low], step[:, None] * ahead[low], nodes[high], step[:, None] * behind[high]
@@ -140,8 +140,8 @@ class NodeCurve:
     def closest(
         self, nodes: FloatArray, points: FloatArray, beyond: FloatArray
     ) -> tuple[FloatArray, BoolArray]:
-        """Places (c,) of the closest points to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), which
-        continues ``beyond`` its ends by lengths (c,), and whether these are none of its ends (c,)."""
+        """Places (c,) of the points closest to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), which
+        continues ``beyond`` its ends by lengths (c,), and a mask (c,) of those that are not at an end."""
         corners = nodes if self.around is None else np.concatenate([nodes, nodes[:1]])
         along = np.diff(corners, axis=0)
         away = points[:, None] - corners[None, :-1]
@@ -152,21 +152,21 @@ class NodeCurve:
         place = self.knots[low] + part[np.arange(len(points)), low] * steps[low]
         inside = np.zeros(len(points), dtype=bool)
         slopes = (self.slopes[0] @ nodes, self.slopes[1] @ nodes)
-        for _ in range(MOST):
+        for _ in range(MAX_NEWTON_STEPS):
             value, first, second = self._seen(place, nodes, slopes)
             apart = points - value
             bent = (first**2).sum(axis=1) - (apart * second).sum(axis=1)
-            # Beyond the centre of curvature the closest point is elsewhere: go down the slope.
+            # Beyond the centre of curvature Newton's step is uphill: use the first-order step.
             bent = np.where(bent > 0.0, bent, (first**2).sum(axis=1))
             largest = steps[self.interval(place)]
             step = np.clip((apart * first).sum(axis=1) / bent, -largest, largest)
             better = self._onto(place + step, beyond)
             moved = np.abs(step)
-            inside = (self.around is not None) | (np.abs(better - place - step) <= SLACK * largest)
+            inside = (self.around is not None) | (np.abs(better - place - step) <= END_SLACK * largest)
             place = better
-            if (moved[inside] <= SMALL * self.knots[-1]).all():
+            if (moved[inside] <= CONVERGED * self.knots[-1]).all():
                 break
-        return place, np.asarray(inside & (moved <= SLACK * largest))
+        return place, np.asarray(inside & (moved <= END_SLACK * largest))
 
     def _onto(self, place: FloatArray, beyond: FloatArray) -> FloatArray:
         if self.around is None:
@@ -175,8 +175,8 @@ class NodeCurve:
 
 
 def _slopes(arc: FloatArray, around: float | None, chosen: IntArray, size: int) -> sparse.csr_array:
-    """Rows (m, m) of the derivatives at the ``chosen`` nodes of polynomials through ``size`` nodes; nothing
-    in the others."""
+    """Rows (m, m) of the derivatives at the ``chosen`` nodes of polynomials through ``size`` nodes; zero for
+    others."""
     count, number = len(arc), np.arange(len(chosen))
     first = chosen - size // 2
     if around is None:

@@ -1,8 +1,8 @@
-"""Two sides of bodies at finite strain that meet: search, gaps and directions that follow any motion.
+"""Contact of two deformable sides at finite strain: closest points, gaps and directions for any motion.
 
-Slave nodes x meet the curve y(xi) through the master's deformed nodes where (x - y) . y' = 0; n is the
-master's current normal there, h = (x - y) . n the gap. xi is a length of the master before loading, and so a
-place of its material: slips are counted by it, whatever way both bodies go.
+Slave nodes x have their closest point on the curve y(xi) through the master's deformed nodes where (x - y) .
+y' = 0; n is the master's current normal there, h = (x - y) . n the gap. xi is a reference length of the
+master, hence a material coordinate: slips are measured by it, however both bodies move.
 
 Equation (26) of docs/method.md.
 """
@@ -16,24 +16,28 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
+from mlsanm_cli.contact.finite.meeting import NO_GAP, Meeting, by_component
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.transfer import Transfer
 from mlsanm_cli.contact.geometry.facing import turned
-from mlsanm_cli.contact.geometry.pairing import OPPOSED
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
 
-DEEP = 3.0
-"""Nodes deeper inside the master than this many of its spacings meet something else."""
-BEYOND = 0.5
-"""Closed nodes stay so until they are further than this part of their length beyond the master's end: there
-a node that the pressure drives out comes back without it, for ever, though its length is half covered."""
+MAX_DEPTH = 3.0
+"""Nodes deeper inside the master than this many of its spacings are ignored."""
+END_OVERHANG = 0.5
+"""Closed nodes stay candidates until they are farther than this fraction of their length beyond the master's
+end: otherwise a node there would leave under pressure and return without it indefinitely, with half its
+length covered."""
 
 
 @dataclass(frozen=True)
 class BodyContact:
     """The contact ``name`` of a ``slave`` with a deformable ``master``; ``friction`` is Coulomb's
-    coefficient. ``exchanged`` means that the case has them the other way round: forces and directions are
-    reported as they act on the slave of the case."""
+    coefficient.
+
+    ``exchanged``: roles are swapped with respect to the case, on whose slave forces and directions are
+    reported.
+    """
 
     name: str
     slave: ContactSide
@@ -48,7 +52,8 @@ class BodyContact:
 
     @cached_property
     def _outward(self) -> tuple[float, float]:
-        """1 or -1, by which a tangent turned by -90 degrees points out of the slave and of the master."""
+        """Signs (1 or -1) for which a tangent rotated by -90 degrees points out of the slave and of the
+        master."""
         found = []
         for side, curve in ((self.slave, self.slave.curve), (self.master, self.master.curve)):
             along = curve.rows(side.arc)[1] @ side.places
@@ -56,11 +61,12 @@ class BodyContact:
         return found[0], found[1]
 
     def start(self, factors: FloatArray) -> FloatArray:
-        """Where the master's normals (c, 2) are before anything is deformed."""
+        """The master's normals (c, 2) in the undeformed state."""
         return self.meet(np.zeros((self.slave.count + self.master.count, 2)), factors, None).normal
 
     def apart(self, displacement: FloatArray, _factors: FloatArray, place: FloatArray) -> FloatArray:
-        """The way (c, 2) to nodes from places (c,) of the master, both sides displaced by (c + m, 2)."""
+        """Vectors (c, 2) from places (c,) of the master to the nodes, for displacements (c + m, 2) of both
+        sides."""
         count = self.slave.count
         nodes = self.master.places + displacement[count:]
         return np.asarray(self.slave.places + displacement[:count] - self.master.curve.rows(place)[0] @ nodes)
@@ -72,12 +78,12 @@ class BodyContact:
         before: FloatArray | None,
         closed: BoolArray | None = None,
     ) -> Meeting:
-        """The contact in a state of ``displacement`` (c + m, 2) of the slave's nodes and the master's; slips
-        are from the places (c,) ``before``, or nothing. Nodes that were ``closed`` (c,) still are opposite to
-        what they have come BEYOND."""
+        """The contact for ``displacement`` (c + m, 2) of the slave's nodes, then the master's; slips are
+        relative to the places ``before`` (c,), zero without. Nodes that were ``closed`` (c,) remain facing up
+        to END_OVERHANG the end."""
         slave, master, count = self.slave, self.master, self.slave.count
         at, nodes = slave.places + displacement[:count], master.places + displacement[count:]
-        beyond = np.zeros(count) if closed is None else np.where(closed, BEYOND * slave.weight, 0.0)
+        beyond = np.zeros(count) if closed is None else np.where(closed, END_OVERHANG * slave.weight, 0.0)
         place, inside = master.curve.closest(nodes, at, beyond)
         rows = master.curve.rows(place)
         value, first, second = (row @ nodes for row in rows)
@@ -86,8 +92,8 @@ class BodyContact:
         normal = sign * turned(along)
         gap = (apart * normal).sum(axis=1)
         own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
-        faced = (own * normal).sum(axis=1) < OPPOSED * np.hypot(*own.T)
-        deep = gap < -DEEP * self._spacing(place) * length
+        faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
+        deep = gap < -MAX_DEPTH * self._spacing(place) * length
         facing = inside & faced & ~deep
         moves = _Moves(rows, along, normal, apart, first, second)
         d_place = moves.kept(moves.place, facing)
@@ -100,7 +106,7 @@ class BodyContact:
         transfer = Transfer.of(slave, master, master.curve, place, facing)
         return Meeting(
             facing,
-            np.where(facing, gap, NOWHERE),
+            np.where(facing, gap, NO_GAP),
             normal,
             turned(normal),
             place,
@@ -125,8 +131,9 @@ class BodyContact:
 
 @dataclass(frozen=True)
 class _Moves:
-    """How places and directions move: the curve's ``rows`` of value and derivatives, unit tangents and
-    normals (c, 2), what lies between (c, 2), the ``first`` and ``second`` derivative (c, 2)."""
+    """Derivatives of places and directions: ``rows`` of the curve's value and derivatives, unit tangents and
+    normals (c, 2), vectors ``between`` the sides (c, 2), ``first`` and ``second`` derivative of the curve (c,
+    2)."""
 
     rows: tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]
     along: FloatArray
@@ -147,7 +154,7 @@ class _Moves:
 
     @cached_property
     def place(self) -> sparse.csr_array:
-        """Rows (c, 2s) of xi, by which (x - y) . y' stays 0."""
+        """Rows (c, 2s) of xi, from (x - y) . y' = 0."""
         bent = (self.first**2).sum(axis=1) - (self.between * self.second).sum(axis=1)
         tiny = 1e-6 * (self.first**2).sum(axis=1)
         bent = np.where(np.abs(bent) > tiny, bent, tiny)
@@ -155,10 +162,10 @@ class _Moves:
         return sparse.csr_array(sparse.diags_array(1.0 / bent) @ moved)
 
     def turned_by(self, direction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
-        """Rows (c, 2s) of y' along ``direction`` (c, 2), with what comes of moving along."""
+        """Rows (c, 2s) of the total derivative of y' along ``direction`` (c, 2)."""
         along = sparse.diags_array((self.second * direction).sum(axis=1)) @ d_place
         return sparse.csr_array(self.slope(direction) + along)
 
     def kept(self, rows: sparse.csr_array, chosen: BoolArray) -> sparse.csr_array:
-        """The ``rows`` (c, 2s) of the ``chosen`` (c,), nothing for the others."""
+        """The ``rows`` (c, 2s) of the ``chosen`` (c,), zero for others."""
         return sparse.csr_array(sparse.diags_array(chosen.astype(float)) @ rows)

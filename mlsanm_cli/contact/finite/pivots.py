@@ -1,6 +1,6 @@
-"""What nodes do in one linearised step, by complementary pivots, where exchanging nodes goes round.
+"""Status of nodes in one linearised step by complementary pivoting, where the active-set exchange cycles.
 
-With q = l - mu p, l = mu p + q >= 0 and the slip s = b - a in two parts, contact and friction are a linear
+With q = l - mu p, l = mu p + q >= 0 and the slip s = b - a split in two parts, frictional contact is a linear
 complementarity problem::
 
     gap  = ... >= 0      p >= 0      gap p = 0
@@ -18,20 +18,23 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
-UNEVEN, TINY = 1e-10, 1e-11
-"""Right-hand sides differ by about this part of the largest, so that no two nodes change at once; smaller
-pivots are none."""
-MANY = 10
-"""Pivots for every unknown, at most."""
+PERTURBATION, MIN_PIVOT = 1e-10, 1e-11
+"""Relative perturbation of right-hand sides, so that no two nodes change at once; and smallest relative
+pivot."""
+MAX_PIVOTS = 10
+"""Largest number of pivots per unknown."""
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 def complementary_sets(
     friction: FloatArray, gap: FloatArray, slip: FloatArray, by_gap: FloatArray, by_slip: FloatArray
 ) -> tuple[NDArray[np.int8], FloatArray] | None:
-    """Status and sense of slip (c,) of nodes with ``friction`` coefficients (c,), ``gap`` and ``slip`` (c,)
-    without any pressure, in units of pressures, and how these go with pressures and shears (c, 2c); None
-    where the path has no end."""
+    """Status and slip direction (c,) of nodes with ``friction`` coefficients (c,); None if the path does not
+    end.
+
+    ``gap`` and ``slip`` (c,) without pressure are in units of pressure, ``by_gap`` and ``by_slip`` (c, 2c)
+    their derivatives by pressures and shears.
+    """
     count, rubs = len(gap), np.flatnonzero(friction > 0.0)
     by_p, by_l = by_gap[:, :count] - by_gap[:, count:] * friction, by_gap[:, count:][:, rubs]
     own_p = (by_slip[:, :count] - by_slip[:, count:] * friction)[rubs]
@@ -57,16 +60,17 @@ def complementary_sets(
 
 
 def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
-    """Which unknowns z (n,) of w = M z + r, w >= 0, z >= 0, w z = 0 are in the basis; None without an end."""
+    """Mask (n,) of the unknowns z in the basis of w = M z + r, w >= 0, z >= 0, w z = 0; None if the path does
+    not end."""
     n = len(rest)
     largest = float(np.abs(rest).max(initial=0.0))
-    rest = rest + UNEVEN * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
+    rest = rest + PERTURBATION * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
     if not (rest < 0.0).any():
         return np.zeros(n, dtype=bool)
     # Columns: w, z, the artificial load, the right-hand side.
     table = np.hstack([np.eye(n), -matrix, -np.ones((n, 1)), rest[:, None]])
     basis, enters, row = np.arange(n), 2 * n, int(np.argmin(rest))
-    for _ in range(MANY * n):
+    for _ in range(MAX_PIVOTS * n):
         table[row] /= table[row, enters]
         others = np.arange(n) != row
         table[others] -= np.outer(table[others, enters], table[row])
@@ -77,7 +81,7 @@ def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
             return found
         enters = leaves + n if leaves < n else leaves - n
         column = table[:, enters]
-        up = np.flatnonzero(column > TINY * max(float(np.abs(column).max()), 1.0))
+        up = np.flatnonzero(column > MIN_PIVOT * max(float(np.abs(column).max()), 1.0))
         if not len(up):
             return None
         row = int(up[np.argmin(np.maximum(table[up, -1], 0.0) / column[up])])

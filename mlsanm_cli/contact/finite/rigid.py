@@ -1,8 +1,8 @@
-"""A side of a body at finite strain against a rigid obstacle: gaps, normals, and what turns with them.
+"""A side of a body at finite strain against a rigid obstacle: gaps, normals, and their derivatives.
 
-The unknowns are nominal pressures p_j >= 0, per length before loading, at the nodes of the slave: the
-traction p n acts along the obstacle's normal n where the node is now, so that neither the slave's normal nor
-its stretch is in the equations, and p_j w_j dg_j is work.
+The unknowns are nominal pressures p_j >= 0, per reference length, at the nodes of the slave: the traction p n
+acts along the obstacle's normal n at the node's current position, so that neither the slave's normal nor its
+stretch appears in the equations, and p_j w_j dg_j is work.
 """
 
 from __future__ import annotations
@@ -18,15 +18,17 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 
-SMALL = 1e-3
-"""Differences along chains are over this part of a node's length."""
+DIFFERENCE_STEP = 1e-3
+"""Step of differences along polylines, as a fraction of a node's length."""
 
 
 @dataclass(frozen=True)
 class RigidContact:
-    """The contact ``name`` of a ``slave`` with an obstacle, whose ``shape`` moves by ``motion`` (2, L) and
-    turns by ``rotation`` (L,) about ``pivot`` (2,), as drawn, times the load factors, free motions among
-    them; ``friction`` is Coulomb's coefficient."""
+    """The contact ``name`` of a ``slave`` with an obstacle.
+
+    Its ``shape`` translates by ``motion`` (2, L) and rotates by ``rotation`` (L,) about ``pivot`` (2,), given
+    as drawn, times the load factors including free motions; ``friction`` is Coulomb's coefficient.
+    """
 
     name: str
     slave: ContactSide
@@ -42,7 +44,7 @@ class RigidContact:
         return (self.slave,)
 
     def start(self, factors: FloatArray) -> FloatArray:
-        """Where the obstacle's normals (c, 2) are before anything is deformed."""
+        """The obstacle's normals (c, 2) in the undeformed state."""
         count = self.motion.shape[1] - len(factors)
         return self.seen(self.slave.places, self.slave.outward, np.append(factors, np.zeros(count)))[1]
 
@@ -57,16 +59,16 @@ class RigidContact:
         return ((at - partner) * normal).sum(axis=1), normal @ turn.T
 
     def turn(self, factors: FloatArray) -> FloatArray:
-        """The matrix (2, 2) by which the obstacle has turned."""
+        """Rotation matrix (2, 2) of the obstacle."""
         angle = float(self.rotation @ factors)
         return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
     def _drawn(self, places: FloatArray, factors: FloatArray, turn: FloatArray) -> FloatArray:
-        """Places (e, 2) as the obstacle sees them, where it was drawn."""
+        """Points (e, 2) in the frame of the obstacle as drawn."""
         return np.asarray(self.pivot + (places - self.motion @ factors - self.pivot) @ turn)
 
     def apart(self, displacement: FloatArray, factors: FloatArray, _place: FloatArray) -> FloatArray:
-        """Where nodes (c, 2) displaced by (c, 2) are, as the obstacle sees them."""
+        """Positions of nodes (c, 2) with ``displacement`` (c, 2) in the frame of the obstacle as drawn."""
         return self._drawn(self.slave.places + displacement, factors, self.turn(factors))
 
     def meet(
@@ -76,8 +78,8 @@ class RigidContact:
         before: FloatArray | None,
         _closed: BoolArray | None = None,
     ) -> Meeting:
-        """The contact in a state of the slave's ``displacement`` (c, 2) and load ``factors`` (L,); slips are
-        from the places (c,) ``before``, or nothing. Obstacles have no ends to be closed beyond."""
+        """The contact for a slave's ``displacement`` (c, 2) and load ``factors`` (L,); slips are relative to
+        the places ``before`` (c,), zero without. Obstacles have no ends."""
         turn = self.turn(factors)
         at, outward = self._drawn(self.slave.places + displacement, factors, turn), self.slave.outward @ turn
         partner, drawn = self.shape.closest(at, outward)
@@ -104,8 +106,8 @@ class RigidContact:
         )
 
     def _along(self, at: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What multiplies a node's motion along the obstacle to turn its normal (c,), 1 over the distance
-        from the centre and 0 above straight sides; places along the obstacle, and how they move (c,)."""
+        """Rotation (c,) of the normal per motion of a node along the obstacle (1 over the distance from the
+        centre, 0 above straight sides); coordinates along the obstacle and their derivatives (c,)."""
         if isinstance(self.shape, Chain):
             return self._along_chain(self.shape, at, outward)
         if not isinstance(self.shape, Round):
@@ -119,12 +121,12 @@ class RigidContact:
     def _along_chain(
         self, shape: Chain, at: FloatArray, outward: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The same of a chain by differences over a small part of the nodes' lengths, over which a corner is
-        round; places are counted against the way along the chain, as its tangents go."""
+        """The same for a polyline by differences over a small fraction of the nodes' lengths, which rounds
+        corners; coordinates run opposite to the polyline, along its tangents."""
         tangent = turned(shape.closest(at, outward)[1])
-        step = SMALL * self.slave.weight[:, None] * tangent
+        step = DIFFERENCE_STEP * self.slave.weight[:, None] * tangent
         ahead, behind = (shape.closest(at + way, outward) for way in (step, -step))
-        twice = 2.0 * SMALL * self.slave.weight
+        twice = 2.0 * DIFFERENCE_STEP * self.slave.weight
         bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
         moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice
         return bent, -_arc(shape, 0.5 * (ahead[0] + behind[0])), moved
@@ -137,7 +139,7 @@ class RigidContact:
 
 
 def _arc(shape: Chain, points: FloatArray) -> FloatArray:
-    """Lengths (n,) along a chain up to ``points`` (n, 2) on it."""
+    """Arc lengths (n,) of ``points`` (n, 2) on a polyline."""
     start, way = shape.points[:-1], np.diff(shape.points, axis=0)
     length = np.hypot(*way.T)
     away = points[:, None] - start[None]

@@ -1,7 +1,7 @@
-"""Which nodes are open, stick or slip in one linearised step, and what pressures and friction go with it.
+"""Status of nodes (open, stick, slip) in one linearised step, with pressures and friction.
 
 Open nodes carry nothing; closed ones have no gap; of those with friction sticking ones have no slip, and
-slipping ones bear q = d mu p against it, d = +-1.
+slipping ones carry q = d mu p against it, d = +-1.
 
 Equation (25) of docs/method.md.
 """
@@ -17,21 +17,21 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.pivots import complementary_sets
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
-PASSES, BEHIND = 30, 10
-"""Passes of the active set, and more of them from what pivots find."""
+MAX_PASSES, MAX_PASSES_AFTER_PIVOTS = 30, 10
+"""Passes of the active set, and after pivoting."""
 
 
 @dataclass(frozen=True)
 class NodeSets:
-    """Of all nodes (c,) the ``status``, OPEN, STICK or SLIP, and the ``slip_sign`` in which friction acts on
-    those that slip; nodes without friction that are closed slip in sense 0."""
+    """``status`` (c,) of all nodes, OPEN, STICK or SLIP, and the ``slip_sign`` of friction on slipping nodes;
+    closed nodes without friction slip with sign 0."""
 
     status: NDArray[np.int8]
     slip_sign: FloatArray
 
     @property
     def closed(self) -> BoolArray:
-        """Which (c,) are closed."""
+        """Mask (c,) of closed nodes."""
         return np.asarray(self.status != OPEN)
 
     def same(self, other: NodeSets) -> bool:
@@ -41,10 +41,13 @@ class NodeSets:
 
 @dataclass(frozen=True)
 class Linearised:
-    """Gaps and slips (c,) of nodes with ``friction`` coefficients (c,), by changes of ``pressure``, of the
-    traction of friction ``shear`` (c,) and of d free motions: ``gap`` + ``by_gap`` (c, 2c + d) times all
-    these, and so for slips, and for what is out of ``balance`` (d,), which has to vanish. Pressures up to
-    ``nothing`` are round-off: what nodes that only just touch do by them is no matter."""
+    """Linearised contact problem for nodes with ``friction`` coefficients (c,).
+
+    Unknowns are changes of ``pressure``, of friction ``shear`` (c,) and of d free motions. Gaps are ``gap`` +
+    ``by_gap`` (c, 2c + d) times these, and likewise slips, and the force imbalance ``balance`` (d,), which
+    must vanish. Pressures up to ``nothing`` are round-off: the status of nodes at light touch does not
+    matter.
+    """
 
     friction: FloatArray
     pressure: FloatArray
@@ -58,24 +61,23 @@ class Linearised:
     nothing: float = 0.0
 
     def settled(self, sets: NodeSets) -> tuple[FloatArray, NodeSets, bool]:
-        """Changes (2c + d,) with which every node does what it may, from a first guess, what they do, and
-        whether such were found.
+        """Changes (2c + d,) that satisfy all conditions, starting from ``sets``, the status, and whether it
+        was found.
 
-        A semismooth Newton method: nodes do what their pressure less its gap, and their shear less its slip,
-        over their compliance, say (Alart and Curnier 1991). Where that goes round complementary pivots find
-        what they do.
+        Semismooth Newton method: the status follows from pressure minus gap, and shear minus slip, over the
+        compliance (Alart and Curnier 1991). If it cycles, complementary pivoting determines the status.
         """
-        change, wrong, found = self._exchanged(sets, PASSES)
+        change, wrong, found = self._exchanged(sets, MAX_PASSES)
         if wrong.any():
             pivoted = self._pivoted()
             if pivoted is not None:
-                again = self._exchanged(pivoted, BEHIND)
+                again = self._exchanged(pivoted, MAX_PASSES_AFTER_PIVOTS)
                 if again[1].max() < wrong.max():
                     change, wrong, found = again
         return change, found, not wrong.any()
 
     def _exchanged(self, sets: NodeSets, most: int) -> tuple[FloatArray, FloatArray, NodeSets]:
-        """Changes, by how much each node does what it may not, and sets, after ``most`` passes or fewer."""
+        """Changes, violations (c,) and status after at most ``most`` passes."""
         status, slip_sign = sets.status.copy(), sets.slip_sign.copy()
         for number in range(most):
             change, wrong = self._tried(status, slip_sign)
@@ -85,12 +87,12 @@ class Linearised:
         return change, wrong, NodeSets(status, slip_sign)
 
     def _pivoted(self) -> NodeSets | None:
-        """The sets by complementary pivots; None where these find none."""
+        """The status by complementary pivoting; None if it fails."""
         count, size = len(self.pressure), self._stiffness
         by_all = np.concatenate([self.by_gap, self.by_slip])
         matrix, moved = by_all[:, : 2 * count], np.concatenate([self.gap, self.slip])
         if len(self.balance):
-            # Free motions keep the balance.
+            # Eliminate the free motions by the balance.
             onto = by_all[:, 2 * count :] @ np.linalg.inv(self.by_balance[:, 2 * count :])
             matrix = matrix - onto @ self.by_balance[:, : 2 * count]
             moved = moved - onto @ self.balance
@@ -101,12 +103,12 @@ class Linearised:
 
     @property
     def _stiffness(self) -> float:
-        """Over the largest compliance of a node."""
+        """1 over the largest compliance of a node."""
         largest = float(np.abs(np.diag(self.by_gap)).max(initial=0.0))
         return 1.0 / largest if largest else 1.0
 
     def _better(self, change: FloatArray) -> tuple[NDArray[np.int8], FloatArray]:
-        """What nodes (c,) do rather, and in which sense."""
+        """Next status (c,) and slip signs."""
         count, mu = len(self.pressure), self.friction
         p, q = self.pressure + change[:count], self.shear + change[count : 2 * count]
         push = p - self._stiffness * (self.gap + self.by_gap @ change)
@@ -116,7 +118,7 @@ class Linearised:
         return status, np.where((status == SLIP) & (mu > 0.0), np.sign(pull), 0.0)
 
     def _tried(self, status: NDArray[np.int8], slip_sign: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Changes (2c + d,), and by how much each node (c,) does what it may not."""
+        """Changes (2c + d,) for a status, and violations (c,)."""
         count, mu = len(status), self.friction
         number = np.arange(count)
         total = 2 * count + len(self.balance)

@@ -1,4 +1,4 @@
-"""Sides of bodies at finite strain that touch something, and their nominal tractions as loads of the body."""
+"""Contact sides of bodies at finite strain, and their nominal tractions as loads of the body."""
 
 from __future__ import annotations
 
@@ -25,19 +25,21 @@ from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]
 Wedges: TypeAlias = tuple[Corner | None, Corner | None]
 
-SQUARE = 1e-6
-"""Sides whose directions are off a right angle by less meet a plane of symmetry squarely."""
+RIGHT_ANGLE_TOLERANCE = 1e-6
+"""Tolerance for a right angle between a side and a plane of symmetry."""
 
 
 @dataclass(frozen=True)
 class ContactSide:
-    """The ``nodes`` (c,) of surfaces of a ``body`` that follow each other, at ``places`` (c, 2) before
-    loading, there with outward normals ``outward`` (c, 2), at ``arc`` (c,) along them; ``weight`` (c,) is the
-    length each stands for. ``members`` are the surfaces' names with the numbers of their nodes among these.
-    ``around`` is the length of a closed side, and None of others. ``held`` (c,) marks nodes that have a
-    component of their displacement given. ``corners`` are the numbers of nodes at corners and ends; at either
-    end ``mirrors`` has the axis across a plane of symmetry, if there is one, and ``wedges`` another corner
-    whose fields are known."""
+    """Consecutive ``nodes`` (c,) of surfaces of a ``body``.
+
+    In the reference configuration: ``places`` (c, 2), outward normals ``outward`` (c, 2), ``arc`` (c,)
+    lengths along the side, ``weight`` (c,) lengths of the nodes. ``members`` are the surfaces' names with the
+    indices of their nodes among these. ``around`` is the length of a closed side, else None. ``held`` (c,)
+    marks nodes with a prescribed displacement component. ``corners`` are the indices of nodes at corners and
+    ends; at either end ``mirrors`` has the axis normal to a plane of symmetry, if any, and ``wedges`` a
+    corner with known near field.
+    """
 
     body: str
     members: tuple[tuple[str, IntArray], ...]
@@ -62,8 +64,8 @@ class ContactSide:
         nodes: Sequence[int] = (),
         wedges: Wedges = (None, None),
     ) -> ContactSide:
-        """By a body's ``cloud``, of whose surfaces some have components ``held``, and single ``nodes``, and
-        the surface, near whose ends fields know the ``wedges``."""
+        """The side on a ``surface`` of a body's ``cloud`` with ``held`` components of surfaces and held
+        ``nodes``, with ``wedges`` at its ends."""
         around = surface.curve.length if surface.curve.closed else None
         found = np.zeros(len(cloud.points), dtype=bool)
         for name, components in held.items():
@@ -92,17 +94,18 @@ class ContactSide:
         return len(self.nodes)
 
     def corner_rows(self, body: ElasticBody) -> IntArray:
-        """The rows (m,) of the side's tractions at ends whose corners have fields in closed form.
+        """Rows (m,) of the side's tractions at ends with a corner near field.
 
-        The other side of such a corner has a traction of its own there, and no finite stress has both: with
-        both rows a block with friction up to its corners, 30 % down, swayed at degree 4 (its equations,
-        renewed, moved it by 0.2 of the way, and by 0.04 without), and no increment settled behind 0.9.
+        The other side of such a corner has another traction there, and no finite stress matches both: with
+        both rows a block with friction up to its corners, 30 % down, was unstable at degree 4 (renewing its
+        equations moved it by 0.2 of the displacement, by 0.04 without), and no increment converged beyond
+        0.9.
         """
         ends = zip((0, self.count - 1), self.wedges, strict=True)
         return self.traction_rows(body, [end for end, wedge in ends if wedge is not None])
 
     def traction_rows(self, body: ElasticBody, some: Sequence[int] | IntArray) -> IntArray:
-        """The rows (m,) of the tractions of ``some`` of the side's nodes, by number."""
+        """Rows (m,) of the tractions of ``some`` of the side's nodes, by index."""
         rows = [
             body.condition_rows(name, component)[np.isin(numbers, some)]
             for name, numbers in self.members
@@ -112,13 +115,13 @@ class ContactSide:
 
     @cached_property
     def curve(self) -> NodeCurve:
-        """The curve through its nodes, over their arc lengths before loading."""
+        """The curve through its nodes, over reference arc lengths."""
         inner = self.corners if self.around is not None else self.corners[1:-1]
         return NodeCurve(self.arc, self.around, inner)
 
     def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
-        """By what unit numbers (c,) the side has turned at its nodes, displaced by (c, 2), and rows (c, 2c)
-        of how these angles move."""
+        """Rotations of the side at its nodes as unit complex numbers (c,), for nodal displacements (c, 2),
+        and rows (c, 2c) of the derivatives of the angles."""
         slopes = self.curve.mean_slopes
         before, now = (as_complex(slopes @ one) for one in (self.places, self.places + displacement))
         turn = now * np.conj(before)
@@ -127,8 +130,8 @@ class ContactSide:
 
 
 def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int | None:
-    """The axis across which a straight surface is held, and nothing else there, that a side meets at its
-    ``end`` at a right angle."""
+    """Axis normal to a straight symmetry plane (a surface held in that component only) that a side meets at
+    its ``end`` at a right angle; None without."""
     if surface.curve.closed:
         return None
     normal, own = surface.normal[end], [part.name for part, _ in surface.members]
@@ -137,15 +140,17 @@ def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int |
         if name in own or surface.index[end] not in adjacent.index or sum(components) != 1:
             continue
         axis = components.index(True)
-        flat = float(np.ptp(cloud.points[adjacent.index, axis])) <= SQUARE * adjacent.curve.length
-        if flat and abs(normal[axis]) <= SQUARE:
+        flat = (
+            float(np.ptp(cloud.points[adjacent.index, axis])) <= RIGHT_ANGLE_TOLERANCE * adjacent.curve.length
+        )
+        if flat and abs(normal[axis]) <= RIGHT_ANGLE_TOLERANCE:
             return axis
     return None
 
 
 def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[ContactSide]) -> Loads:
-    """The ``loads`` and, behind them, unit tractions x and y at every node of the body's ``sides`` in turn,
-    per length before loading and linear between the nodes."""
+    """The ``loads`` followed by unit tractions x and y at every node of the body's ``sides``, per reference
+    length and linear between nodes."""
     more = 2 * sum(one.count for one in sides)
     if not more:
         return loads
@@ -166,7 +171,7 @@ def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[ContactSide]) ->
 
 
 def with_more(loads: Loads, more: int) -> Loads:
-    """The ``loads`` and, behind them, so many ``more`` that do nothing yet."""
+    """The ``loads`` followed by ``more`` zero loads."""
     sources = np.hstack([loads.sources, np.zeros((len(loads.sources), more))])
     tractions = {name: _wider(given, more) for name, given in loads.tractions.items()}
     force = None if loads.force is None else _wider(loads.force, more)
@@ -176,5 +181,5 @@ def with_more(loads: Loads, more: int) -> Loads:
 
 
 def _wider(values: FloatArray, more: int) -> FloatArray:
-    """``values`` (e, 2, L) with nothing for ``more`` loads."""
+    """``values`` (e, 2, L) extended by ``more`` zero loads."""
     return np.concatenate([values, np.zeros((*values.shape[:2], more))], axis=2)

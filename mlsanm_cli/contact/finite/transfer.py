@@ -1,11 +1,11 @@
-"""Tractions of the slave transferred to the master's nodes, so that no force is lost.
+"""Transfer of the slave's tractions to the master's nodes, without loss of force.
 
-A master's node gets what the slave bears under the node's linear function N_i, over its length::
+A master's node receives the slave's traction weighted with its hat function N_i, over its length::
 
-    T_i w_i = - int N_i(xi(S)) T(S) dS,        xi between the slave's nodes linear in S
+    T_i w_i = - int N_i(xi(S)) T(S) dS,        xi linear in S between the slave's nodes
 
-so that the forces on both sides are the same to round-off, and a constant traction arrives as it is. The
-integral is exact: between the nodes of either side the integrand is a parabola.
+so that the forces on both sides agree to round-off, and a constant traction is reproduced. The integral is
+exact: between the nodes of either side the integrand is quadratic.
 
 Equation (27) of docs/method.md.
 """
@@ -26,9 +26,9 @@ SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 @dataclass(frozen=True)
 class Transfer:
-    """At the integration points (g): the ``length`` (g,) each stands for, rows ``slave`` (g, c) and
-    ``master`` (g, m) of the linear functions of both sides, ``moved`` (g, m) the latter's derivatives along
-    the master; ``weight`` (m,) are the lengths of the master's nodes."""
+    """At the quadrature points (g): weights ``length`` (g,), hat functions ``slave`` (g, c) and ``master``
+    (g, m) of both sides, derivatives ``moved`` (g, m) of the latter along the master; ``weight`` (m,) are the
+    lengths of the master's nodes."""
 
     length: FloatArray
     slave: sparse.csr_array
@@ -40,8 +40,8 @@ class Transfer:
     def of(
         cls, slave: ContactSide, master: ContactSide, curve: NodeCurve, place: FloatArray, facing: BoolArray
     ) -> Transfer:
-        """By where on the master the slave's nodes meet it, ``place`` (c,); those around nodes ``facing``
-        (c,) count."""
+        """Transfer for the places (c,) of the slave's nodes on the master; only intervals next to ``facing``
+        (c,) nodes count."""
         first, second, step = _stretches(slave)
         chosen = np.flatnonzero(facing[first] | facing[second])
         first, second, step = first[chosen], second[chosen], step[chosen]
@@ -63,12 +63,12 @@ class Transfer:
 
     @property
     def carried(self) -> sparse.csr_array:
-        """What the master's nodes get of tractions at the slave's (m, c)."""
+        """Matrix (m, c) from tractions at the slave's nodes to those at the master's."""
         onto = sparse.diags_array(1.0 / self.weight) @ self.master.T @ sparse.diags_array(self.length)
         return sparse.csr_array(onto @ self.slave)
 
     def carried_moved(self, traction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
-        """How that of the slave's ``traction`` (c, 2) moves (2m, s), by how the places do, (c, s)."""
+        """Derivative (2m, s) of the transferred ``traction`` (c, 2), given that of the places (c, s)."""
         onto = sparse.diags_array(1.0 / self.weight) @ self.moved.T @ sparse.diags_array(self.length)
         parts = [
             onto @ sparse.diags_array(self.slave @ traction[:, component]) @ self.slave @ d_place
@@ -80,7 +80,7 @@ class Transfer:
 
 
 def _stretches(side: ContactSide) -> tuple[IntArray, IntArray, FloatArray]:
-    """First and second node and length of the stretches between neighbours."""
+    """First and second node and length of the intervals between neighbours."""
     first = np.arange(side.count)
     if side.around is None:
         return first[:-1], first[1:], np.diff(side.arc)
@@ -88,8 +88,8 @@ def _stretches(side: ContactSide) -> tuple[IntArray, IntArray, FloatArray]:
 
 
 def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Stretches cut where they pass knots: of every piece the stretch's number and the parts of it, from 0 to
-    1, between which it lies."""
+    """Intervals split at knots: for every piece the interval and the fractions of it, from 0 to 1, at its
+    ends."""
     knots = curve.knots
     if curve.around is not None:
         knots = np.concatenate([curve.arc + turn * curve.around for turn in (-1.0, 0.0, 1.0, 2.0)])
@@ -109,7 +109,7 @@ def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntAr
 
 
 def _hats(curve: NodeCurve, at: FloatArray, count: int) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Linear functions of the nodes (3g, m) at the points ``at`` (g, 3) of pieces, and their derivatives."""
+    """Hat functions of the nodes (3g, m) at the points ``at`` (g, 3) of pieces, and their derivatives."""
     knots = curve.knots
     if curve.around is not None:
         at = knots[0] + np.mod(at - knots[0], curve.around)
@@ -117,11 +117,11 @@ def _hats(curve: NodeCurve, at: FloatArray, count: int) -> tuple[sparse.csr_arra
     step = knots[low + 1] - knots[low]
     place = at.ravel()
     if curve.around is not None:
-        # The ends of a piece that touches the seam may have come out on its other side.
+        # Ends of a piece at the seam may have been wrapped to the other side.
         place = place + curve.around * np.round((knots[low] + 0.5 * step - place) / curve.around)
     whole = (place - knots[low]) / step
     part = np.clip(whole, 0.0, 1.0)
-    # Beyond its ends all goes to the last node.
+    # Beyond the ends the last node receives everything.
     inner = np.abs(whole - part) <= 1e-9
     number, high = np.arange(len(place)), (low + 1) % count
     at_both = (np.tile(number, 2), np.concatenate([low, high]))

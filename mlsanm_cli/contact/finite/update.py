@@ -1,4 +1,5 @@
-"""What a step of Newton's method on bodies and contacts at finite strain finds, and what it is found from."""
+"""Results of a Newton step for bodies and contacts at finite strain, and the quantities it is computed
+from."""
 
 from __future__ import annotations
 
@@ -21,11 +22,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Done:
-    """What an iteration found: updates, also of the ``free`` motions, ``sets`` of all nodes, the ``chosen``
-    ones (c,) that might touch and their ``compliance`` (k, k), gaps by pressures that do not turn: what a
-    body's equations resist pressures with, whatever loads that turn with their surfaces do to its balance.
-    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say. What was ``used`` may be used
-    again close by."""
+    """Result of an iteration: updates of displacements, pressures, friction and ``free`` motions, and
+    ``sets`` of all nodes.
+
+    ``chosen`` (k,) are the nodes that might touch, with their ``compliance`` (k, k), gaps per pressure of
+    fixed direction: the resistance of the body itself, without load stiffness. Pressures with ``unbalanced``
+    (d, k) forces on floating bodies are excluded from the stability. ``used`` can be reused nearby.
+    """
 
     du: FloatArray
     dp: FloatArray
@@ -41,8 +44,8 @@ class Done:
     used: Used
 
     def stability(self, pressing: ExactContact, met: Sequence[Meeting]) -> float:
-        """The least resistance of a contact with closed nodes, on those between two others, to pressures that
-        change from node to node; of what is held nothing is known."""
+        """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
+        that oscillate from node to node; held nodes are excluded."""
         least = np.inf
         number = np.full(len(self.sets.status), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
@@ -75,8 +78,8 @@ class Used:
 
 @dataclass(frozen=True)
 class Responses:
-    """Displacements of a body by its ``own`` (k,) of the touched tractions, (2n, k), and by its free
-    ``moves`` (d,), (2n, d); and what ``pieces`` (3k, k + d) lack by both directly."""
+    """Displacements of a body due to its ``own`` (k,) of the touched tractions, (2n, k), and its free
+    ``moves`` (d,), (2n, d); ``pieces`` (3k, k + d) is the direct imbalance of pieces by both."""
 
     own: IntArray
     by_traction: FloatArray
@@ -87,7 +90,8 @@ class Responses:
 
 @dataclass(frozen=True)
 class Imbalance:
-    """What is out of balance ``now`` (d,), by touched tractions (d, t) and by free motions (d, d)."""
+    """Force imbalance ``now`` (d,), and its derivatives by touched tractions (d, t) and by free motions (d,
+    d)."""
 
     now: FloatArray
     by_traction: FloatArray

@@ -1,9 +1,8 @@
-"""Many functions of a contact grid at once: kernels between clusters far from each other by few points.
+"""Hierarchical matrices for large contact grids: kernels between distant clusters by interpolation.
 
-The range is halved again and again; the kernel between two clusters of functions that are farther apart than
-wide is a polynomial in both places, known at Chebyshev's points of either. So integrals of m functions with m
-others take memory and time like m (Hackbusch and Boerm 2002, doi:10.1007/s00607-002-1450-4). Pairs close by
-are integrated as those of few functions are.
+The range is bisected recursively; the kernel between two clusters separated by more than their size is
+interpolated at Chebyshev points of both. Memory and time for m hats are then of order m (Hackbusch and Boerm
+2002, doi:10.1007/s00607-002-1450-4). Near pairs are integrated as on small grids.
 
 Equation (8) of docs/method.md.
 """
@@ -21,34 +20,33 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.hat_pairs import (
     LOGARITHM,
-    NOTHING,
     SIGN,
+    ZERO_COMPONENT,
     Distance,
     HatPairs,
     far_logarithms,
 )
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 
-LEAF = 16
-"""Functions of the smallest clusters."""
-POINTS = 12
-"""Chebyshev's points of a cluster: what is left of integrals far away is 1e-11 of them."""
-APART = 0.7
-"""Clusters farther apart than this many times the wider are far."""
-AT_ONCE = 2000
-"""Functions of clusters that are worked on together, for the sake of the processor's memory."""
-AS_POINTS = 10.0
-"""They also are so many of the widest interval apart, or Gauss's points would not do."""
+LEAF_SIZE = 16
+"""Hats per leaf cluster."""
+CHEBYSHEV_POINTS = 12
+"""Chebyshev points per cluster: the relative error of far integrals is 1e-11."""
+ADMISSIBILITY = 0.7
+"""Admissibility: least distance of far clusters over the size of the larger one."""
+BATCH_SIZE = 2000
+"""Hats processed at once, to fit into the processor's cache."""
+MIN_WIDTHS = 10.0
+"""Least distance of far clusters in widths of the widest interval, for Gauss quadrature to be accurate."""
 
 Chain = tuple[Any, ...]
-"""Matrices, sparse or not, whose product is meant."""
+"""Factors, sparse or dense, of a matrix product."""
 
 
 @dataclass(frozen=True)
 class Clusters:
-    """The functions of ``pairs`` in clusters: ``bounds`` (c, 2) of their numbers, the second one excluded,
-    ``supports`` (c, 2) of all in each, and pairs of clusters that are ``far`` (f, 2) and that are near
-    (n, 2)."""
+    """The hats of ``pairs`` in clusters: index ranges ``bounds`` (c, 2), end exclusive, ``supports`` (c, 2),
+    and pairs of clusters that are ``far`` (f, 2) and ``close`` (n, 2)."""
 
     pairs: HatPairs
     bounds: IntArray
@@ -58,13 +56,13 @@ class Clusters:
 
     @classmethod
     def of(cls, pairs: HatPairs) -> Clusters:
-        """Halve the functions until few are left in every cluster."""
+        """Bisect the hats down to leaf clusters."""
         place, nodes, widths = pairs.hats.place, pairs.hats.nodes, pairs.widths
         bounds, halves = [(0, len(place))], dict[int, tuple[int, int]]()
         for number, (first, last) in enumerate(bounds):  # which grows
-            if last - first > LEAF:
+            if last - first > LEAF_SIZE:
                 middle = int(np.searchsorted(place, 0.5 * (place[first] + place[last - 1])))
-                middle = min(max(middle, first + LEAF // 4), last - LEAF // 4)
+                middle = min(max(middle, first + LEAF_SIZE // 4), last - LEAF_SIZE // 4)
                 halves[number] = len(bounds), len(bounds) + 1
                 bounds += [(first, middle), (middle, last)]
         supports = np.array([(nodes[first], nodes[last + 1]) for first, last in bounds])
@@ -74,7 +72,7 @@ class Clusters:
         while left:
             a, b = left.pop()
             gap = max(supports[a, 0] - supports[b, 1], supports[b, 0] - supports[a, 1])
-            if gap >= max(APART * max(size[a], size[b]), AS_POINTS * max(widest[a], widest[b])):
+            if gap >= max(ADMISSIBILITY * max(size[a], size[b]), MIN_WIDTHS * max(widest[a], widest[b])):
                 far.append((a, b))
             elif a not in halves and b not in halves:
                 close.append((a, b))
@@ -87,7 +85,7 @@ class Clusters:
 
     @cached_property
     def _close_pairs(self) -> tuple[IntArray, IntArray]:
-        """Pairs (e,) of functions of clusters that are close, each pair once."""
+        """Pairs (e,) of hats in close clusters, each pair once."""
         (first, beyond), (start, end) = self.bounds[self.close].transpose(1, 2, 0)
         count = (beyond - first) * (end - start)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -96,8 +94,8 @@ class Clusters:
         return one[one <= other], other[one <= other]
 
     def near(self, log: FloatArray, turn: FloatArray, along: FloatArray) -> sparse.csr_array:
-        """Integrals (m, m) of :meth:`HatPairs.integrals` with directions ``along`` (g, 2) on either side, of
-        functions in clusters that are close. They are symmetric, as ``log`` is and ``turn`` the opposite."""
+        """Integrals (m, m) of :meth:`HatPairs.integrals` for hats in close clusters, with directions
+        ``along`` (g, 2) on either side; symmetric, since ``log`` is symmetric and ``turn`` antisymmetric."""
         pairs, place, (one, other) = self.pairs, self.pairs.hats.place, self._close_pairs
         way, total = place[one] - place[other], np.zeros(len(one))
         for function, table in ((LOGARITHM, log), (SIGN, turn)):
@@ -121,31 +119,31 @@ class Clusters:
         return sparse.csr_array((values, (rows, columns)), shape=(len(place), len(place)))
 
     def beyond(self, log: FloatArray, turn: FloatArray, along: FloatArray) -> list[Chain]:
-        """Matrices whose products add the others to :meth:`near`."""
+        """Matrix products to be added to :meth:`near` for far clusters."""
         found = list[Chain]()
         for function, table in ((LOGARITHM, log), (SIGN, turn)):
             if not len(self.far) or not self.pairs.meet(table, along, along @ table.T):
                 continue
-            count = 1 if function.constant else POINTS
+            count = 1 if function.constant else CHEBYSHEV_POINTS
             between = self._between(function, count)
             shares = {c: self._shares(values, count) for c, values in enumerate(along.T) if values.any()}
             for seen, by in product(shares, repeat=2):
-                if abs(table[seen, by]) > NOTHING * np.abs(table).max():
+                if abs(table[seen, by]) > ZERO_COMPONENT * np.abs(table).max():
                     spread = sparse.csr_array(table[seen, by] * shares[by].T)
                     found.append((shares[seen], between, spread))
         return found
 
     @cached_property
     def _used(self) -> IntArray:
-        """The clusters that are far from some other."""
+        """Clusters that have a far partner."""
         return np.unique(self.far)
 
     def _points(self, count: int) -> FloatArray:
-        """So many Chebyshev points (u, k) of every cluster that is used."""
+        """Chebyshev points (u, k) of every used cluster."""
         return np.array([chebyshev(first, last, count) for first, last in self.supports[self._used]])
 
     def _between(self, function: Distance, count: int) -> sparse.csr_array:
-        """A function of the distances between so many points of clusters that are far from each other."""
+        """Kernel values between the Chebyshev points of far clusters."""
         one, other = np.searchsorted(self._used, self.far).T
         points, within = self._points(count), np.arange(count)
         values = function.values(points[one][:, :, None] - points[other][:, None, :])
@@ -157,8 +155,8 @@ class Clusters:
         )
 
     def _shares(self, values: FloatArray, count: int) -> sparse.csr_array:
-        """Integrals (m, u k) of ``values`` (g,) at the grid's points times every function and every
-        polynomial of its clusters."""
+        """Integrals (m, u k) of ``values`` (g,) times every hat times the Lagrange polynomials of its
+        clusters."""
         hats, places = self.pairs.hats, self._points(count)
         points, weights = hats.own_points
         at, weights = hats.points[points], weights * values[points]
@@ -167,8 +165,8 @@ class Clusters:
         cluster = np.repeat(np.arange(len(size)), size)
         rows = np.arange(len(cluster)) - np.repeat(np.cumsum(size) - size, size) + first[cluster]
         found = np.empty((len(rows), count))
-        for start in range(0, len(rows), AT_ONCE):
-            some = slice(start, start + AT_ONCE)
+        for start in range(0, len(rows), BATCH_SIZE):
+            some = slice(start, start + BATCH_SIZE)
             nodes = np.repeat(places[cluster[some]], at.shape[1], axis=0)
             shares = lagrange(at[rows[some]].ravel(), nodes).reshape(-1, at.shape[1], count)
             found[some] = np.einsum("mq,mqk->mk", weights[rows[some]], shares)

@@ -1,12 +1,12 @@
-"""Contacts whose pressures act by their fields in closed form, on a grid of their own.
+"""Contact grids: contacts whose pressures act through closed-form near fields.
 
-A body's answer to the force f at s' of the contact, observed at s, is::
+The response of a body at s to a force f at s' of the contact is::
 
     G(s, s') = L ln|s - s'| + T sgn(s - s') + S(s, s')
 
-with the material's own tensors L and T. S is smooth: what the closed-form field has beyond, and the remainder
-that the body's cloud answers with (:mod:`mlsanm_cli.mechanics.remainder`). It is known at Chebyshev's points
-of the contact's range, from which any number of pressures and gaps between have it.
+with the material's tensors L and T and a smooth S: the rest of the near field, and the remainder computed on
+the body's cloud (:mod:`mlsanm_cli.mechanics.remainder`). S is sampled at Chebyshev points of the range and
+interpolated to any number of pressures and gaps.
 """
 
 from __future__ import annotations
@@ -33,24 +33,26 @@ from mlsanm_cli.mechanics.near_field import (
     by_component,
 )
 
-STEP = 1e-4
-"""Difference quotients along a contact are taken over this part of its range."""
-STRAIGHT = 1e-9
-"""Directions, and parts of lengths, that differ by less are the same."""
-NOTHING = 1e-14
-"""Components of directions that are none."""
-LEAST = 1e-12
-"""Pressures are no nearer to a corner than this part of its faces."""
-KEPT = 1000
-"""What corners add is kept for grids of up to so many nodes: of more it would take memory."""
+DIFFERENCE_STEP = 1e-4
+"""Step of difference quotients along a contact, as a fraction of its range."""
+STRAIGHTNESS = 1e-9
+"""Relative tolerance for equal directions and lengths."""
+ZERO_COMPONENT = 1e-14
+"""Direction components below this are zero."""
+MIN_DISTANCE = 1e-12
+"""Least distance of pressures from a corner, as a fraction of its faces' length."""
+MAX_CACHED = 1000
+"""Corner terms are cached for grids of up to this many nodes, to limit memory."""
 
 
 @dataclass(frozen=True)
 class ContactGrid:
-    """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
-    pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one,
-    ``corners`` those at the ends of their surfaces. A ``provisional`` grid only serves to find out where the
-    contact is."""
+    """A contact's range from ``first`` to ``last`` with ``count`` Chebyshev samples and the ``hats`` of its
+    pressures.
+
+    ``centers`` are the points in hollows of slave and master at which near fields end, ``corners`` those at
+    the ends of their surfaces. A ``provisional`` grid only serves to locate the contact.
+    """
 
     facing: Facing
     first: float
@@ -62,7 +64,7 @@ class ContactGrid:
     provisional: bool = False
 
     def around(self, s: FloatArray) -> FloatArray:
-        """Places (e,), on a closed base those turns away that are nearest to the range."""
+        """Coordinates (e,), on a closed base shifted by whole periods to be nearest to the range."""
         base = self.facing.base
         if not base.closed:
             return s
@@ -71,7 +73,7 @@ class ContactGrid:
 
     @cached_property
     def samples(self) -> FloatArray:
-        """Arc lengths (k,) of the samples."""
+        """Coordinates (k,) of the samples."""
         return chebyshev(self.first, self.last, self.count)
 
     def own_forces(self, kernel: PointForceField, slave: bool) -> SurfaceForces:
@@ -80,7 +82,7 @@ class ContactGrid:
         return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
 
     def forces(self, kernel: PointForceField, slave: bool) -> Forces:
-        """The same with what they need near corners."""
+        """The same, with the corrections at corners."""
         if slave not in self._forces:
             own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
             self._forces[slave] = CorneredForces(own, corners) if corners else own
@@ -88,11 +90,11 @@ class ContactGrid:
 
     @cached_property
     def _forces(self) -> dict[bool, Forces]:
-        """What :meth:`forces` has made of the two bodies, each of one material."""
+        """Cache of :meth:`forces` by body."""
         return {}
 
     def corners_of(self, slave: bool) -> tuple[Corner, ...]:
-        """The corners of one of the two bodies that the range comes near."""
+        """The corners of one of the two bodies near the range."""
         chosen = self.corners[0 if slave else 1]
         if not chosen:
             return ()
@@ -101,7 +103,7 @@ class ContactGrid:
 
     @cached_property
     def _shares(self) -> FloatArray:
-        """The samples' polynomials (g, k) at the hats' points."""
+        """Lagrange polynomials of the samples (g, k) at the hats' points."""
         return lagrange(self.hats.points, self.samples)
 
     @cached_property
@@ -116,7 +118,7 @@ class ContactGrid:
 
     @cached_property
     def pairs(self) -> HatPairs:
-        """Integrals of kernels with the hats, two by two."""
+        """Double integrals of kernels with the hats."""
         return HatPairs(self.hats)
 
     def places(self, slave: bool) -> ComplexArray:
@@ -125,29 +127,29 @@ class ContactGrid:
 
     @cached_property
     def gap(self) -> FloatArray:
-        """Initial gaps (m,), means over the hats."""
+        """Initial gaps (m,), averaged over the hats."""
         return self.hats.at_places(self.facing.gap_between(*self.opposite)[:, None])[:, 0]
 
     def spread(self, direction: FloatArray) -> FloatArray:
-        """Forces (2k, m) x and y at the samples that stand for tractions of the hats along a ``direction``
-        (g, 2); transposed, what makes integrals with hats of displacements along it."""
+        """Forces (2k, m) x and y at the samples equivalent to hat tractions along ``direction`` (g, 2); the
+        transpose integrates displacements along it with the hats."""
         parts = [self.hats.integrals @ (direction[:, c, None] * self._shares) for c in (0, 1)]
         return np.concatenate([part.T for part in parts])
 
     @cached_property
     def spreads(self) -> tuple[FloatArray, FloatArray]:
-        """:meth:`spread` of pressures and of tractions."""
+        """:meth:`spread` for pressures and for tractions."""
         normal, tangent = self.directions
         return self.spread(normal), self.spread(tangent)
 
     @cached_property
     def covers(self) -> bool:
-        """Whether the range is all of the straight surfaces of the bodies.
+        """Whether the range is the whole of straight surfaces of the bodies.
 
-        The mean tractions then are tractions of these surfaces as others are, to which bodies answer exactly
-        if they are all there is; fields in closed form are those of what differs from them.
+        The mean traction is then an ordinary surface traction, to which the bodies' response is exact; near
+        fields are only used for the deviation from it.
         """
-        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHT
+        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHTNESS
         if self.hats.whole != (True, True) or not straight:
             return False
         ends = np.array([self.first, self.last])
@@ -158,43 +160,42 @@ class ContactGrid:
                 if curve.closed:
                     return False
                 long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
-                if abs(long - curve.length) > STRAIGHT * curve.length or len(self.corners_of(slave)) != 2:
+                if abs(long - curve.length) > STRAIGHTNESS * curve.length or len(self.corners_of(slave)) != 2:
                     return False
         return True
 
     @property
     def drivers(self) -> int:
-        """How many forces x, and as many forces y, stand for all tractions: those at the samples and, where
-        the grid :attr:`covers` the surfaces, their mean."""
+        """Number of forces x, and of forces y, that represent all tractions: those at the samples and, if the
+        grid :attr:`covers` the surfaces, the mean."""
         return self.count + self.covers
 
-    def uneven(self, values: FloatArray) -> FloatArray:
-        """What of nodal ``values`` (m, ...) acts by fields in closed form."""
+    def deviation(self, values: FloatArray) -> FloatArray:
+        """Part of nodal ``values`` (m, ...) that acts through near fields."""
         if not self.covers:
             return values
-        return np.asarray(values - self.even @ values)
+        return np.asarray(values - self.mean_weights @ values)
 
     @cached_property
-    def even(self) -> FloatArray:
-        """What makes the mean along the contact of nodal values (m,)."""
+    def mean_weights(self) -> FloatArray:
+        """Weights (m,) of the mean along the contact."""
         return np.asarray(self.hats.weight / self.hats.weight.sum())
 
     def mean_traction(self, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-        """The mean (2,) on the slave of nodal ``pressure`` and ``traction`` (m,) of a grid that
-        :attr:`covers` its surfaces."""
+        """Mean traction (2,) on the slave for nodal ``pressure`` and ``traction`` (m,) of a covering grid."""
         normal, tangent = (direction[0] for direction in self.directions)
-        return np.asarray((self.even @ pressure) * normal + (self.even @ traction) * tangent)
+        return np.asarray((self.mean_weights @ pressure) * normal + (self.mean_weights @ traction) * tangent)
 
     @cached_property
-    def driven(self) -> tuple[FloatArray, FloatArray]:
-        """What makes the drivers (2 :attr:`drivers`, m), all x and then all y, of pressures, and of
-        tractions."""
+    def driver_matrices(self) -> tuple[FloatArray, FloatArray]:
+        """Matrices (2 :attr:`drivers`, m) from pressures, and from tractions, to the representing forces, all
+        x, then all y."""
         if not self.covers:
             return self.spreads
-        share, unit = self.even, np.eye(len(self.even))
+        share, unit = self.mean_weights, np.eye(len(self.mean_weights))
         found = []
         for spread, direction in zip(self.spreads, self.directions, strict=True):
-            parts = np.split(spread @ self.uneven(unit), 2)
+            parts = np.split(spread @ self.deviation(unit), 2)
             found.append(
                 np.concatenate([parts[0], [direction[0, 0] * share], parts[1], [direction[0, 1] * share]])
             )
@@ -202,13 +203,13 @@ class ContactGrid:
 
     @cached_property
     def means(self) -> tuple[FloatArray, FloatArray]:
-        """Means (m, 2k) over the hats of displacements at the samples, along pressures and tractions."""
+        """Averages (m, 2k) over the hats of displacements at the samples, along pressures and tractions."""
         normal, tangent = self.spreads
         return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
 
     def smooth(self, kernel: PointForceField, slave: bool) -> FloatArray:
-        """What the closed-form field has of S (2k, 2k) at the samples, for one of the two bodies: components
-        x of all and y of all, by forces x of all and y of all."""
+        """Near-field part of S (2k, 2k) at the samples, for one of the two bodies: rows x of all, then y;
+        columns by forces x of all, then y."""
         z, inward = self.facing.side(self.samples, slave)
         log, turn = self.singular(kernel, slave)
         way = self._way(slave)
@@ -234,19 +235,19 @@ class ContactGrid:
         return by_component(found)
 
     def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
-        """Integrals (m, m) with both hats of what corners of one of the two bodies add to its displacements
-        along pressures (``which`` 0) or tractions (1), by pressures or tractions."""
+        """Double integrals (m, m) with the hats of the corner terms of one body's displacements along
+        pressures (``which`` 0) or tractions (1), due to pressures or tractions (``by``)."""
         kept, key = self._by_corners, (slave, which, by)
         if key in kept:
             return kept[key]
         found = self._cornered(slave, which, by)
-        if len(found) <= KEPT:
+        if len(found) <= MAX_CACHED:
             kept[key] = found
         return found
 
     @cached_property
     def _by_corners(self) -> dict[tuple[bool, int, int], FloatArray]:
-        """What :meth:`cornered` has found: grids are condensed again while others are refined."""
+        """Cache of :meth:`cornered`: a grid is condensed again while others are refined."""
         return {}
 
     def _cornered(self, slave: bool, which: int, by: int) -> FloatArray:
@@ -258,16 +259,16 @@ class ContactGrid:
     def corner_terms(
         self, slave: bool, which: int, by: int
     ) -> Iterator[tuple[sparse.csr_array, FloatArray, sparse.csr_array]]:
-        """What :meth:`cornered` is the sum of: integrals (m, k) of what is seen at places near a corner, its
-        compliance (k, k) there, and integrals (m, k) of what acts there."""
+        """Terms of :meth:`cornered`: integrals (m, k) of observed displacements at points near a corner, its
+        compliance (k, k), and integrals (m, k) of the forces."""
         corners = self.corners_of(slave)
         if not corners:
             return
         points, integrals = self.hats.towards_ends
-        place, _, directions = self.facing.loaded(points, slave)
-        present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
+        place, _, directions = self.facing.side_and_directions(points, slave)
+        present = [np.flatnonzero(np.abs(one).max(axis=0) > ZERO_COMPONENT).tolist() for one in directions]
         for corner in corners:
-            x, shares = on_panels(np.maximum(corner.distance(place), LEAST * corner.length))
+            x, shares = on_panels(np.maximum(corner.distance(place), MIN_DISTANCE * corner.length))
             parts = {
                 (side, c): integrals @ (shares * directions[side][:, c, None])
                 for side in {which, by}
@@ -286,13 +287,13 @@ class ContactGrid:
         return log, 0.5 * (ahead - behind)
 
     def _way(self, slave: bool) -> ComplexArray:
-        """Derivatives (k,) of the places on one of the two surfaces by the arc length."""
-        step = STEP * (self.last - self.first)
+        """Derivatives (k,) of the points of one surface by the coordinate s."""
+        step = DIFFERENCE_STEP * (self.last - self.first)
         ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
         return np.asarray((ahead - behind) / (2.0 * step))
 
     def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-        """Force x, y and moment about a ``center`` (3, m) on one of the two bodies by unit pressures, and by
+        """Force x, y and moment about ``center`` (3, m) on one of the two bodies by unit pressures, and by
         unit tractions."""
         z, sign = self.places(slave), 1.0 if slave else -1.0
         x, y = z.real - center[0], z.imag - center[1]
@@ -303,7 +304,7 @@ class ContactGrid:
         return found[0], found[1]
 
     def last_coefficients(self, kernel: FloatArray) -> float:
-        """The largest of the last two Chebyshev coefficients, along either argument, of a sampled kernel (2k,
+        """Largest of the last two Chebyshev coefficients, in either argument, of a sampled kernel (2k,
         2k)."""
         count = self.count
         order = np.arange(count)[:, None]

@@ -1,4 +1,4 @@
-"""The range of a contact in which pressures may lie."""
+"""The range of a contact: the part of its surfaces that can carry pressure."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.mechanics.corner import Corner
 
-AT_END = 1e-6
-"""Places nearer to an end of a range than this part of it are there."""
-SIGHTS = 2000
-"""Places at which a range is looked at for summits of its profile."""
+END_TOLERANCE = 1e-6
+"""Points within this fraction of the range of one of its ends are at that end."""
+SAMPLES = 2000
+"""Points at which the gap is sampled to find minima."""
 
 
 @dataclass(frozen=True)
 class ContactRange:
-    """A contact's range from ``first`` to ``last``, the place ``nearest`` to the other surface, where fields
-    end in hollows, the ``corners`` of both bodies that pressures may come near, and in how many ``places``
-    surfaces come close. Ends that are ``whole`` are where one of the surfaces ends, so that there may be
-    pressures right up to it, or where the range meets itself, having gone all ``around``."""
+    """A contact's range from ``first`` to ``last``.
+
+    ``nearest`` is the coordinate of the smallest gap, ``centers`` the points in hollows at which near fields
+    end, ``corners`` those of both bodies that pressures may approach, ``places`` the number of local minima
+    of the gap. An end is ``whole`` if one of the surfaces ends there, so that pressures may reach it, or if
+    the range closes on itself, all ``around``.
+    """
 
     facing: Facing
     first: float
@@ -36,14 +39,14 @@ class ContactRange:
     around: bool = False
 
     def within(self, s: FloatArray) -> BoolArray:
-        """Whether places (e,) lie between its ends, not at a corner."""
-        inset = AT_END * (self.last - self.first)
+        """Mask (e,) of coordinates inside the range and not at a corner."""
+        inset = END_TOLERANCE * (self.last - self.first)
         away = s - self.first
         away = np.mod(away, self.facing.base.length) if self.facing.base.closed else away
         return np.asarray(self.around | (away > inset) & (away < self.last - self.first - inset))
 
     def hats(self, nodes: FloatArray) -> Hats:
-        """Hats on ``nodes``, increasing, up to the ends of surfaces that they reach."""
+        """Hat functions on increasing ``nodes``, with half hats at whole ends that they reach."""
         first, last = nodes[0] == self.first and self.whole[0], nodes[-1] == self.last and self.whole[1]
         if not self.around:
             return Hats.on(nodes, (first, last))
@@ -51,6 +54,6 @@ class ContactRange:
 
     @cached_property
     def drawn_gaps(self) -> tuple[FloatArray, FloatArray]:
-        """Places (e,) close to each other all over the range, and the gaps (e,) as drawn there."""
-        places = np.linspace(self.first, self.last, SIGHTS)
+        """Coordinates (e,) sampled over the range, and initial gaps (e,)."""
+        places = np.linspace(self.first, self.last, SAMPLES)
         return places, self.facing.gap(places)

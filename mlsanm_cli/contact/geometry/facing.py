@@ -1,4 +1,4 @@
-"""Two surfaces of a contact as functions of a place along it."""
+"""The two surfaces of a contact as functions of a common coordinate."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from mlsanm_cli.mechanics.near_field import (
 
 
 def turned(normal: FloatArray) -> FloatArray:
-    """Vectors (n, 2) turned by -90 degrees: (x, y) becomes (y, -x)."""
+    """Vectors (n, 2) rotated by -90 degrees: (x, y) becomes (y, -x)."""
     return np.stack([normal[:, 1], -normal[:, 0]], axis=1)
 
 
 @dataclass(frozen=True)
 class Facing:
-    """The two surfaces of a contact as functions of a place ``s``: arc length along ``base``, from where the
-    closest points of the ``other`` surface, or of a rigid ``obstacle``, are looked for. An obstacle that is
-    more curved than the slave is the base itself.
+    """The two surfaces of a contact as functions of ``s``, the arc length along ``base``, with the closest
+    points of the ``other`` surface or of a rigid ``obstacle``.
 
-    If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
-    increases along the slave. On a closed base it may continue past the start. Which of two surfaces is the
-    base is a matter of their shapes alone, so that roles have no part in what comes out. The directions of
-    pressures ``turn`` by an angle as bodies move. A ``profile`` over the slave's points is added to the gap.
+    An obstacle of larger curvature than the slave is the base itself. If the slave is not the base
+    (``slave_first`` false), s is minus the arc length, so that it always increases along the slave; on a
+    closed base it may continue past the start. The base is chosen by shape alone, so that results do not
+    depend on the roles of slave and master. ``turn`` rotates the directions of pressures as bodies move. A
+    ``profile`` over the slave's points is added to the gap.
     """
 
     base: Curve
@@ -44,7 +44,7 @@ class Facing:
 
     @property
     def curves(self) -> tuple[Curve, ...]:
-        """The base and, if it is no obstacle, the other surface."""
+        """The base and, if it is not an obstacle, the other surface."""
         return (self.base,) if self.other is None else (self.base, self.other)
 
     def _arc(self, s: FloatArray) -> FloatArray:
@@ -59,30 +59,30 @@ class Facing:
             assert self.obstacle is not None
             return points, *self.obstacle.closest(points, outward), outward
         there = self.other.closest(points)
-        # At corners within the curves those of the sides that face each other.
+        # At corners within the curves, normals of the sides that face each other.
         normals = normals_towards(self.other, there, outward)
         return points, self.other.points(there), normals, normals_towards(self.base, arc, normals)
 
     def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
-        the slave: those of the other surface's normals."""
+        """Points (e, 2) of the slave, opposite points of the master, and pressure directions (e, 2) on the
+        slave, which are normals of the other surface."""
         points, there, normal, _ = self._places(s)
         normal = self._direction(normal)
         return (points, there, normal) if self.slave_first else (there, points, normal)
 
     def _direction(self, normal: FloatArray) -> FloatArray:
-        """Directions (e, 2) of pressures on the slave from the other surface's normals (e, 2)."""
+        """Pressure directions (e, 2) on the slave from the other surface's normals (e, 2)."""
         if self.turn:
             normal = as_real(as_complex(normal) * np.exp(1j * self.turn))
         return normal if self.slave_first else -normal
 
     def normal(self, s: FloatArray) -> FloatArray:
-        """The directions (e, 2) of pressures on the slave."""
+        """Pressure directions (e, 2) on the slave."""
         return self.opposite(s)[2]
 
     def directions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Directions (e, 2) of pressures and of tractions on the slave: the master's outward normals, and
-        these turned by -90 degrees."""
+        """Directions (e, 2) of pressures and tractions on the slave: the master's outward normals, and these
+        rotated by -90 degrees."""
         normal = self.normal(s)
         return normal, turned(normal)
 
@@ -91,21 +91,21 @@ class Facing:
         return self.gap_between(*self.opposite(s))
 
     def gap_between(self, points: FloatArray, partner: FloatArray, normal: FloatArray) -> FloatArray:
-        """Initial gaps (e,) of what :meth:`opposite` says."""
+        """Initial gaps (e,) for the result of :meth:`opposite`."""
         drawn = np.asarray(((points - partner) * normal).sum(axis=1))
         return drawn if self.profile is None else drawn + self.profile.at(points)
 
     def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
-        """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
+        """Points (e,) of one of the two surfaces and unit normals (e,) into its body."""
         if slave == self.slave_first and (self.other is None or not len(corners_of(self.base))):
             arc = self._arc(s)
             return as_complex(self.base.points(arc)), -as_complex(self.base.normals(arc))
         return self._side(self._places(s), slave)
 
-    def loaded(
+    def side_and_directions(
         self, s: FloatArray, slave: bool
     ) -> tuple[ComplexArray, ComplexArray, tuple[FloatArray, FloatArray]]:
-        """What :meth:`side` and :meth:`directions` say, from one search for the closest points."""
+        """:meth:`side` and :meth:`directions` from one closest-point search."""
         places = self._places(s)
         normal = self._direction(places[2])
         return *self._side(places, slave), (normal, turned(normal))
@@ -119,7 +119,7 @@ class Facing:
         return as_complex(there), -as_complex(normal)
 
     def locate(self, points: FloatArray) -> FloatArray:
-        """The places (e,) of ``points`` (e, 2) on or near the base, in a row along it."""
+        """Coordinates s (e,) of ``points`` (e, 2) on or near the base, unwrapped along it."""
         arc = self.base.closest(points)
         s = arc if self.slave_first else -arc
         return np.unwrap(s, period=self.base.length) if self.base.closed else s

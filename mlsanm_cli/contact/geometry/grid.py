@@ -1,7 +1,7 @@
-"""The contact grid: pressures and tractions along a contact, piecewise linear on places of their own.
+"""Contact grid: piecewise linear pressures and tractions on nodes independent of the clouds.
 
-Gaps and slips are averages over the same hat functions, so that what pressures do to gaps is symmetric and
-positive whatever the grid (Galerkin's method for the half-plane's logarithm).
+Gaps and slips are averaged over the same hat functions (Galerkin), so that the compliance is symmetric and
+positive definite on any grid.
 """
 
 from __future__ import annotations
@@ -16,19 +16,18 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 
 RULE = GAUSS[3]
-CROWDED = 8
-"""An interval that ends at a corner is halved towards it so many times."""
-STEEPEST = 2.5
-"""Neighbouring intervals differ by this factor at most."""
+END_HALVINGS = 8
+"""Number of halvings of an interval towards a corner at its end."""
+MAX_RATIO = 2.5
+"""Largest ratio of neighbouring intervals."""
 
 
 @dataclass(frozen=True)
 class Hats:
-    """Piecewise linear functions on ``nodes`` (m + 2,), increasing, that vanish at the first and the last.
+    """Hat functions on increasing ``nodes`` (m + 2,), zero at the first and the last one.
 
-    Where a contact ends at a corner the first two nodes, or the last two, are one place, and the function of
-    that place is half a hat. If a contact goes all around a closed surface, of length ``period``, the first
-    and the last place are the same.
+    At a contact that ends at a corner the first or last two nodes coincide, which makes a half hat. On a
+    closed surface of length ``period`` the first and last nodes are the same point.
     """
 
     nodes: FloatArray
@@ -36,30 +35,30 @@ class Hats:
 
     @classmethod
     def on(cls, nodes: FloatArray, whole: tuple[bool, bool], period: float | None = None) -> Hats:
-        """On ``nodes``, increasing, with half a hat at the ends that are ``whole``."""
+        """Hats on increasing ``nodes``, with half hats at ``whole`` ends."""
         before = nodes[:1] if whole[0] else nodes[:0]
         after = nodes[-1:] if whole[1] else nodes[:0]
         return cls(np.concatenate([before, nodes, after]), period)
 
     @property
     def shifts(self) -> tuple[float, ...]:
-        """By which places are at once, 0 and on a closed surface a turn ahead and back."""
+        """Offsets under which a coordinate recurs: 0, and on a closed surface one period either way."""
         return (0.0,) if self.period is None else (0.0, self.period, -self.period)
 
     @property
     def whole(self) -> tuple[bool, bool]:
-        """At which ends there is half a hat."""
+        """Which ends have a half hat."""
         return bool(self.steps[0] == 0.0), bool(self.steps[-1] == 0.0)
 
     @property
     def ends(self) -> FloatArray:
-        """Where the intervals begin and end, every place once."""
+        """Distinct nodes: ends of the intervals."""
         first, last = self.whole
         return self.nodes[int(first) : len(self.nodes) - int(last)]
 
     @property
     def place(self) -> FloatArray:
-        """Where the m functions have their peaks."""
+        """Coordinates of the m peaks."""
         return self.nodes[1:-1]
 
     @cached_property
@@ -69,26 +68,27 @@ class Hats:
 
     @cached_property
     def weight(self) -> FloatArray:
-        """Integrals (m,) of the functions."""
+        """Integrals (m,) of the hats."""
         return np.asarray(0.5 * (self.steps[1:] + self.steps[:-1]))
 
     @cached_property
     def points(self) -> FloatArray:
-        """Gauss's points (g,), interval by interval."""
+        """Gauss points (g,): the first point of every interval, then the second of every interval, and so
+        on."""
         return _gauss(self.nodes[:-1], self.steps)[0]
 
     @cached_property
     def integrals(self) -> sparse.csr_array:
-        """What makes integrals with every function of values at the ``points``: (m, g)."""
+        """Integration matrix (m, g): values at ``points`` times every hat."""
         points, weights = _gauss(self.nodes[:-1], self.steps)
         return self._integrals(points, np.tile(np.arange(len(self.steps)), len(RULE)), weights)
 
     @cached_property
     def towards_ends(self) -> tuple[FloatArray, sparse.csr_array]:
-        """Points (e,) that crowd towards the ends, for kernels that change with the logarithm of the distance
-        from there, and what makes integrals (m, e) with the functions."""
+        """Points (e,) graded towards the ends, for kernels of the logarithm of the distance from them, and
+        the integration matrix (m, e) with the hats."""
         starts, steps, interval = self.nodes[:-1], self.steps, np.arange(len(self.steps))
-        parts = 0.5 ** np.arange(CROWDED, -1, -1)
+        parts = 0.5 ** np.arange(END_HALVINGS, -1, -1)
         first, last = int(self.whole[0]), len(self.steps) - 1 - self.whole[1]
         for number, ends in ((last, 1.0 - np.append(parts[::-1], 0.0)), (first, np.append(0.0, parts))):
             crowded = starts[number] + steps[number] * ends
@@ -105,7 +105,8 @@ class Hats:
         return points, self._integrals(points, np.tile(interval[kept], len(RULE)), weights)
 
     def _integrals(self, points: FloatArray, interval: IntArray, weights: FloatArray) -> sparse.csr_array:
-        """What makes integrals (m, e) of values at ``points`` (e,) in intervals (e,), of ``weights`` (e,)."""
+        """Integration matrix (m, e) for ``points`` (e,) in intervals (e,) with quadrature ``weights``
+        (e,)."""
         step = self.steps[interval]
         share = np.where(step > 0.0, (points - self.nodes[interval]) / np.where(step > 0.0, step, 1.0), 0.0)
         row, value = np.concatenate([interval - 1, interval]), np.concatenate([1.0 - share, share])
@@ -116,50 +117,49 @@ class Hats:
 
     @cached_property
     def own_points(self) -> tuple[IntArray, FloatArray]:
-        """The points (m, q) of every function and their weights (m, q) in its integral."""
+        """Quadrature points (m, q) in every hat's support and their weights (m, q), hat included."""
         shape = len(self.place), -1
         points: IntArray = self.integrals.indices.astype(np.int64).reshape(shape)
         return points, self.integrals.data.reshape(shape)
 
     def at_places(self, values: FloatArray) -> FloatArray:
-        """Means (m, c) over the hats of ``values`` (g, c) at the points."""
+        """Averages (m, c) over the hats of ``values`` (g, c) at the points."""
         return np.asarray(self.integrals @ values) / self.weight[:, None]
 
     def halved(self, chosen: BoolArray) -> Hats:
-        """With the ``chosen`` intervals (m + 1,) halved, and others that would be too much wider than their
-        neighbours."""
+        """Halve the ``chosen`` intervals (m + 1,), and further ones to keep the ratio of neighbours."""
         nodes, chosen = self.nodes, chosen & (self.steps > 0.0)
         while chosen.any():
             nodes = np.sort(np.append(nodes, (0.5 * (nodes[1:] + nodes[:-1]))[chosen]))
             steps = np.diff(nodes)
             chosen = np.zeros(len(steps), dtype=bool)
-            chosen[:-1] |= (steps[:-1] > STEEPEST * steps[1:]) & (steps[1:] > 0.0)
-            chosen[1:] |= (steps[1:] > STEEPEST * steps[:-1]) & (steps[:-1] > 0.0)
+            chosen[:-1] |= (steps[:-1] > MAX_RATIO * steps[1:]) & (steps[1:] > 0.0)
+            chosen[1:] |= (steps[1:] > MAX_RATIO * steps[:-1]) & (steps[:-1] > 0.0)
         return replace(self, nodes=nodes)
 
     def errors(self, values: FloatArray) -> FloatArray:
-        """What every interval (m + 1,) has of the L2 error of nodal ``values`` (m,), by their second
+        """Contribution of every interval (m + 1,) to the L2 error of nodal ``values`` (m,), from their second
         differences: h^(5/2) |p''| / sqrt(120)."""
         padded = np.concatenate([[0.0], values, [0.0]])
         bend = np.zeros(len(padded))
-        # Half a hat has no pressures beyond it that its own could differ from.
+        # A half hat has no interval beyond it to form a second difference.
         rise = np.diff(padded) / np.where(self.steps > 0.0, self.steps, np.inf)
         inner = (self.steps[1:] > 0.0) & (self.steps[:-1] > 0.0)
         bend[1:-1] = np.where(inner, np.abs(np.diff(rise)) / self.weight, 0.0)
         return np.asarray(self.steps**2.5 * np.maximum(bend[1:], bend[:-1]) / np.sqrt(120.0))
 
     def norm(self, values: FloatArray) -> float:
-        """L2 norm of nodal ``values`` (m,), joined linearly."""
+        """L2 norm of the piecewise linear function with nodal ``values`` (m,)."""
         padded = np.concatenate([[0.0], values, [0.0]])
         a, b = padded[:-1], padded[1:]
         return float(np.sqrt((self.steps * (a * a + a * b + b * b) / 3.0).sum()))
 
 
 def logarithm(distance: FloatArray) -> FloatArray:
-    """ln|distance|, 0 where there is none."""
+    """ln|distance|, 0 at zero distance."""
     return np.asarray(np.log(np.where(distance == 0.0, 1.0, np.abs(distance))))
 
 
 def _gauss(start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gauss's points and weights on intervals, all first points first."""
+    """Gauss points and weights on intervals, all first points first."""
     return np.concatenate([start + at * step for at, _ in RULE]), np.concatenate([w * step for _, w in RULE])

@@ -1,7 +1,7 @@
-"""Integrals of the half-plane's kernels with the functions of a contact grid, two by two.
+"""Double integrals of half-plane kernels with the hat functions of a contact grid.
 
-Pairs of functions close to each other are integrated exactly, in extended precision, by repeated integrals of
-the kernel; those far from each other by moments about their places.
+Near pairs of hats are integrated exactly, in extended precision, by repeated integrals of the kernel; distant
+pairs by multipole moments about their peaks.
 
 Equations (7) and (8) of docs/method.md.
 """
@@ -20,23 +20,22 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.grid import Hats, logarithm
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
-NEAR = 5.0
-"""Hats closer than this many widths are integrated exactly, others by their moments: those have 1e-9 left
-there."""
-ORDERS = 8
-"""Powers of the distances from their places that moments of hats are of."""
-NOTHING = 1e-14
+NEAR_WIDTHS = 5.0
+"""Pairs closer than this many widths are integrated exactly; the error of moments beyond is 1e-9."""
+MOMENT_ORDERS = 8
+"""Highest order of the moments."""
+ZERO_COMPONENT = 1e-14
 THREE = np.arange(3)
-AT_ONCE = 50_000
-"""Pairs that are worked on together, for the sake of the processor's memory."""
+BATCH_SIZE = 50_000
+"""Pairs processed at once, to fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
 class Distance:
-    """A function of the distance along a contact: its ``values``, the fourth, third and second repeated
-    ``integrals`` of it, and up to how many widths pairs are integrated by these. Of what is ``constant`` on
-    either side of 0 the moments of order 0 are all there is. The ``parity`` is 1 of an even function, -1 of
-    an odd one."""
+    """A kernel of the distance along a contact: its ``values``, its fourth, third and second repeated
+    ``integrals``, and the ``reach`` in widths up to which pairs are integrated by these. A kernel
+    ``constant`` on either side of 0 needs moments of order 0 only. The ``parity`` is 1 for even and -1 for
+    odd kernels."""
 
     values: Table
     integrals: tuple[Table, Table, Table]
@@ -47,8 +46,8 @@ class Distance:
 
 @dataclass(frozen=True)
 class NearPairs:
-    """A function's ``exact`` integrals (e,) with both hats of pairs, the ``first`` and the ``second`` (e,),
-    of which some ``overlap`` (e,), and its ``values`` (e, q, q) at the points of both."""
+    """The ``exact`` double integrals (e,) of a kernel with the ``first`` and ``second`` (e,) hats of pairs,
+    some of which ``overlap`` (e,), and its ``values`` (e, q, q) at the points of both."""
 
     values: FloatArray
     first: IntArray
@@ -57,21 +56,21 @@ class NearPairs:
     overlap: BoolArray
 
     def opposite(self, parity: float) -> NearPairs:
-        """The pairs the other way round, of a function of some parity."""
+        """The pairs in reverse order, of a function of given parity."""
         values = parity * self.values.transpose(0, 2, 1)
         return NearPairs(values, self.second, self.first, parity * self.exact, self.overlap)
 
 
 @dataclass(frozen=True)
 class HatPairs:
-    """The integrals of all pairs of the functions ``hats``."""
+    """Double integrals with all pairs of ``hats``."""
 
     hats: Hats
 
     @cached_property
     def second_derivatives(self) -> tuple[FloatArray, FloatArray]:
-        """Second derivatives of the functions: strengths (m, 3) of the unit impulses at their three nodes,
-        and (m, 3) of their first derivatives; of these only half a hat has one."""
+        """Second derivatives of the hats: strengths (m, 3) of delta functions at their three nodes, and (m,
+        3) of first derivatives of delta functions, which only half hats have."""
         steps = self.hats.steps.astype(np.longdouble)
         left, right = (
             np.where(one > 0.0, 1.0 / np.where(one > 0.0, one, 1.0), 0.0) for one in (steps[:-1], steps[1:])
@@ -83,24 +82,24 @@ class HatPairs:
 
     @cached_property
     def widths(self) -> FloatArray:
-        """The wider interval (m,) of every function."""
+        """Wider interval (m,) of every hat."""
         return np.asarray(np.maximum(self.hats.steps[1:], self.hats.steps[:-1]))
 
     def moments(self, values: FloatArray) -> FloatArray:
-        """Integrals (m, k) with every function of ``values`` (g,) at the points times powers of the distance
-        from its place."""
+        """Moments (m, k): integrals of ``values`` (g,) times every hat times powers of the distance from its
+        peak."""
         points, weights = self.hats.own_points
         away, part = self.hats.points[points] - self.hats.place[:, None], weights * values[points]
         found = [part.sum(axis=1)]
-        for _ in range(ORDERS):
+        for _ in range(MOMENT_ORDERS):
             part *= away
             found.append(part.sum(axis=1))
         return np.stack(found, axis=1)
 
     def near(self, function: Distance, shift: float, one: IntArray, other: IntArray) -> NearPairs:
-        """A ``function`` of s + ``shift`` - s' of the pairs (e,) ``one`` and ``other``."""
+        """A kernel ``function`` of s + ``shift`` - s' for pairs (e,) of hats ``one`` and ``other``."""
         hats, wide = self.hats, self.widths
-        # In extended precision, as fourth differences lose digits; of every pair of nodes once.
+        # Extended precision, as fourth differences lose digits; once per pair of nodes.
         nodes: Any = hats.nodes.astype(np.longdouble)
         lowest, highest = int((other - one).min(initial=0)) - 2, int((other - one).max(initial=0)) + 2
         first, last = (one[:, None] + THREE)[:, :, None], (other[:, None] + THREE)[:, None, :]
@@ -125,13 +124,13 @@ class HatPairs:
         return NearPairs(seen, one, other, exact.astype(np.float64), way < wide[one] + wide[other])
 
     def directed(self, near: NearPairs, one: FloatArray, turned: FloatArray) -> FloatArray:
-        """Integrals (e,) of near pairs with directions ``one`` and ``turned`` (g, 2) at the points."""
+        """Double integrals (e,) of near pairs with directions ``one`` and ``turned`` (g, 2) at the points."""
         points, weights = self.hats.own_points
         first, second = near.first, near.second
         middle = [self.hats.at_places(values) for values in (one, turned)]
         own = self.hats.at_places((one * turned).sum(axis=1, keepdims=True))[:, 0]
-        # What is lost of the near pairs by Gauss's points, for their mean directions, and where they
-        # overlap, as it is lost there, for directions at one place.
+        # Correction of the quadrature error for the mean directions; for overlapping pairs, where the error
+        # arises at coinciding points, for directions at the same point.
         both = (middle[0][first] * middle[1][second]).sum(axis=1)
         both = np.where(near.overlap, 0.5 * (own[first] + own[second]), both)
         rough = np.einsum("ep,epq,eq->e", weights[first], near.values, weights[second])
@@ -144,13 +143,13 @@ class HatPairs:
 
     @cached_property
     def logarithms(self) -> tuple[tuple[NearPairs, FloatArray], ...]:
-        """The near pairs of ln|s + shift - s'| of all shifts, each once without a shift, and the distances
+        """For every shift, the near pairs of ln|s + shift - s'|, each once without a shift, and the distances
         (m, m) of the others."""
         return tuple(self._parted(LOGARITHM, shift) for shift in self.hats.shifts)
 
     @cached_property
     def signs(self) -> tuple[NearPairs, FloatArray]:
-        """The same of sgn(s - s')."""
+        """The same for sgn(s - s')."""
         return self._parted(SIGN, 0.0)
 
     def _parted(self, function: Distance, shift: float) -> tuple[NearPairs, FloatArray]:
@@ -161,8 +160,8 @@ class HatPairs:
         return found, way
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-        """Integrals (m, m) with both hats of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s'), with the
-        logarithms of all shifts.
+        """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,
+        with the logarithms of all shifts.
 
         ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) directions at the points.
         """
@@ -170,14 +169,14 @@ class HatPairs:
         return logarithms + self._integrals(SIGN, turn, one, other, lambda: (self.signs,))
 
     def meet(self, table: FloatArray, one: FloatArray, turned: FloatArray) -> bool:
-        """Whether directions ``one`` and those ``turned`` by a ``table`` (g, 2) have anything in common:
-        those whose components are the largest and smallest of all tell."""
+        """Whether directions ``one`` and ``turned`` (g, 2) have common components, judged by the extreme
+        ones."""
         extreme = []
         for values in (one, turned):
             middle = self.hats.at_places(values)
             extreme.append(middle[np.concatenate([middle.argmin(axis=0), middle.argmax(axis=0)])])
         both = np.abs(extreme[0] @ extreme[1].T)
-        return bool(both.max(initial=0.0) > NOTHING * np.abs(table).max())
+        return bool(both.max(initial=0.0) > ZERO_COMPONENT * np.abs(table).max())
 
     def _integrals(
         self,
@@ -187,8 +186,7 @@ class HatPairs:
         other: FloatArray,
         parted: Callable[[], Iterable[tuple[NearPairs, FloatArray]]],
     ) -> FloatArray:
-        """The part of :meth:`integrals` by one function, of which there is nothing where directions do not
-        meet."""
+        """Part of :meth:`integrals` by one kernel; zero if the directions have no common components."""
         total = np.zeros((len(self.hats.place), len(self.hats.place)))
         turned = other @ table.T
         if not self.meet(table, one, turned):
@@ -196,7 +194,7 @@ class HatPairs:
         acting = [(a, b) for a, b in zip(one.T, turned.T, strict=True) if a.any() and b.any()]
         moments = [np.stack([self.moments(side) for side in sides]) for sides in zip(*acting, strict=True)]
         odd = np.abs(table - function.parity * table.T).max()
-        symmetric = np.array_equal(one, other) and odd <= NOTHING * np.abs(table).max()
+        symmetric = np.array_equal(one, other) and odd <= ZERO_COMPONENT * np.abs(table).max()
         for shift, (near, way) in zip(self.hats.shifts, parted(), strict=False):
             part = np.zeros_like(total)
             if acting:
@@ -213,11 +211,11 @@ class HatPairs:
 
 
 def _beyond(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-    """What logarithms at distances ``way`` (m, m) have beyond those of the places, by moments (c, m, k) of
-    components on either side and Taylor's series."""
+    """Taylor series of double integrals of logarithms at distances ``way`` (m, m) beyond order zero, from
+    moments (c, m, k) of components on either side."""
     total, inverse = np.zeros_like(way), 1.0 / way
     power = np.ones_like(way)
-    for order in range(1, ORDERS + 1):
+    for order in range(1, MOMENT_ORDERS + 1):
         power *= inverse
         share = np.arange(order + 1)
         left, right = np.concatenate(one[:, :, order - share] * taylor(order), axis=1), other[:, :, share]
@@ -226,20 +224,20 @@ def _beyond(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def taylor(order: int) -> FloatArray:
-    """The factors (order + 1,) of the moments' products in the series of ln|t + a - b|."""
+    """Coefficients (order + 1,) of products of moments in the series of ln|t + a - b|."""
     share = np.arange(order + 1)
     binomial = np.array([math.comb(order, int(k)) for k in share])
     return np.asarray(-((-1.0) ** (order + share)) * binomial / order)
 
 
 def far_logarithms(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Integrals (e,) of logarithms at distances ``way`` (e,) by moments (e, k) of pairs."""
+    """Double integrals (e,) of logarithms at distances ``way`` (e,), from moments (e, k)."""
     total = np.empty(len(way))
-    for first in range(0, len(way), AT_ONCE):
-        some = slice(first, first + AT_ONCE)
+    for first in range(0, len(way), BATCH_SIZE):
+        some = slice(first, first + BATCH_SIZE)
         a, b, inverse = one[some].T, other[some].T, 1.0 / way[some]
         part, power = np.log(np.abs(way[some])) * a[0] * b[0], np.ones(len(inverse))
-        for order in range(1, ORDERS + 1):
+        for order in range(1, MOMENT_ORDERS + 1):
             power = power * inverse
             factors = taylor(order)
             part += power * sum(factors[k] * a[order - k] * b[k] for k in range(order + 1))
@@ -248,25 +246,25 @@ def far_logarithms(way: FloatArray, one: FloatArray, other: FloatArray) -> Float
 
 
 def _power(t: FloatArray, order: int) -> FloatArray:
-    """t^order; numpy takes ten times as long for whole powers in extended precision."""
+    """t^order; numpy's power is ten times as slow for integer exponents in extended precision."""
     return np.asarray(math.prod(order * (t,)))
 
 
 def _logarithmic(order: int, factor: int, sum_of_inverses: tuple[int, int]) -> Table:
-    """Repeated integrals of ln|t|: the fourth is t^4 / 24 (ln|t| - 25 / 12)."""
+    """Repeated integral of ln|t|; the fourth is t^4 / 24 (ln|t| - 25 / 12)."""
     harmonic = np.longdouble(sum_of_inverses[0]) / sum_of_inverses[1]
     return lambda t: _power(t, order) / factor * (logarithm(t) - harmonic)
 
 
 def _signed(order: int, factor: int) -> Table:
-    """Repeated integrals of sgn(t)."""
+    """Repeated integral of sgn(t)."""
     return lambda t: np.sign(t) * _power(t, order) / factor
 
 
 LOGARITHM = Distance(
     logarithm,
     (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
-    NEAR,
+    NEAR_WIDTHS,
     constant=False,
     parity=1.0,
 )

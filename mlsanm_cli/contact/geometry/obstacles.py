@@ -1,4 +1,4 @@
-"""Shapes of rigid obstacles: for any point the closest one of the obstacle, and the outward normal there."""
+"""Shapes of rigid obstacles, with closest points and outward normals."""
 
 from __future__ import annotations
 
@@ -18,40 +18,41 @@ from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.startup import cKDTree
 
 ROUND_OFF = 1e-9
-SHARP = np.deg2rad(15.0)
-"""Corners of a chain that turn by more are meant."""
-ALIKE, NEIGHBORS = 0.6, 2
-"""Samples of a smooth curve turn by the mean of those before and after, but for this part of the largest turn
-among so many on either side. A corner alone among straight sides differs by all of it."""
-CANDIDATES = 8
-"""So many sides are looked at closely, where there are more than twice as many."""
-PARTED = 4.0
-"""Sides longer than this many times most are looked at in parts."""
-AT_ONCE = 200_000
-"""Pairs of points and sides worked on together, for the sake of memory."""
-RUN = 3
-"""So many corners in a row are a curve, two are a chamfer."""
-LONGER = 3.0
-"""Sides this many times as long as both next to them are straight."""
+CORNER_ANGLE = np.deg2rad(15.0)
+"""Corners of a polyline sharper than this are intended."""
+TURN_VARIATION, TURN_NEIGHBORS = 0.6, 2
+"""Points are samples of a smooth curve if the turning angle differs from the mean of its neighbours by less
+than TURN_VARIATION times the largest among TURN_NEIGHBORS on either side. A single corner between straight
+sides differs by 1."""
+CLOSEST_SIDES = 8
+"""Number of nearest sides examined exactly, if there are more than twice as many."""
+SPLIT_RATIO = 4.0
+"""Sides longer than this times the median are split in the search tree."""
+BATCH_SIZE = 200_000
+"""Pairs of points and sides processed at once, to limit memory."""
+MIN_SAMPLES = 3
+"""Least number of consecutive samples of a curve; two corners are a chamfer."""
+STRAIGHT_RATIO = 3.0
+"""A side this many times as long as both neighbours is straight."""
 
 
 class Shape(Protocol):
-    """What a slave surface can be pressed on."""
+    """A rigid shape that a slave surface is pressed against."""
 
     @property
     def curve(self) -> Curve | None:
-        """The surface as one convex curve with the obstacle on its left; None if it is no such curve."""
+        """The surface as one convex curve with the obstacle on its left; None if it is not one."""
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The obstacle's points (n, 2) closest to ``points`` (n, 2), and its unit outward normals (n, 2).
+        """Closest points (n, 2) of the obstacle to ``points`` (n, 2), and unit outward normals (n, 2).
 
-        The points belong to a surface with the normals ``outward`` (n, 2).
+        ``outward`` (n, 2) are the normals of the surface that the points belong to.
         """
 
 
 @dataclass(frozen=True)
 class Plane:
-    """All that lies behind ``point``, seen along the unit ``normal``."""
+    """The half-plane behind ``point``, opposite to the unit ``normal``."""
 
     point: tuple[float, float]
     normal: tuple[float, float]
@@ -66,7 +67,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Round:
-    """A disk, or with ``inside`` all that lies outside it, as around a hole."""
+    """A disk, or with ``inside`` its complement, as around a hole."""
 
     center: tuple[float, float]
     radius: float
@@ -80,50 +81,53 @@ class Round:
         away = points - np.array(self.center)
         distance = np.hypot(away[:, 0], away[:, 1])
         middle = distance == 0.0
-        # The centre is as far from any point of the circle.
+        # The centre is equally far from all points of the circle.
         radial = np.where(middle[:, None], [1.0, 0.0], away / np.where(middle, 1.0, distance)[:, None])
         return np.array(self.center) + self.radius * radial, -radial if self.inside else radial
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A chain of straight sides through ``points`` (c, 2), with the obstacle on the left of the way along it.
+    """A polyline through ``points`` (c, 2) with the obstacle on its left.
 
-    Around a corner that points outward the normal turns with the direction from the corner. Where the points
-    are samples of a smooth curve, that is the obstacle: a spline through them. Under a corner, however blunt,
-    the pressure is unbounded, which a tabulated profile is not meant to have.
+    Around an outward corner the normal rotates with the direction from the corner. Where the points are
+    samples of a smooth curve, the obstacle is a spline through them: pressure under a corner, however blunt,
+    is unbounded, which a tabulated profile is not meant to cause.
     """
 
     points: FloatArray
 
     @cached_property
     def smooth(self) -> BoolArray:
-        """Which of the points (c,) are samples of a smooth curve, not corners; both ends are corners."""
+        """Mask (c,) of the points that are samples of a smooth curve; both ends are corners."""
         count = len(self.points)
         along = np.diff(self.points, axis=0)
         result = np.zeros(count, dtype=bool)
-        if count < RUN + 2:
+        if count < MIN_SAMPLES + 2:
             return result
         angle = np.arctan2(along[:, 1], along[:, 0])
         turn = np.angle(np.exp(1j * np.diff(angle)))
         turn[np.abs(turn) <= ROUND_OFF] = 0.0
-        # Beyond the ends the curve continues as it is there.
-        wide = np.pad(turn, NEIGHBORS, mode="edge")
-        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * NEIGHBORS + 1)
-        mean = 0.5 * (wide[NEIGHBORS - 1 : -NEIGHBORS - 1] + wide[NEIGHBORS + 1 : count - 2 + NEIGHBORS + 1])
-        even = np.abs(turn - mean) <= ALIKE * window.max(axis=1)
-        result[1:-1] = even & (np.abs(turn) <= SHARP) & (window.max(axis=1) > 0.0)
+        # Constant extrapolation of the turning angle beyond the ends.
+        wide = np.pad(turn, TURN_NEIGHBORS, mode="edge")
+        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * TURN_NEIGHBORS + 1)
+        mean = 0.5 * (
+            wide[TURN_NEIGHBORS - 1 : -TURN_NEIGHBORS - 1]
+            + wide[TURN_NEIGHBORS + 1 : count - 2 + TURN_NEIGHBORS + 1]
+        )
+        even = np.abs(turn - mean) <= TURN_VARIATION * window.max(axis=1)
+        result[1:-1] = even & (np.abs(turn) <= CORNER_ANGLE) & (window.max(axis=1) > 0.0)
         for first, last in _runs(result):
-            result[first:last] &= last - first >= RUN
+            result[first:last] &= last - first >= MIN_SAMPLES
         return result
 
     @cached_property
     def _middles(self) -> tuple[cKDTree, IntArray, float]:
-        """The middles of all sides, of long ones those of parts; whose side each is; and how far the farthest
-        place is from the middle of its part."""
+        """Search tree of the mid-points of sides or, if long, of their parts; the side of each; and the
+        largest distance of a side's point from the mid-point of its part."""
         along = np.diff(self.points, axis=0)
         length = np.hypot(along[:, 0], along[:, 1])
-        parts = np.ceil(length / max(PARTED * np.median(length), length.mean())).astype(np.int64)
+        parts = np.ceil(length / max(SPLIT_RATIO * np.median(length), length.mean())).astype(np.int64)
         side = np.repeat(np.arange(len(length)), parts)
         number = np.arange(len(side)) - np.repeat(np.cumsum(parts) - parts, parts)
         share = (number + 0.5) / parts[side]
@@ -132,18 +136,18 @@ class Chain:
 
     @cached_property
     def _curves(self) -> tuple[tuple[int, int, SplinePart], ...]:
-        """First and last side, that one excluded, of every smooth part, and its curve."""
+        """First and last (exclusive) side of every smooth part, and its spline."""
         length = np.hypot(*np.diff(self.points, axis=0).T)
         neighbours = np.pad(length, 1)
         curved = (self.smooth[1:] | self.smooth[:-1]) & (
-            length <= LONGER * np.maximum(neighbours[:-2], neighbours[2:])
+            length <= STRAIGHT_RATIO * np.maximum(neighbours[:-2], neighbours[2:])
         )
         found = []
         for first, last in _runs(curved):
             inner = np.flatnonzero(~self.smooth[first + 1 : last]) + first + 1
             ends = [first, *inner.tolist(), last]
             for a, b in pairwise(ends):
-                if b - a >= RUN:
+                if b - a >= MIN_SAMPLES:
                     spline = NodeSpline(self.points[a : b + 1], False)
                     found.append((a, b, SplinePart(spline, 0, b - a)))
         return tuple(found)
@@ -165,8 +169,8 @@ class Chain:
     def _on_sides(
         self, points: FloatArray, outward: FloatArray
     ) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
-        """Closest points and normals of straight sides, whose side that is, and which inner corner decides
-        on the normal, -1 where none does."""
+        """Closest points and normals of straight sides, the side, and the inner corner that defines the
+        normal, or -1."""
         start, along = self.points[:-1], np.diff(self.points, axis=0)
         length = np.hypot(along[:, 0], along[:, 1])
         tangent = along / length[:, None]
@@ -175,8 +179,8 @@ class Chain:
             away = points[rows, None, :] - start[chosen]
             way = np.clip((away * tangent[chosen]).sum(axis=2), 0.0, length[chosen])
             distance = np.linalg.norm(away - way[:, :, None] * tangent[chosen], axis=2)
-            # Two sides share a corner; the one that is faced more counts, of points just there by their
-            # surface.
+            # Of two sides at a corner take the one faced more; for points at the corner, by their surface's
+            # normal.
             nearest = distance <= distance.min(axis=1, keepdims=True) + ROUND_OFF * length.max()
             across = away[:, :, 0] * tangent[chosen, 1] - away[:, :, 1] * tangent[chosen, 0]
             out = outward[rows, None, :]
@@ -187,7 +191,7 @@ class Chain:
             s[rows] = np.take_along_axis(way, best, axis=1)[:, 0]
         partner = start[side] + s[:, None] * tangent[side]
         normal = np.stack([tangent[side, 1], -tangent[side, 0]], axis=1)
-        # Beyond a corner the way there is the normal, above a side it is the side's own to all digits.
+        # Beyond a corner the normal is the direction from it; above a side it is exactly the side's.
         past = points - partner
         neighbours = np.abs((past * tangent[side]).sum(axis=1))
         size = np.hypot(past[:, 0], past[:, 1])
@@ -198,24 +202,24 @@ class Chain:
         return partner, normal, side, np.where(turned, np.where(s == 0.0, side, side + 1), -1)
 
     def _candidates(self, points: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-        """Rows (r,) of ``points`` and the sides (r, k) among which the closest to each is: those with the
-        nearest middles where that is certain, all where not."""
+        """Rows (r,) of ``points`` with the sides (r, k) that contain the closest one: those of the nearest
+        mid-points if this is certain, else all."""
         count, rows = len(self.points) - 1, np.arange(len(points))
-        if count > 2 * CANDIDATES:
+        if count > 2 * CLOSEST_SIDES:
             tree, side, reach = self._middles
-            distance, chosen = nearest(tree, points, CANDIDATES)
+            distance, chosen = nearest(tree, points, CLOSEST_SIDES)
             chosen = side[chosen]
-            # No side beyond the last of these comes nearer than the first does.
+            # No side beyond the last candidate can be closer than the first.
             certain = distance[:, -1] - reach > distance[:, 0]
             if certain.any():
                 yield rows[certain], np.sort(chosen[certain], axis=1)
             rows = rows[~certain]
-        for first in range(0, len(rows), AT_ONCE // count + 1):
-            some = rows[first : first + AT_ONCE // count + 1]
+        for first in range(0, len(rows), BATCH_SIZE // count + 1):
+            some = rows[first : first + BATCH_SIZE // count + 1]
             yield some, np.tile(np.arange(count), (len(some), 1))
 
 
 def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
-    """First and last place, that one excluded, of all that are ``chosen`` (n,) in a row."""
+    """Start and exclusive end of every run of ``chosen`` (n,)."""
     steps = np.flatnonzero(np.diff(np.pad(chosen.astype(np.int8), 1)))
     return [(int(a), int(b)) for a, b in zip(steps[::2], steps[1::2], strict=True)]

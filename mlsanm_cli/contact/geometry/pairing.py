@@ -1,4 +1,4 @@
-"""Which slave nodes face which place of the master: virtual nodes, normals, initial gaps."""
+"""Pairing of slave nodes with points of the master: closest points, normals, initial gaps."""
 
 from __future__ import annotations
 
@@ -15,27 +15,26 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
-OPPOSED = -0.2
-"""Surfaces face each other where their outward normals' product is below this."""
+MAX_FACING_COSINE = -0.2
+"""Surfaces face each other where the product of their outward normals is below this."""
 SLACK = 1e-6
 ROUND_OFF = 1e-13
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """The places of one contact on the slave that have a partner on the master (w of them).
+    """The w points of one contact on the slave with a partner on the master.
 
-    ``position`` (w,) numbers them among the slave surface's nodes, -1 for places between nodes;
-    ``points`` (w, 2) where they lie, ``arc`` (w,) their arc lengths along the slave, increasing over the
-    candidates, continuing past the start of a closed surface, ``weight`` (w,) the length of slave surface
-    they stand for. ``partner`` (w, 2) are the virtual nodes on the master, ``normal`` (w, 2) the master's
-    outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks the places that can touch;
-    the others are only watched. ``friction`` is Coulomb's coefficient, inf of bonded surfaces,
-    ``interference`` what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they
-    have lost to surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor
-    ``master``; its virtual nodes lie on the obstacle. With ``grid`` the candidates are the places of a
-    contact grid, and gaps and normals means over its functions. ``exchanged`` is set where the case has
-    slave and master the other way round.
+    ``position`` (w,) are indices among the slave surface's nodes, -1 for points between nodes; ``points`` (w,
+    2) their coordinates, ``arc`` (w,) arc lengths along the slave, increasing over the candidates and
+    continuing past the start of a closed surface, ``weight`` (w,) surface lengths. ``partner`` (w, 2) are the
+    closest points of the master, ``normal`` (w, 2) its outward normals there, ``gap`` (w,) initial gaps.
+    ``candidate`` (w,) marks the points that can touch; the others are only monitored. ``friction`` is
+    Coulomb's coefficient, inf for bonded surfaces. ``interference`` reduces the gaps when the load of the
+    contact's name is 1, ``closed_by`` is their reduction to surfaces drawn touching. A contact with a rigid
+    obstacle has neither ``master_body`` nor ``master``. With a ``grid`` the candidates are the nodes of a
+    contact grid, and gaps and normals are averages over its hats. ``exchanged``: slave and master are swapped
+    with respect to the case.
     """
 
     name: str
@@ -60,34 +59,35 @@ class Pairing:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The elastic bodies: slave and, if there is one, master."""
+        """The elastic bodies: slave and, if any, master."""
         return (self.slave_body,) if self.master_body is None else (self.slave_body, self.master_body)
 
     @property
     def bonded(self) -> bool:
-        """Whether the surfaces are one: as with friction without limit, and they do not part."""
+        """Whether the surfaces are bonded: no slip and no separation."""
         return self.friction == np.inf
 
     @property
     def sides(self) -> tuple[tuple[str, bool, float], ...]:
-        """Of each of :attr:`bodies` its name, whether it is the slave, and the sign of forces and motions."""
+        """For each of :attr:`bodies` its name, whether it is the slave, and the sign of forces and
+        motions."""
         return tuple(zip(self.bodies, (True, False), (1.0, -1.0), strict=False))
 
     def surface_of(self, slave: bool) -> Surface:
-        """The surface of the slave, or of the master of a contact that has one."""
+        """The surface of the slave, or of the master if it is an elastic body."""
         found = self.slave if slave else self.master
         assert found is not None, "an obstacle has no nodes"
         return found
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The boundaries of :attr:`bodies`, as the case names them."""
+        """Boundaries of :attr:`bodies` as the case names them."""
         slave = f"{self.slave_body}.{self.slave.name}"
         return (slave,) if self.master is None else (slave, f"{self.master_body}.{self.master.name}")
 
     @property
     def tangent(self) -> FloatArray:
-        """The normals turned by -90 degrees (w, 2): slip and friction of the slave are counted along them."""
+        """Normals rotated by -90 degrees (w, 2): positive direction of slip and friction on the slave."""
         return turned(self.normal)
 
     @property
@@ -97,16 +97,16 @@ class Pairing:
 
     @property
     def all_around(self) -> bool:
-        """Whether the candidates are all nodes of a closed surface, with neighbours across its seam."""
+        """Whether the candidates are all nodes of a closed surface."""
         count = int(self.candidate.sum())
         return self.grid is None and self.slave.curve.closed and count == len(self.slave.index)
 
     def with_reach(self, reach: float) -> Pairing:
-        """The same pairs with the nodes of initial gap up to ``reach`` as candidates."""
+        """The same pairs with nodes of initial gap up to ``reach`` as candidates."""
         return replace(self, candidate=self.gap <= reach)
 
     def first_reach(self) -> float:
-        """A reach to begin with: the widest gap where the slave's spacing is within 1.5 of the finest."""
+        """First guess of the reach: the largest gap where the slave's spacing is within 1.5 of the finest."""
         fine = self.spacing <= 1.5 * self.spacing.min()
         return float(max(self.gap[fine].max(), self.gap.min()))
 
@@ -114,10 +114,10 @@ class Pairing:
 def facing_parts(
     slave: Surface, position: IntArray, normal: FloatArray
 ) -> Iterator[tuple[Surface, IntArray, IntArray]]:
-    """The body's own surfaces that a slave is made of; the numbers (k,) of those of its nodes at ``position``
-    (m,) that lie there and face the master's ``normal`` (m, 2); and which (k,) of the m these are.
+    """The body's own surfaces of a slave, each with the indices (k,) of its nodes among those at ``position``
+    (m,) that face the master's ``normal`` (m, 2), and their indices (k,) among the m.
 
-    At a corner between two of them a node lies on both, and may face the master with one only.
+    At a corner between two surfaces a node lies on both, and may face the master with one only.
     """
     for part, place in slave.members:
         numbers = np.full(len(slave.index), -1, dtype=np.int64)
@@ -125,23 +125,21 @@ def facing_parts(
         own = numbers[position]
         on = np.flatnonzero(own >= 0)
         if slave.parts:
-            on = on[(part.normal[own[on]] * normal[on]).sum(axis=1) < OPPOSED]
+            on = on[(part.normal[own[on]] * normal[on]).sum(axis=1) < MAX_FACING_COSINE]
         yield part, own[on], on
 
 
 def opposed(pairing: Pairing, s: FloatArray) -> BoolArray:
-    """Whether places (e,) along a slave of several parts face the master there; those of a single surface
-    do."""
+    """Mask (e,) of coordinates along a slave of several parts that face the master; all true for one part."""
     slave, master = pairing.slave.curve, pairing.master
     if not pairing.slave.parts or master is None:
         return np.ones(len(s), dtype=bool)
     there = master.curve.closest(slave.points(s))
-    return np.asarray((slave.normals(s) * master.curve.normals(there)).sum(axis=1) < OPPOSED)
+    return np.asarray((slave.normals(s) * master.curve.normals(there)).sum(axis=1) < MAX_FACING_COSINE)
 
 
 def _weights(slave: Surface, position: IntArray, normal: FloatArray) -> FloatArray:
-    """The lengths (m,) of a slave's surface that nodes at ``position`` (m,) stand for, where it faces the
-    master."""
+    """Surface lengths (m,) of the slave's nodes at ``position`` (m,), of the parts that face the master."""
     weight = np.zeros(len(position))
     for part, own, on in facing_parts(slave, position, normal):
         weight[on] += part.weight[own]
@@ -149,7 +147,7 @@ def _weights(slave: Surface, position: IntArray, normal: FloatArray) -> FloatArr
 
 
 def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
-    """The contact of nodes ``pairing`` with pressures on a contact grid; its nodes beyond are watched."""
+    """The contact with pressures on a contact grid; slave nodes beyond the grid are monitored."""
     hats, facing = grid.hats, grid.facing
     place = grid.around(facing.locate(pairing.points))
     slack = SLACK * (grid.last - grid.first)
@@ -186,7 +184,7 @@ def pair_surfaces(
     master: Surface,
     friction: float = 0.0,
 ) -> Pairing:
-    """Closest points on the master's exact curve for every slave node that faces it.
+    """Pair the slave nodes with closest points of the master's exact curve that face them.
 
     A node whose closest point is an end of the master, seen at an angle, has no partner.
     """
@@ -198,7 +196,7 @@ def pair_surfaces(
 def pair_obstacle(
     name: str, slave_body: str, slave_cloud: Cloud, slave: Surface, obstacle: Shape, friction: float = 0.0
 ) -> Pairing:
-    """The same with a rigid obstacle for master."""
+    """Pair the slave nodes with closest points of a rigid obstacle that face them."""
     partner, normal = obstacle.closest(slave_cloud.points[slave.index], slave.normal)
     return _paired(name, slave_body, slave_cloud, slave, (None, None), partner, normal, friction)
 
@@ -213,14 +211,14 @@ def _paired(
     normal: FloatArray,
     friction: float,
 ) -> Pairing:
-    """Pairs of the slave nodes with those of their closest points (b, 2) that they face."""
+    """Pairs of the slave nodes with given closest points and normals (b, 2) that face them."""
     points = slave_cloud.points[slave.index]
     away = points - partner
     tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     spacing = slave_cloud.spacing[slave.index]
-    facing = (slave.normal * normal).sum(axis=1) < OPPOSED
+    facing = (slave.normal * normal).sum(axis=1) < MAX_FACING_COSINE
     gap = (away * normal).sum(axis=1)
-    # Surfaces drawn in one place neither overlap nor gape by the last bits of their coordinates.
+    # Coincident surfaces have zero gaps, whatever the round-off of their coordinates.
     gap[np.abs(gap) <= ROUND_OFF * np.abs(points).max()] = 0.0
     position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)), gap)
     arc = slave.arc_length[position]
@@ -246,8 +244,8 @@ def _paired(
 def _along(slave: Surface, position: IntArray, gap: FloatArray) -> IntArray:
     """Positions in order along the slave.
 
-    On a closed one they begin behind the widest stretch left out; if none is, as with a pin in a hole, where
-    the ``gap`` (b,) is widest.
+    On a closed surface they start behind the widest stretch without pairs or, without any, as for a pin in a
+    hole, at the widest ``gap`` (b,).
     """
     if not slave.curve.closed or not len(position):
         return position
@@ -259,7 +257,7 @@ def _along(slave: Surface, position: IntArray, gap: FloatArray) -> IntArray:
 
 
 def spacing_ratio(pairing: Pairing, clouds: Mapping[str, Cloud]) -> float:
-    """Largest ratio, either way, of facing spacings over the candidates; 1 on an obstacle, which has none."""
+    """Largest ratio, either way, of the two spacings over the candidates; 1 for an obstacle."""
     chosen, master = pairing.candidate, pairing.master
     if master is None or pairing.master_body is None or not chosen.any():
         return 1.0

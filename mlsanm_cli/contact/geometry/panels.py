@@ -1,4 +1,4 @@
-"""Interpolation along a contact: Chebyshev's points, polynomials through them, panels in the logarithm."""
+"""Interpolation along a contact: Chebyshev points, Lagrange polynomials, logarithmic panels."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 
 PANEL, PANEL_POINTS = 0.5, 10
-"""Width, in the logarithm of the distance from a corner, of panels with so many points: what a corner of 25
-degrees adds is known to 1e-6 then, of 90 degrees to 1e-10."""
+"""Width of panels in the logarithm of the distance from a corner, and points per panel: corner terms are
+accurate to 1e-6 for a corner of 25 degrees, to 1e-10 for 90 degrees."""
 
 
 def chebyshev(first: float, last: float, count: int) -> FloatArray:
-    """Chebyshev's points (k,) of the first kind between two places, increasing."""
+    """Chebyshev points (k,) of the first kind on an interval, increasing."""
     angle = np.pi * (np.arange(count) + 0.5) / count
     return 0.5 * (first + last) - 0.5 * (last - first) * np.cos(angle)
 
 
 def lagrange(places: FloatArray, nodes: FloatArray) -> FloatArray:
-    """Values (e, k) at ``places`` of the polynomials that are 1 at one and 0 at all other Chebyshev's points
-    ``nodes`` (k,), or (e, k) of every place its own, by the barycentric formula (Berrut and Trefethen 2004,
-    doi:10.1137/S0036144502417715)."""
+    """Lagrange polynomials (e, k) at ``places`` (e,) for Chebyshev ``nodes`` (k,), or (e, k) individual ones,
+    by the barycentric formula (Berrut and Trefethen 2004, doi:10.1137/S0036144502417715)."""
     count = nodes.shape[-1]
     factor = (-1.0) ** np.arange(count) * np.sin(np.pi * (np.arange(count) + 0.5) / count)
     apart = places[:, None] - nodes
@@ -34,8 +33,8 @@ def lagrange(places: FloatArray, nodes: FloatArray) -> FloatArray:
 
 
 def on_panels(x: FloatArray) -> tuple[FloatArray, sparse.csr_array]:
-    """Places (k,) that stand for places ``x`` (e,), all above 0, to functions of the logarithm that are
-    smooth, and values (e, k) of their polynomials: Chebyshev's points of panels of equal width."""
+    """Chebyshev points (k,) on equal panels in ln x that cover ``x`` (e,) > 0, and the interpolation matrix
+    (e, k) for functions smooth in ln x."""
     t = np.log(x)
     count = max(1, int(np.ceil(float(np.ptp(t)) / PANEL)))
     if count * PANEL_POINTS >= len(x):

@@ -1,4 +1,4 @@
-"""Where contact begins and ends along a surface."""
+"""Contact patches: where contact begins and ends along a surface."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 class Patch:
     """One run of closed nodes: ``middle`` (2,), ``half_width`` and the ``edges`` (0 to 2, 2) where it opens.
 
-    An end of the patch that is an end of the surface is no edge: it does not move with the load. ``spacing``
-    is the node spacing in the middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the
-    first open node at each edge, ``apart`` (0 to 2,) how far the surfaces were from each other there.
-    ``finest`` is how much coarser than usual its edges may be.
+    An end of the patch at an end of the surface is no edge, as it does not move with the load. ``spacing`` is
+    the node spacing in the middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the
+    first open node at each edge, ``apart`` (0 to 2,) the initial gap there, ``finest`` the factor by which
+    its edges may be coarser than usual.
     """
 
     middle: FloatArray
@@ -30,7 +30,7 @@ class Patch:
 
 
 def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
-    """Patches of one contact in a state whose closed candidates are ``closed`` (m,)."""
+    """Patches of one contact with closed candidates ``closed`` (m,)."""
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
     steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
@@ -62,6 +62,6 @@ def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
 
 
 def _on_slave(pairing: Pairing, arc: FloatArray) -> FloatArray:
-    """Points (n, 2) of the slave at arc lengths (n,), which may run on past the start of a closed curve."""
+    """Points (n, 2) of the slave at arc lengths (n,), which may continue past the start of a closed curve."""
     curve = pairing.slave.curve
     return curve.points(np.mod(arc, curve.length) if curve.closed else arc)

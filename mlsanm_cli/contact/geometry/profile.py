@@ -1,4 +1,4 @@
-"""Figures of a contact's pressure profile."""
+"""Characteristic values of a contact's pressure profile."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 
 THRESHOLD = 0.01
-SHARE, TIMES = 0.02, 3.0
-"""Pressures are singular at an end where a part of the loaded length has so many times what the rest has."""
+PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
+"""The peak is singular if it exceeds PEAK_RATIO the pressure that only a fraction PEAK_SHARE of the loaded
+length exceeds."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
-    """Half the distance between the outermost crossings of 1 % of the regular peak: those at singular
-    ends depend on the grid.
+    """Half the distance between the outermost crossings of 1 % of the regular peak, which unlike a singular
+    one does not depend on the grid.
 
-    ``arc_length`` (m,) increasing, ``pressure`` (m,) joined linearly. A profile that does not fall below the
-    threshold before the last node ends there.
+    ``arc_length`` (m,) is increasing, ``pressure`` (m,) piecewise linear. A profile still above the threshold
+    at the last node ends there.
 
     >>> place = np.array([0.0, 1.0, 2.0, 2.999, 3.0])
     >>> float(round(half_width(place, np.array([0.0, 1.0, 1.0, 1.0, 1e6])), 3))
@@ -33,8 +34,8 @@ def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
 
 
 def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The nodes (m,) of a closed surface of length ``around`` in the order that begins in the middle of the
-    longest stretch without pressures (m,), and their arc lengths, increasing past its start.
+    """Nodes (m,) of a closed surface of length ``around``, starting in the middle of the longest stretch
+    without pressure (m,), and their arc lengths, increasing past the surface's start.
 
     >>> unrolled(np.arange(6.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
     (array([3, 4, 5, 0, 1, 2]), array([3., 4., 5., 6., 7., 8.]))
@@ -50,8 +51,8 @@ def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tup
 
 
 def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
-    """The largest of pressures (m,) at ``arc_length`` (m,); where it is at a singular end, and depends on the
-    grid, that of all but a fiftieth of the loaded length.
+    """The largest pressure (m,); if it is at a singular end, and so depends on the grid, the largest on all
+    but a fraction PEAK_SHARE of the loaded length.
 
     >>> place = np.array([0.0, 0.5, 1.0, 1.5, 1.99, 2.0])
     >>> regular_peak(place, np.array([1.0, 1.0, 1.0, 1.1, 1.2, 50.0]))
@@ -64,17 +65,17 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
     order = np.argsort(pressure)
     order = order[pressure[order] > 0.0]
     lengths = np.cumsum(np.gradient(arc_length)[order])
-    rest = float(pressure[order][np.searchsorted(lengths, (1.0 - SHARE) * lengths[-1])])
-    return float(pressure[top]) if inside or pressure[top] <= TIMES * rest else rest
+    rest = float(pressure[order][np.searchsorted(lengths, (1.0 - PEAK_SHARE) * lengths[-1])])
+    return float(pressure[top]) if inside or pressure[top] <= PEAK_RATIO * rest else rest
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:
-    """Whether the largest of pressures (m,) is at a singular end."""
+    """Whether the largest pressure (m,) is at a singular end."""
     return regular_peak(arc_length, pressure) < float(pressure.max(initial=0.0))
 
 
 def _crossing(arc: FloatArray, pressure: FloatArray, level: float, last: int, step: int) -> float:
-    """Where the profile, followed outwards from node ``last`` above the level, comes down to it."""
+    """Arc length at which the profile falls to ``level``, going outwards from node ``last`` above it."""
     beyond = last + step
     if not 0 <= beyond < len(arc):
         return float(arc[last])

@@ -1,4 +1,4 @@
-"""What pressures on slave nodes are on the master, and values between nodes: local fits along surfaces."""
+"""Transfer of pressures from slave to master nodes, and values between nodes: local fits along surfaces."""
 
 from __future__ import annotations
 
@@ -9,41 +9,40 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.pairing import OPPOSED, SLACK, Pairing
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, SLACK, Pairing
 
 WINDOW = 2.0
-"""Half-width of the window over which pressures are carried to the master, in spacings."""
-NEWTON = 5
-"""Steps to a place on the slave; each squares the error, which begins as a part of the gap."""
+"""Half-width of the transfer window, in spacings."""
+NEWTON_STEPS = 5
+"""Newton steps to a point of the slave: quadratic convergence from an error of the order of the gap."""
 WINDOW_SHARPNESS = 4.0
 """Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
 
 
 def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
-    """Pressure at the master's surface nodes (b, m) from the candidates' pressures (m,).
+    """Matrix (b, m) from the candidates' pressures to those at the master's surface nodes.
 
-    One-dimensional moving least squares of degree 1 along the slave surface, times the slave's length per
-    length of the master: a constant pressure is reproduced where surfaces touch. Nodes outside the
-    candidates' range receive none. The window is as wide as the coarser of the two spacings asks for: a
-    coarse master that only sampled a fine slave's pressures would take an oscillation from node to node for
-    a smooth load, and the compliance would lose its positivity.
+    One-dimensional moving least squares of degree 1 along the slave, times the slave's length per length of
+    the master: a constant pressure is reproduced where surfaces touch. Nodes outside the candidates' range
+    receive none. The window fits the coarser spacing: a coarse master that only samples a fine slave's
+    pressures would see a smooth load as an oscillation, and the compliance would lose its positivity.
 
-    A pressure is transferred to the very place where its node's gap is measured, and by the slave's length
-    there, so that forces and work are the same on both sides up to the fit. Taken from the closest point of
-    the slave instead, a pressure is displaced and stretched by a part of the order of the square of contact
-    width over radius, whatever the spacings: on clouds fine enough the compliance then loses its positivity.
+    A pressure acts at the very point where its node's gap is measured, scaled by the slave's length there, so
+    that forces and work agree on both sides up to the fit. Transfer from the slave's closest point instead
+    shifts and stretches pressures by the order of (contact width / radius)^2 for any spacing, and costs
+    positivity on fine clouds.
     """
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
     arc, _, spacing = _unrolled(pairing)
     s, offset, stretch = feet(pairing, master, master.arc_length)
     slack = 1e-6 * float(pairing.spacing.min())
-    facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < OPPOSED
+    facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < MAX_FACING_COSINE
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (offset <= slack))
     own = np.interp(s[rows], arc, spacing)
-    # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
+    # The slack keeps nodes at the edge of the window inside, independent of round-off and units.
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])
     fit = candidates_fit(pairing, s[rows], reach).tocoo()
     inner, columns = fit.coords
@@ -52,33 +51,33 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
 
 
 def feet(pairing: Pairing, master: Surface, arc: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where on the slave the places at ``arc`` (b,) along the master have their pressures from: arc lengths
-    (b,), how far each misses its place (b,), and the slave's length per length of the master (b,).
+    """Sources on the slave of the pressures at ``arc`` (b,) along the master: arc lengths (b,), distances
+    (b,) by which they miss, and the slave's length per length of the master (b,).
 
-    There the closest point of the master is the place, found by Newton's method from the place's own closest
-    point.
+    The master's closest point to a source is the given point, found by Newton's method from the slave's
+    closest point.
     """
     slave, points = pairing.slave.curve, master.curve.points(arc)
     s = slave.closest(points)
     normal = normals_towards(master.curve, arc, slave.normals(s))
     curvature = master.curve.curvature(arc)
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         off = master.curve.closest(slave.points(s)) - arc
         if master.curve.closed:
             off -= master.curve.length * np.round(off / master.curve.length)
         cosine = -(slave_normals(pairing, s) * normal).sum(axis=1)
         gap = ((slave.points(s) - points) * normal).sum(axis=1)
-        # Where surfaces do not face each other nothing is carried over, whatever their stretch.
-        stretch = (1.0 + curvature * gap) / np.maximum(cosine, -OPPOSED)
-        # The two curves run past each other, each with its material on the left.
+        # Where surfaces do not face each other nothing is transferred, whatever the stretch.
+        stretch = (1.0 + curvature * gap) / np.maximum(cosine, -MAX_FACING_COSINE)
+        # The curves run in opposite directions, each with its material on the left.
         moved = s + stretch * off
         s = np.mod(moved, slave.length) if slave.closed else np.clip(moved, 0.0, slave.length)
     return s, np.abs(off), stretch
 
 
 def slave_normals(pairing: Pairing, s: FloatArray) -> FloatArray:
-    """Normals (b, 2) of the slave at arc lengths ``s`` (b,); where candidates end at a corner, those of the
-    side that they are on."""
+    """Normals (b, 2) of the slave at arc lengths ``s`` (b,); at a corner that ends the candidates, those of
+    their side."""
     curve = pairing.slave.curve
     if pairing.slave.parts and pairing.candidate.any():
         first, last = pairing.arc[pairing.candidate][[0, -1]]
@@ -89,10 +88,8 @@ def slave_normals(pairing: Pairing, s: FloatArray) -> FloatArray:
 
 
 def candidates_fit(pairing: Pairing, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
-    """Values at arc lengths ``s`` (r,) of local linear fits to those of the candidates (m,): weights (r, m).
-
-    ``reach`` (r,) are the windows' half-widths. All around a closed surface they run on across the seam.
-    """
+    """Weights (r, m) of local linear fits to the candidates' values at arc lengths ``s`` (r,), with window
+    half-widths ``reach`` (r,); on a closed surface windows continue across the seam."""
     arc, weight, _ = _unrolled(pairing)
     fit = surface_fit(arc, weight, s, reach).tocoo()
     rows, columns = fit.coords
@@ -101,8 +98,8 @@ def candidates_fit(pairing: Pairing, s: FloatArray, reach: FloatArray) -> sparse
 
 
 def _unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Arc lengths, surface lengths and spacings (m,) of the candidates; where they go all around, those of
-    the turns before and after too (3m,), so that windows run on across the seam."""
+    """Arc lengths, surface lengths and spacings (m,) of the candidates; if they cover a closed surface, of
+    three turns (3m,), so that windows continue across the seam."""
     chosen = pairing.candidate
     arc, weight, spacing = pairing.arc[chosen], pairing.weight[chosen], pairing.spacing[chosen]
     if not pairing.all_around:
@@ -112,18 +109,19 @@ def _unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
-    """Values at arc lengths ``s`` (r,) of local linear fits to nodal values (m,) at ``arc``: weights (r, m).
+    """Weights (r, m) of local linear fits to nodal values at ``arc`` (m,), evaluated at arc lengths ``s``
+    (r,).
 
-    ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the windows' half-widths. Linear functions
-    are reproduced.
+    ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the half-widths of windows. Linear
+    functions are reproduced.
     """
     first, last = _window(arc, s, reach)
     count = last - first
     start = np.cumsum(count) - count
     columns = np.repeat(first - start, count) + np.arange(count.sum())
     offset = (arc[columns] - np.repeat(s, count)) / np.repeat(reach, count)
-    # Between candidates far apart even the nearest ones lie outside the window: their weights would underflow
-    # to 0 / 0. Only the ratios of weights count.
+    # Where even the nearest candidates lie outside the window, all weights would underflow: shift the
+    # exponent, as only their ratios matter.
     nearest = np.minimum.reduceat(offset**2, start) if len(start) else np.zeros(0)
     shift = np.repeat(np.where(nearest > 1.0, nearest, 0.0), count)
     share = np.exp(-2.0 * WINDOW_SHARPNESS * (offset**2 - shift)) * weight[columns]

@@ -1,4 +1,4 @@
-"""What errors of the gaps and of the surfaces' own spacing do to the exact contact pressures."""
+"""Sensitivity of exact contact pressures to errors of the gaps and to the contact spacing."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from mlsanm_cli.mechanics.scene import Platen, Scene
 def corrected_state(
     condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
 ) -> ExactState:
-    """The exact state once the corrections of ``bodies`` are added to the displacements.
+    """The exact state after the corrections of ``bodies`` are added to their displacements.
 
-    They change the gaps, and what platens carry whose force comes from the stress field. Raises
-    NumericalError where the changed contact has no solution.
+    The corrections change gaps, and platen forces computed from the stress field. Raises NumericalError if
+    the changed contact problem has no solution.
     """
     gaps, _, imbalance = changes_of(condensed, scene, bodies)
     changed = replace(
@@ -38,8 +38,8 @@ def corrected_state(
 def changes_of(
     condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What the corrections of the displacements of ``bodies`` change of gaps (m,) and slips (n,), and of the
-    force imbalance of the rigid constraints (k,), to which the better fits' own stress adds."""
+    """Changes of gaps (m,), slips (n,) and force imbalance of the rigid constraints (k,) by the displacement
+    corrections of ``bodies``; the imbalance includes the stress of the better fits."""
     gaps, slips = np.zeros(len(condensed.weight)), np.zeros(len(condensed.friction_nodes))
     for pairing in condensed.pairings:
         for name in dict.fromkeys(pairing.bodies):
@@ -61,12 +61,12 @@ def changes_of(
 
 
 def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
-    """Pressures (m,) from every second candidate alone, those between joined linearly: the mean of the two
-    ways to choose them.
+    """Pressures (m,) of a contact with every second candidate only, linear in between: the mean of both
+    choices.
 
-    Their difference to the full solution measures what spacing and edges cost. In the mean of both ways most
-    of the chance is gone by which an edge lies close to a node or far from it. Raises NumericalError where
-    the thinned contact has no solution.
+    The difference to the full solution measures the error due to spacing and contact edges; averaging removes
+    most of the scatter due to the position of an edge relative to the nodes. Raises NumericalError if the
+    thinned contact problem has no solution.
     """
     total = np.zeros(len(condensed.weight))
     for first in (0, 1):
@@ -93,7 +93,7 @@ def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
 
 
 def l2(arc: FloatArray, values: FloatArray) -> float:
-    """Norm over the surface of nodal ``values`` (m,) at ``arc`` (m,), joined linearly."""
+    """L2 norm over the surface of piecewise linear ``values`` (m,) at ``arc`` (m,)."""
     a, b = values[:-1], values[1:]
     return float(np.sqrt((np.diff(arc) * (a * a + a * b + b * b) / 3.0).sum()))
 

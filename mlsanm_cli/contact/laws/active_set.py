@@ -1,9 +1,8 @@
-"""Exact contact without friction: p >= 0, h >= 0, p h = 0, solved by an active set on the condensed system.
+"""Frictionless contact, p >= 0, h >= 0, p h = 0, by an active-set method on the condensed system.
 
-The primal-dual active set (Hintermuller, Ito and Kunisch 2002, doi:10.1137/S1052623401383558) settles in a
-few passes. Should it come back to a set it has seen, the least-index principal pivoting of Murty (Linear
-Complementarity, Linear and Nonlinear Programming, 1988, chapter 4) takes over, which cannot cycle while
-sym(W A) is positive definite.
+The primal-dual active set (Hintermuller, Ito and Kunisch 2002, doi:10.1137/S1052623401383558) converges in a
+few iterations. If a set recurs, Murty's least-index principal pivoting takes over (Linear Complementarity,
+Linear and Nonlinear Programming, 1988, chapter 4), which cannot cycle if sym(W A) is positive definite.
 """
 
 from __future__ import annotations
@@ -14,27 +13,27 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
-from mlsanm_cli.contact.laws.loose_bodies import NOTHING, SOFTER, at_rest, springs
-from mlsanm_cli.contact.laws.many_unknowns import EXACT, ROUGH, ManyClosed
+from mlsanm_cli.contact.laws.loose_bodies import PRESSURE_TOLERANCE, STIFFNESS_SEQUENCE, at_rest, springs
+from mlsanm_cli.contact.laws.many_unknowns import FINAL_TOLERANCE, SEARCH_TOLERANCE, ManyClosed
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 
 ROUND_OFF = 1e-11
-NOISE, MOST_OF_MANY = 1000.0, 300
-"""So many times what is left of right-hand sides by products tells nothing; and passes there at most."""
-MOST, FEW = 50, 1
-"""Passes of a search for every node: at most, and where others are at hand if it comes to nothing."""
+NOISE_FACTOR, MAX_ITERATIVE_PASSES = 1000.0, 300
+"""Tolerance over the residual of iterative solutions; and largest number of iterations with these."""
+MAX_PASSES, FEW_PASSES = 50, 1
+"""Largest number of iterations per node; and the same where other methods are available."""
 
 
 @dataclass(frozen=True)
 class ExactState:
-    """Pressures (m,), gaps (m,), unknown motions (k,) and tractions (n,) at load factors ``factors`` (L,).
+    """Pressures (m,), gaps (m,), unknown motions (k,) and tractions (n,) at load ``factors`` (L,).
 
-    ``active`` (m,) marks closed nodes, ``stuck`` (m,) those of them that friction holds; ``solves`` counts
-    dense systems; ``residual`` is the largest violation of the contact conditions and balances, relative to
-    the peak pressure, its elastic gap and the forces.
+    ``active`` (m,) marks closed nodes, ``stuck`` (m,) those held by friction; ``solves`` counts dense
+    systems; ``residual`` is the largest violation of contact conditions and balances, relative to the peak
+    pressure, its elastic gap and the forces.
     """
 
     factors: FloatArray
@@ -49,12 +48,10 @@ class ExactState:
 
 
 def solve_exact(
-    condensed: Condensed, factors: FloatArray, start: BoolArray | None = None, passes: int = MOST
+    condensed: Condensed, factors: FloatArray, start: BoolArray | None = None, passes: int = MAX_PASSES
 ) -> ExactState:
-    """Exact state without friction at ``factors`` (L,), the search beginning from the set ``start`` (m,), in
-    so many ``passes`` for every node at most.
-
-    Raises NumericalError where no state balances the loads.
+    """Exact frictionless state at ``factors`` (L,), searched from the set ``start`` (m,) in at most
+    ``passes`` iterations per node. Raises NumericalError if no state balances the loads.
     """
     free_gap = condensed.gap.constant + condensed.gap.load @ factors
     first = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
@@ -69,8 +66,7 @@ def solve_exact(
 
 @dataclass(frozen=True)
 class _Held:
-    """Springs (k,) on the motions, and where they let them be (k,), none without; the ``passes`` of a search
-    for every node."""
+    """Springs (k,) on the motions and their rest positions (k,), empty for none; ``passes`` per node."""
 
     springs: FloatArray
     place: FloatArray
@@ -79,7 +75,7 @@ class _Held:
 
 @dataclass(frozen=True)
 class _Solved:
-    """The closed nodes (m,), pressures (m,) and motions (k,), and how many systems these took."""
+    """Closed nodes (m,), pressures (m,), motions (k,), and the number of systems solved."""
 
     active: BoolArray
     pressure: FloatArray
@@ -90,11 +86,10 @@ class _Solved:
 def _at_rest(
     condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray, passes: int
 ) -> _Solved:
-    """The state in which bodies that some sets of closed nodes leave loose are at rest, searched from a set
-    (m,)."""
+    """The state of floating bodies at rest, searched from the set ``active`` (m,)."""
     stiff, solves = springs(condensed), 0
     place = np.zeros(len(stiff))
-    for share in SOFTER:
+    for share in STIFFNESS_SEQUENCE:
         try:
             solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place, passes))
         except SingularSystemError:
@@ -107,8 +102,8 @@ def _at_rest(
         if at_rest(condensed, factors, solved.pressure, pull):
             if not solved.pressure.any():
                 break
-            # What is left of the springs' pull presses on nothing.
-            pressed = solved.pressure > NOTHING * solved.pressure.max()
+            # Pressures of the order of the residual spring forces are removed.
+            pressed = solved.pressure > PRESSURE_TOLERANCE * solved.pressure.max()
             pressure = np.where(pressed, solved.pressure, 0.0)
             return _Solved(active & pressed, pressure, solved.motion, solves)
     raise _unbalanced()
@@ -117,8 +112,8 @@ def _at_rest(
 def _only_moved(
     condensed: Condensed, factors: FloatArray, free_gap: FloatArray, pressure: FloatArray
 ) -> bool:
-    """Whether surfaces that met, drawn overlapping or pushed by others, only had to be moved apart: without
-    a load their ``pressure`` (m,) is round-off of the gaps."""
+    """Whether surfaces in contact, drawn overlapping or displaced by others, only had to be separated:
+    without a load their ``pressure`` (m,) is round-off of the gaps."""
     if (condensed.balance.constant + condensed.balance.load @ factors).any():
         return False
     clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
@@ -126,35 +121,35 @@ def _only_moved(
 
 
 def _apart(solved: _Solved) -> _Solved:
-    """The same motions, and nothing that touches."""
+    """The same motions without contact."""
     return replace(solved, active=np.zeros_like(solved.active), pressure=np.zeros_like(solved.pressure))
 
 
 def _searched(
     condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray, held: _Held
 ) -> _Solved:
-    """The sets that obey all conditions, searched from a set (m,). Raises SingularSystemError where a set
-    leaves bodies loose that nothing holds."""
+    """The set that satisfies all conditions, searched from ``active`` (m,). Raises SingularSystemError if a
+    set leaves bodies loose without springs."""
     gap_map, m = condensed.gap, len(condensed.weight)
     seen: set[bytes] = set()
     many = compressed(gap_map.pressure) is not None
     roughly, one_by_one = many, False
-    limit = MOST_OF_MANY if many else held.passes * (m + 1)
+    limit = MAX_ITERATIVE_PASSES if many else held.passes * (m + 1)
     pressure = np.zeros(m)
     for count in range(1, limit + 1):
         closed = _Closed(condensed, free_gap, factors, active, held)
-        for part in (ROUGH, EXACT) if roughly else (EXACT,):
+        for part in (SEARCH_TOLERANCE, FINAL_TOLERANCE) if roughly else (FINAL_TOLERANCE,):
             pressure, motion = closed.solve(pressure, part)
             gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
             gap[active] = 0.0
-            tolerance = max(ROUND_OFF, NOISE * part) if many else ROUND_OFF
+            tolerance = max(ROUND_OFF, NOISE_FACTOR * part) if many else ROUND_OFF
             wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion), tolerance)
             if wrong.any():
                 break
         if not wrong.any():
             return _Solved(active, pressure, motion, count)
         if active.tobytes() in seen:
-            # What is left of rough solutions may do it, too.
+            # A recurring set may also be due to inexact solutions: repeat with exact ones first.
             one_by_one |= not roughly
             roughly = False
             seen.clear()
@@ -166,7 +161,7 @@ def _searched(
 
 
 def _state(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, solved: _Solved) -> ExactState:
-    """What was found, with its gaps and residual."""
+    """The state of a solution, with its gaps and residual."""
     gap = free_gap + condensed.gap.motion @ solved.motion + condensed.gap.pressure @ solved.pressure
     gap[solved.active] = 0.0
     nothing = np.zeros(len(condensed.friction_nodes))
@@ -186,14 +181,14 @@ def _state(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, solv
 
 
 def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
-    """Overlapping nodes; where forces must be balanced, at least the closest nodes of every contact."""
+    """Overlapping nodes; if forces must be balanced, also the closest nodes of every contact."""
     active = np.asarray(free_gap < 0.0, dtype=bool)
     return active | condensed.closest(free_gap) if len(condensed.balance.constant) else active
 
 
 class _Closed:
-    """The equations of a set ``active`` (m,): pressures close their gaps, motions balance the platens. Raises
-    SingularSystemError where bodies are loose with these nodes alone."""
+    """The equations of a set ``active`` (m,): pressures close the gaps, motions balance the forces. Raises
+    SingularSystemError if bodies are loose."""
 
     def __init__(
         self,
@@ -222,7 +217,8 @@ class _Closed:
             self._dense = DenseSystem(matrix, a)
 
     def solve(self, near: FloatArray, part: float) -> tuple[FloatArray, FloatArray]:
-        """Pressures (m,) and motions (k,), from pressures ``near`` them; a ``part`` may be left."""
+        """Pressures (m,) and motions (k,) to a relative residual ``part``, starting from pressures
+        ``near``."""
         pressure, closed = np.zeros(self._count), self._closed
         if self._many is not None:
             pressure[closed], motion = self._many.solve(self._gap, self._force, near[closed], part)
@@ -251,8 +247,8 @@ def _violations(
     least: float,
     tolerance: float,
 ) -> BoolArray:
-    """Closed nodes in tension and open nodes that overlap, beyond a ``tolerance`` of the pressures, and of
-    ``least``, which counts where nothing is loaded."""
+    """Mask (m,) of closed nodes in tension and open nodes in overlap, beyond a relative ``tolerance``;
+    ``least`` is the reference pressure where nothing is loaded."""
     typical = max(float(np.abs(pressure).max(initial=0.0)), least)
     elastic = condensed.largest_compliance * typical
     tension = active & (pressure < -tolerance * typical)

@@ -1,11 +1,12 @@
-"""Sets that obey all rules, along a path of one artificial load (Lemke 1965, doi:10.1287/mnsc.11.7.681).
+"""Complementary pivoting: admissible sets along a path of one artificial load (Lemke 1965,
+doi:10.1287/mnsc.11.7.681).
 
-From any sets a state is made that obeys their rules, but for what it leaves in the equations. This rest is a
-load that brings the state about. It is taken away: the state changes linearly between events, at each of
-which one node changes what it does, and where the load must grow for that the path goes on with a growing
-load. So no sets recur, however sets and rules depend on each other through friction.
+For arbitrary sets a state is constructed that satisfies their conditions but not the equations; the residual
+is taken as a load and removed gradually. The state changes linearly between events, at each of which one node
+changes status; the load may have to increase temporarily. Sets do not recur, however they depend on each
+other through friction.
 
-An open node closes as one that slips against its motion; one that sticks first slips, then opens.
+An open node closes as one that slips against its motion; a sticking one first slips, then opens.
 """
 
 from __future__ import annotations
@@ -30,17 +31,18 @@ from mlsanm_cli.contact.response.dense import SingularSystemError
 
 ROUND_OFF = 1e-10
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-QUICK, STARTS = 30, 6
-"""Exchanges of all nodes that break rules, before single ones; sets from which these may begin."""
-SOME, MANY = 500, 2
-"""Single exchanges of all starts together: so many, and so many for every node. Paths that were found took
-one for every node, of few nodes up to four, and where there is none they can go on for minutes."""
+MAX_EXCHANGES, MAX_STARTS = 30, 6
+"""Exchanges of all violating nodes before single ones; and number of sets from which single exchanges
+start."""
+MAX_PIVOTS, PIVOTS_PER_NODE = 500, 2
+"""Limit of single exchanges over all starts: MAX_PIVOTS plus PIVOTS_PER_NODE per node. Successful paths took
+one per node, with few nodes up to four; without a solution paths may go on for minutes."""
 OPENS, CLOSES, SLIPS, BACKWARD, RESTS = range(5)
-"""What a node may come to: it opens, closes, slips with friction 1 or -1, or rests."""
+"""Kinds of events: a node opens, closes, slips with friction 1 or -1, or comes to rest."""
 
 
 class NoPathError(ArithmeticError):
-    """The path goes on for ever in these ``sets``, after so many systems."""
+    """The path does not end; its last ``sets`` and the number of systems."""
 
     def __init__(self, sets: ContactStatus, count: int) -> None:
         super().__init__()
@@ -54,17 +56,17 @@ def admissible_sets(
     solve: Callable[[ContactStatus], tuple[SetSystem, ContactSolution, FloatArray]],
     softened: Condensed | None = None,
 ) -> tuple[ContactStatus, SetSystem, ContactSolution, int]:
-    """Sets that obey every watched rule, their system and values, and how many systems it took.
+    """Sets that satisfy all watched conditions, their system and values, and the number of systems solved.
 
-    ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
-    signs must be against friction; SingularSystemError where there are none. All nodes that break rules are
-    exchanged at once as long as that leads to new sets; from the best of these the path is followed. Of
-    smooth laws, with gaps everywhere, the compliance is the ``softened`` one, and open nodes are those
-    without friction, whose pressure falls; their values are given as gaps. Raises NoStateError.
+    ``solve`` returns the system of given sets, the values that the conditions refer to, and the slips (n,)
+    that friction must oppose, or raises SingularSystemError. All violating nodes are exchanged at once as
+    long as that leads to new sets; complementary paths start from the best of these. For regularised laws,
+    with gaps everywhere, ``softened`` is the compliance, and open nodes are those without friction and with
+    falling pressure, given as a gap. Raises NoStateError.
     """
     sets, last, seen, count = first, first, set[bytes](), 0
     starts = list[tuple[int, ContactStatus, ContactSolution, FloatArray]]()
-    while sets.key not in seen and count < QUICK:
+    while sets.key not in seen and count < MAX_EXCHANGES:
         seen.add(sets.key)
         count += 1
         try:
@@ -72,7 +74,7 @@ def admissible_sets(
         except SingularSystemError:
             if starts:
                 break
-            # What slips as a whole may come to rest somewhere.
+            # A contact that slides as a whole may come to rest.
             last, sets = sets, sets.resting(condensed.friction_nodes)
             continue
         better, wrong = exchange(condensed, sets, watch, values, slipped)
@@ -80,10 +82,10 @@ def admissible_sets(
             return sets, system, values, count
         starts.append((int(wrong.sum()), sets, values, slipped))
         sets = better
-    # What is stuck at first gives way little by little, where sets that slip as a whole lead nowhere.
-    fewest = sorted(starts, key=lambda one: one[0])[:STARTS]
+    # Starts that stick give way node by node, where those that slide as a whole fail.
+    fewest = sorted(starts, key=lambda one: one[0])[:MAX_STARTS]
     tried = [*fewest[:1], *(one for one in starts[:1] if one is not fewest[0]), *fewest[1:]]
-    left = SOME + MANY * len(first.closed)
+    left = MAX_PIVOTS + PIVOTS_PER_NODE * len(first.closed)
     for _, sets, values, slipped in tried:
         try:
             sets, made = complementary_path(condensed, sets, watch, values, slipped, left, softened)
@@ -107,7 +109,7 @@ def admissible_sets(
 
 @dataclass(frozen=True, eq=False)
 class _Event:
-    """What a ``node`` comes to."""
+    """The status change of a ``node``."""
 
     kind: int
     node: int
@@ -115,7 +117,7 @@ class _Event:
 
 @dataclass(frozen=True, eq=False)
 class _Rules:
-    """What is left until a rule is broken, of every event and node (5, m), infinite where there is none."""
+    """Distances to the limits of conditions, per kind of event and node (5, m), infinite for none."""
 
     condensed: Condensed
     watch: AdmissibleChanges
@@ -123,11 +125,11 @@ class _Rules:
     smooth: bool
 
     def equations(self, sets: ContactStatus) -> ContactStatus:
-        """The sets whose equations hold: those of gaps at all nodes of smooth laws."""
+        """The sets for the equations; regularised laws have equations of gaps at all nodes."""
         return replace(sets, closed=np.ones_like(sets.closed)) if self.smooth else sets
 
     def left(self, sets: ContactStatus, v: ContactSolution) -> FloatArray:
-        """In a state, or the rates of it with a reference of zero."""
+        """Distances in a state, or for a zero reference their rates."""
         c, w = self.condensed, self.watch
         nodes, m = c.friction_nodes, len(sets.closed)
         found = np.full((5, m), np.inf)
@@ -144,10 +146,10 @@ class _Rules:
         return found
 
     def obeying(self, sets: ContactStatus, v: ContactSolution) -> ContactSolution:
-        """A state near ``v`` that obeys the rules of the sets."""
+        """A state near ``v`` that satisfies the conditions of the sets."""
         c, w = self.condensed, self.watch
         nodes, m = c.friction_nodes, len(sets.closed)
-        # Uneven, so that what is symmetric does not change all at once.
+        # Irregular factors, so that symmetric nodes do not change simultaneously.
         uneven = 1.0 + 0.5 * np.mod(GOLDEN * np.arange(m), 1.0)
         pressure = np.where(sets.closed & w.opening & (v.pressure < 0.0), -uneven * v.pressure, v.pressure)
         opened = ~sets.closed & w.closing
@@ -170,7 +172,7 @@ class _Rules:
     def next_event(
         self, sets: ContactStatus, v: ContactSolution, rates: ContactSolution
     ) -> tuple[float, _Event | None]:
-        """How far it is at these ``rates`` until a rule is at its limit, and what comes then."""
+        """Distance along ``rates`` to the next limit of a condition, and the event there."""
         left = self.left(sets, v)
         falls = -replace(self, reference=np.zeros_like(self.reference)).left(sets, rates)
         force = max(np.abs(rates.pressure).max(initial=0.0), np.abs(rates.traction).max(initial=0.0))
@@ -185,7 +187,7 @@ class _Rules:
         return step, _Event(int(kind), int(node)) if np.isfinite(step) else None
 
     def after(self, sets: ContactStatus, at: _Event, v: ContactSolution) -> ContactStatus:
-        """The sets beyond an event."""
+        """The sets after an event."""
         event, node = at.kind, at.node
         closed, stuck, slip_sign = sets.closed.copy(), sets.stuck.copy(), sets.slip_sign.copy()
         closed[node] = event != OPENS
@@ -209,9 +211,10 @@ def complementary_path(
     most: int,
     softened: Condensed | None = None,
 ) -> tuple[ContactStatus, int]:
-    """Sets that obey the watched rules, and how many systems it took, from ``sets`` with their ``values``.
+    """Sets that satisfy the watched conditions, starting from ``sets`` with their ``values``, and the number
+    of systems solved.
 
-    Raises NoPathError, also beyond the ``most`` systems, and SingularSystemError.
+    Raises NoPathError, also after ``most`` systems, and SingularSystemError.
     """
     rules = _Rules(condensed, watch, values.slip - slipped, softened is not None)
     if softened is not None:
@@ -235,7 +238,7 @@ def complementary_path(
         try:
             system = SetSystem(solved, rules.equations(sets), system)
         except SingularSystemError:
-            # The load stays while what the node has come to grows by itself.
+            # At constant load the new variable of the node increases.
             rates = _by_itself(solved, system, before, sets, event, rules.smooth)
             step, event = rules.next_event(sets, v, rates)
             if event is None:
@@ -248,14 +251,14 @@ def complementary_path(
             except SingularSystemError:
                 raise NoPathError(sets, count) from None
         response = system.response(*rest)
-        way = 1.0 if _onward(condensed, response, event, before, sets, rules.smooth) > 0.0 else -1.0
+        way = 1.0 if _departure_rate(condensed, response, event, before, sets, rules.smooth) > 0.0 else -1.0
     raise NoPathError(sets, most)
 
 
 def _rest(
     condensed: Condensed, v: ContactSolution, values: ContactSolution
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What the equations lack in a state v near the ``values`` that obey them."""
+    """Residual of the equations in a state v near the solution ``values``."""
     m, n = len(v.pressure), len(v.traction)
     moved = np.concatenate(
         [v.pressure - values.pressure, v.traction - values.traction, np.zeros(len(v.motion))]
@@ -272,7 +275,7 @@ def _by_itself(
     event: _Event,
     smooth: bool,
 ) -> ContactSolution:
-    """Rates of a state in which only what a node has come to, beyond its event, drives the others."""
+    """Rates of a state driven only by the new variable of a node after its event."""
     node, m, n = event.node, len(sets.closed), len(sets.stuck)
     own = np.flatnonzero(condensed.friction_nodes == node)
     gap, slip, pressure, traction = np.zeros(m), np.zeros(n), np.zeros(m), np.zeros(n)
@@ -297,7 +300,7 @@ def _by_itself(
     )
 
 
-def _onward(
+def _departure_rate(
     condensed: Condensed,
     rates: ContactSolution,
     event: _Event,
@@ -305,8 +308,8 @@ def _onward(
     sets: ContactStatus,
     smooth: bool,
 ) -> float:
-    """How fast, with the load, the node leaves the rule that it was at the limit of: as it opens by its gap,
-    as it closes by its pressure, as it slips by its slip, as it rests by what friction has left."""
+    """Rate, with the load, at which the node leaves the limit of its condition: gap if it opens, pressure if
+    it closes, slip if it slips, remaining friction if it comes to rest."""
     if event.kind == OPENS:
         return float(-rates.pressure[event.node] if smooth else rates.gap[event.node])
     if event.kind == CLOSES:

@@ -1,7 +1,7 @@
-"""Which nodes of contacts are open, stick or slip, and the linear equations that hold meanwhile.
+"""Contact status of nodes (open, stick, slip) and the linear equations that follow from it.
 
-Open nodes carry nothing; closed ones keep h = 0; sticking ones keep the slip they came to rest at,
-s = s0, the stick reference; slipping ones carry t = d mu p with the slip sign d = +-1.
+Open nodes carry nothing; closed ones keep h = 0; sticking ones keep their stick reference, s = s0; slipping
+ones carry t = d mu p with the slip sign d = +-1.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import ScaledFactor, SingularSystemError
 
 OPEN, STICK, SLIP = 0, 1, 2
-MOST = 40
-"""Equations that may differ where factors are updated; each costs a solution, where factors cost many."""
-LARGE = 200
-"""Equations from which on an update is cheaper than factors."""
+MAX_CHANGES = 40
+"""Largest number of changed equations for an update of factors; each costs a solution."""
+MIN_EQUATIONS = 200
+"""Least number of equations for which an update is cheaper than a new factorisation."""
 ROUND_OFF = 1e-12
-"""Steps on equations that are met but for this part of their right-hand sides move gaps and slips by less."""
-SOUND = 1e-8
-"""Least reciprocal condition of an update."""
+"""Relative residual above which gaps and slips are recomputed after a refinement step."""
+MIN_RCOND = 1e-8
+"""Least reciprocal condition number of an update."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactStatus:
-    """``closed`` (m,), and of the nodes with friction ``stuck`` (n,) and the ``slip_sign`` (n,) in which
-    friction acts on those that are closed and slip; 0 on the others."""
+    """``closed`` (m,) nodes, ``stuck`` (n,) nodes with friction, and the ``slip_sign`` (n,) of friction on
+    closed slipping nodes, 0 on others."""
 
     closed: BoolArray
     stuck: BoolArray
@@ -37,15 +37,15 @@ class ContactStatus:
 
     @property
     def key(self) -> bytes:
-        """Equal for equal sets."""
+        """Hashable; equal for equal sets."""
         return self.closed.tobytes() + self.stuck.tobytes() + self.slip_sign.tobytes()
 
     def resting(self, friction_nodes: IntArray) -> ContactStatus:
-        """The same with all closed nodes that have friction at rest."""
+        """The same with all closed frictional nodes sticking."""
         return ContactStatus(self.closed, self.closed[friction_nodes], np.zeros_like(self.slip_sign))
 
     def status(self, friction_nodes: IntArray) -> NDArray[np.int8]:
-        """What every node (m,) does; closed nodes without friction slip."""
+        """Status (m,) of every node; closed nodes without friction slip."""
         status = np.where(self.closed, SLIP, OPEN).astype(np.int8)
         status[friction_nodes[self.stuck]] = STICK
         return status
@@ -53,7 +53,7 @@ class ContactStatus:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """Pressures (m,), tractions (n,), motions (k,), gaps (m,) and slips (n,), or rates of them."""
+    """Pressures (m,), tractions (n,), motions (k,), gaps (m,) and slips (n,), or their rates."""
 
     pressure: FloatArray
     traction: FloatArray
@@ -62,11 +62,11 @@ class ContactSolution:
     slip: FloatArray
 
     def times(self, factor: float) -> ContactSolution:
-        """All of it by a ``factor``."""
+        """Everything multiplied by ``factor``."""
         return ContactSolution(*(factor * getattr(self, one.name) for one in fields(self)))
 
     def advanced(self, step: float, rates: ContactSolution) -> ContactSolution:
-        """The state a ``step`` further along its ``rates``."""
+        """The state a ``step`` further along ``rates``."""
         return ContactSolution(
             *(getattr(self, one.name) + step * getattr(rates, one.name) for one in fields(self))
         )
@@ -74,9 +74,8 @@ class ContactSolution:
     def obeying(
         self, condensed: Condensed, sets: ContactStatus, stick_reference: FloatArray
     ) -> ContactSolution:
-        """The state with what ``sets`` prescribe exact to the last digit: no pressure where nodes are open,
-        no gap where they are closed, sticking ones at their ``stick_reference`` (n,), slipping ones at the
-        limit."""
+        """The state with the conditions of ``sets`` satisfied exactly: no pressure at open nodes, no gap at
+        closed ones, sticking ones at their ``stick_reference`` (n,), slipping ones at the friction limit."""
         pressure = np.where(sets.closed, self.pressure, 0.0)
         limit = condensed.friction * pressure[condensed.friction_nodes]
         return replace(
@@ -89,8 +88,8 @@ class ContactSolution:
 
 
 class SetSystem:
-    """The linear equations of one choice of sets, factorised; where the sets differ from those of a system
-    ``near`` in a few nodes only, as an update of its factors. Raises SingularSystemError."""
+    """The factorised linear equations of one choice of sets; an update of the factors of a system ``near`` if
+    the sets differ in few nodes. Raises SingularSystemError."""
 
     def __init__(self, condensed: Condensed, sets: ContactStatus, near: SetSystem | None = None) -> None:
         self._condensed = condensed
@@ -101,7 +100,7 @@ class SetSystem:
         self._holds = np.concatenate([sets.closed, sets.stuck, np.ones(len(whole) - m - n, dtype=bool)])
         self._kept = np.flatnonzero(self._holds)
         self._rows, self._columns = rows, columns
-        # A slipping node's traction goes with its pressure.
+        # Tractions of slipping nodes are eliminated by their pressures.
         self._sliding, self._under = m + sliding, condensed.friction_nodes[sliding]
         self._drag = sets.slip_sign[sliding] * condensed.friction[sliding]
         self._slope = self._drag * columns[self._under] / columns[self._sliding]
@@ -123,7 +122,7 @@ class SetSystem:
         return ScaledFactor(matrix.T) if len(kept) else None
 
     def state(self, factors: FloatArray, stick_reference: FloatArray) -> ContactSolution:
-        """The state at load ``factors`` (L,) with sticking nodes held at their ``stick_reference`` (n,)."""
+        """The state at load ``factors`` (L,) with sticking nodes at their ``stick_reference`` (n,)."""
         c = self._condensed
         free_gap = c.gap.constant + c.gap.load @ factors
         free_slip = c.slip.constant + c.slip.load @ factors
@@ -131,13 +130,13 @@ class SetSystem:
         return self._solve(free_gap, free_slip, imbalance, stick_reference)
 
     def rate(self, change: FloatArray) -> ContactSolution:
-        """The rates when the load factors move by ``change`` (L,)."""
+        """Rates for a ``change`` (L,) of the load factors."""
         c = self._condensed
         still = np.zeros(len(c.slip.constant))
         return self._solve(c.gap.load @ change, c.slip.load @ change, c.balance.load @ change, still)
 
     def response(self, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactSolution:
-        """What gaps (m,), slips (n,) and an imbalance (k,) bring about."""
+        """Response to imposed gaps (m,), slips (n,) and force imbalance (k,)."""
         return self._solve(gap, slip, imbalance, np.zeros(len(slip)))
 
     def _solve(
@@ -146,7 +145,7 @@ class SetSystem:
         closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
         rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
-        # One step on the equations as they are takes away the factors' round-off.
+        # One step of iterative refinement removes the factors' round-off.
         caused = self._condensed.blocks @ unknowns
         left = rhs - caused[self._kept]
         unknowns += self._spread(left)
@@ -157,19 +156,19 @@ class SetSystem:
         return ContactSolution(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)
 
     def _spread(self, rhs: FloatArray) -> FloatArray:
-        """All pressures, tractions and motions for the right-hand sides of the equations that hold."""
+        """All pressures, tractions and motions for right-hand sides of the active equations."""
         scaled = np.zeros(len(self._rows))
         scaled[self._kept] = self._rows[self._kept] * rhs
         found = self.scaled_solution(scaled) if self._update is None else self._update.solution(scaled)
         unknowns = self._columns * found
-        # Without the update's round-off.
+        # Exact, without the update's round-off.
         open_ones = self._kind == 0.0
         unknowns[open_ones] = 0.0
         unknowns[self._sliding] = self._drag * unknowns[self._under]
         return unknowns
 
     def scaled_solution(self, rhs: FloatArray) -> FloatArray:
-        """Scaled unknowns (m + n + k) for right-hand sides that are zero where no equation holds."""
+        """Scaled unknowns (m + n + k) for right-hand sides that are zero for inactive equations."""
         found = np.zeros(len(rhs))
         if self._factor is not None:
             found[self._kept] = self._factor.solve(rhs[self._kept])
@@ -177,8 +176,8 @@ class SetSystem:
         return found
 
     def unit(self, number: int) -> FloatArray:
-        """Scaled unknowns where the equation of one of them has 1 on its right-hand side: that of an open
-        node is that it carries nothing, that of a slipping one that its traction goes with its pressure."""
+        """Scaled unknowns for a unit right-hand side in equation ``number``, which for an open node states
+        zero pressure, for a slipping one proportionality of traction and pressure."""
         if number not in self._units:
             rhs = np.zeros(len(self._rows))
             held = not self._holds[number]
@@ -193,16 +192,17 @@ class SetSystem:
 
 
 class _Update:
-    """The equations of a system whose ``changed`` (r,) ones differ from those of a factorised ``base``.
+    """A system whose ``changed`` (r,) equations differ from those of a factorised ``base`` (Woodbury's
+    formula).
 
-    With the base's solutions Z for units in them, and the rows N of the new ones, the solution is y + Z w,
-    (N Z) w = b - N y, y being the base's without these right-hand sides (Woodbury's formula).
+    With the base's solutions Z for unit right-hand sides of them, and the rows N of the new equations, the
+    solution is y + Z w with (N Z) w = b - N y, y the base's solution without these right-hand sides.
     """
 
     def __init__(self, system: SetSystem, base: SetSystem, changed: IntArray) -> None:
         self.base, self._changed = base, changed
-        # Of the changed equations those that hold are rows of the matrix; those of slipping nodes have their
-        # pressures in them.
+        # Changed equations that are active are rows of the matrix; those of slipping nodes involve their
+        # pressures.
         self._holding = system._holds[changed]
         self._equations = np.ascontiguousarray(system._condensed.scaled[2][:, changed[self._holding]].T)
         _, place, self._slides = np.intersect1d(
@@ -210,14 +210,14 @@ class _Update:
         )
         self._slope, self._under = system._slope[place, None], system._under[place]
         self._units = np.array([base.unit(int(one)) for one in changed]).T
-        self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), SOUND)
+        self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), MIN_RCOND)
 
     @classmethod
     def of(cls, system: SetSystem, near: SetSystem) -> _Update | None:
-        """None where too much has changed, or the update would cost digits."""
+        """None if too much has changed, or if the update is ill-conditioned."""
         base = near if near._update is None else near._update.base
         changed = np.flatnonzero(system._kind != base._kind)
-        if len(base._kept) < LARGE or not 0 < len(changed) <= MOST:
+        if len(base._kept) < MIN_EQUATIONS or not 0 < len(changed) <= MAX_CHANGES:
             return None
         try:
             return cls(system, base, changed)
@@ -232,7 +232,7 @@ class _Update:
         return found + self._units @ self._factor.solve(rhs[self._changed] - self._values(found))
 
     def _values(self, unknowns: FloatArray) -> FloatArray:
-        """The left-hand sides (r,) or (r, c) of the changed equations for scaled unknowns."""
+        """Left-hand sides (r,) or (r, c) of the changed equations for scaled unknowns."""
         columns = unknowns.reshape(len(unknowns), -1)
         values = columns[self._changed]
         values[self._holding] = self._equations @ columns

@@ -1,4 +1,4 @@
-"""Unilateral contact with Coulomb friction: states, and the state that follows from one finite increment.
+"""Unilateral contact with Coulomb friction: states, and finite increments between them.
 
 Equation (13) of docs/method.md.
 """
@@ -18,16 +18,16 @@ from mlsanm_cli.contact.laws.set_search import (
     FloatingError,
     moving,
 )
-from mlsanm_cli.contact.response.condensed import EVEN, Condensed
+from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 
-NOTHING = 1e-10
-"""Pressures below this part of those that would move the surfaces as far as bodies went are none."""
+PRESSURE_TOLERANCE = 1e-10
+"""Pressures below this fraction of those that correspond to the rigid motions are zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoulombState:
-    """One state of the history: load ``factors`` (L,), ``values``, ``sets``, the slips (n,) at which sticking
-    nodes rest, and the work (n,) that friction has dissipated per length of surface so far."""
+    """One state of the history: load ``factors`` (L,), ``values``, ``sets``, the slips (n,) at which nodes
+    stick, and the energy ``work`` (n,) dissipated by friction so far, per length of surface."""
 
     factors: FloatArray
     values: ContactSolution
@@ -38,7 +38,7 @@ class CoulombState:
     def moved(
         self, factors: FloatArray, values: ContactSolution, sets: ContactStatus, stick_reference: FloatArray
     ) -> CoulombState:
-        """The next state; between the two, tractions and slips go straight."""
+        """The next state, with tractions and slips linear in between."""
         return self._next(
             factors, values, sets, stick_reference, 0.5 * (self.values.traction + values.traction)
         )
@@ -46,7 +46,7 @@ class CoulombState:
     def jumped(
         self, factors: FloatArray, values: ContactSolution, sets: ContactStatus, stick_reference: FloatArray
     ) -> CoulombState:
-        """The next state after a finite increment, over which friction acts as at its end."""
+        """The next state after a finite increment, with friction as at its end."""
         return self._next(factors, values, sets, stick_reference, values.traction)
 
     def _next(
@@ -62,7 +62,7 @@ class CoulombState:
 
 
 def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
-    """Before the first load: nothing touches, no slip; surfaces that overlap as drawn are seen by the first
+    """The state before the first load, without pressure and slip; initial overlaps are resolved by the first
     increment."""
     m, n = len(condensed.weight), len(condensed.friction_nodes)
     values = ContactSolution(
@@ -77,7 +77,7 @@ def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
 
 
 def acts(condensed: Condensed, change: FloatArray) -> bool:
-    """Whether a change of the load factors (L,) does anything to contacts and motions."""
+    """Whether a change of the load factors (L,) affects contacts or motions."""
     return any((part.load @ change).any() for part in (condensed.gap, condensed.slip, condensed.balance))
 
 
@@ -88,12 +88,14 @@ def increment(
     slipping: bool = True,
     guess: ContactStatus | None = None,
 ) -> tuple[CoulombState, int]:
-    """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
-    solved, the search beginning with a ``guess`` if there is one. Without
-    ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with ``slipping``
-    FloatingError where surfaces that were apart would touch without pressure."""
+    """The state after one finite increment to ``factors`` (L,), with return mapping for friction, and the
+    number of systems solved.
+
+    The search starts from ``guess``, if given. Without ``slipping`` all closed nodes stick. Raises
+    NoStateError; with ``slipping`` FloatingError if surfaces that were apart would touch without pressure.
+    """
     before = state.values.slip
-    closed = state.sets.closed | (state.values.gap <= EVEN * condensed.weight)
+    closed = state.sets.closed | (state.values.gap <= EQUAL_GAP * condensed.weight)
     floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()
     if floating:
         closed |= condensed.closest(state.values.gap)
@@ -109,7 +111,7 @@ def increment(
 
     first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
     sets, _, values, count = admissible_sets(condensed, first, watch, solve)
-    pressed = values.pressure.max() > NOTHING * moving(condensed, values.motion)
+    pressed = values.pressure.max() > PRESSURE_TOLERANCE * moving(condensed, values.motion)
     if floating and slipping and not pressed and acts(condensed, factors - state.factors):
         raise FloatingError
     return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count

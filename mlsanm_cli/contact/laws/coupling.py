@@ -1,9 +1,9 @@
-"""The linear part of a contact problem, which the bodies answer for, in the form that all smooth laws use.
+"""Linear part of a contact problem, in the form shared by all regularised laws.
 
 Gaps, slips and balances, each divided by its scale, are linear in the load factors f and in y = (p, t, q):
-pressures, tractions, motions. Condensed, that is a dense matrix. :mod:`mlsanm_cli.contact.monolithic.system`
-counts the bodies' displacements among the motions and their equations among the balances, and stays sparse. A
-law adds what it has node by node, :class:`Local`, and gets a factorised tangent of it all.
+pressures, tractions, motions. Condensed, this is a dense matrix. :mod:`mlsanm_cli.contact.monolithic.system`
+includes the bodies' displacements in the motions and their equations in the balances, and stays sparse. A law
+adds its nodal terms, :class:`Local`, and obtains a factorised tangent.
 
 Equation (12) of docs/method.md.
 """
@@ -26,11 +26,11 @@ Rows = FloatArray | sparse.csr_array
 
 @dataclass(frozen=True)
 class Local:
-    """A law's own part of a tangent.
+    """Nodal terms of a law in a tangent.
 
-    Rows of gaps are multiplied by ``gap`` (m,) and get ``pressure`` (m,) on their own node's pressure; rows
-    of slips are multiplied by ``slip`` (n,) and get ``traction`` (n,) and ``friction_slope`` (n,) on their
-    own node's traction and pressure.
+    Rows of gaps are multiplied by ``gap`` (m,) and get ``pressure`` (m,) on the pressure of their node; rows
+    of slips are multiplied by ``slip`` (n,) and get ``traction`` (n,) and ``friction_slope`` (n,) on the
+    traction and pressure of their node.
     """
 
     gap: FloatArray
@@ -41,17 +41,18 @@ class Local:
 
 
 class CoupledTangent(Protocol):
-    """A factorised tangent over y = (p, t, q)."""
+    """A factorised tangent for y = (p, t, q)."""
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (r,)."""
 
 
 class Coupling(Protocol):
-    """``condensed`` knows the nodes, ``law`` the scales; ``motion`` (k,) are those of all motions.
+    """Linear part of a contact problem: r = m + n + k rows of gaps, slips and balances.
 
-    ``constant`` (r,) and ``load`` (r, L) belong to the rows of gaps, slips and balances, r = m + n + k;
-    ``gaps`` (m, r) and ``slips`` (n, r) are what y does to the first two.
+    ``condensed`` describes the nodes, ``law`` the scales; ``motion`` (k,) are scales of all motions.
+    ``constant`` (r,) and ``load`` (r, L) are the terms independent of y; ``gaps`` (m, r) and ``slips`` (n, r)
+    multiply y.
     """
 
     @property
@@ -73,18 +74,18 @@ class Coupling(Protocol):
         """All rows (r,) in one state."""
 
     def with_thresholds(self, threshold: FloatArray) -> Coupling:
-        """With a law whose friction begins at other pressures (n,)."""
+        """The same with friction thresholds (n,) of the law replaced."""
 
     def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The platens' motions and, if they are unknowns too, the bodies' displacements among all motions."""
+        """Split all motions into rigid motions and, if they are unknowns, the bodies' displacements."""
 
     def tangent(self, local: Local) -> CoupledTangent:
-        """Factorise; numpy's LinAlgError where that is singular."""
+        """Factorise; raises numpy's LinAlgError if singular."""
 
 
 @dataclass(frozen=True, eq=False)
 class DenseCoupling:
-    """The condensed one: ``matrix`` (r, r), ordered by columns, is what y does to all rows."""
+    """Coupling by condensed compliances: ``matrix`` (r, r), column-major, multiplies y."""
 
     condensed: Condensed
     law: Regularization
@@ -94,7 +95,7 @@ class DenseCoupling:
 
     @classmethod
     def of(cls, condensed: Condensed, law: Regularization) -> DenseCoupling:
-        """The compliance of one scene with the scales of a law."""
+        """The condensed system of a scene with the scales of a law."""
         maps = (condensed.gap, condensed.slip, condensed.balance)
         scale = row_scales(condensed, law)
         matrix = np.vstack([np.hstack([one.pressure, one.traction, one.motion]) for one in maps])
@@ -107,11 +108,11 @@ class DenseCoupling:
         )
 
     def with_thresholds(self, threshold: FloatArray) -> DenseCoupling:
-        """With a law whose friction begins at other pressures (n,)."""
+        """The same with friction thresholds (n,) of the law replaced."""
         return replace(self, law=replace(self.law, threshold=threshold))
 
     def with_stick_compliance(self) -> DenseCoupling:
-        """With what the law's asperities give way counted among the slips."""
+        """The same with the asperities' compliance added to the slips."""
         own = slip_places(self.condensed)
         matrix = self.matrix.copy(order="F")
         matrix[own, own] += self.law.stick_compliance / self.law.slip
@@ -138,11 +139,11 @@ class DenseCoupling:
         return np.asarray(self.constant + self.load @ f + self.matrix @ y)
 
     def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The platens' motions (..., k), which are all."""
+        """The motions (..., k), all of which are rigid."""
         return motion, np.zeros(0)
 
     def tangent(self, local: Local) -> DenseTangent:
-        """Factorise; numpy's LinAlgError where that is singular."""
+        """Factorise; raises numpy's LinAlgError if singular."""
         m, matrix = len(local.gap), self.matrix.copy(order="F")
         pressures, tractions = np.arange(m), slip_places(self.condensed)
         matrix[:m] *= local.gap[:, None]
@@ -154,7 +155,7 @@ class DenseCoupling:
 
 
 class DenseTangent:
-    """LU ``factor`` and ``pivots`` of a matrix (r, r) ordered by columns, which is overwritten."""
+    """LU ``factor`` and ``pivots`` of a column-major matrix (r, r), which is overwritten."""
 
     def __init__(self, matrix: FloatArray) -> None:
         self.factor, self.pivots, info = dgetrf(matrix, overwrite_a=1)
@@ -168,7 +169,7 @@ class DenseTangent:
 
 
 class GapTangent:
-    """A tangent whose gaps are eliminated: rows of the law, of gaps, of balances, of friction."""
+    """A tangent with eliminated gaps: rows of the normal law, gaps, balances, friction."""
 
     def __init__(self, coupling: Coupling, factor: CoupledTangent, local: Local) -> None:
         self._coupling, self._factor, self._local = coupling, factor, local
@@ -184,12 +185,12 @@ class GapTangent:
 
 
 def row_scales(condensed: Condensed, law: Regularization) -> FloatArray:
-    """What rows of gaps, slips and balances are divided by (m + n + k,)."""
+    """Divisors (m + n + k,) of the rows of gaps, slips and balances."""
     m, n = len(condensed.weight), len(condensed.friction_nodes)
     return np.concatenate([np.full(m, law.gap), np.full(n, law.slip), law.force])
 
 
 def slip_places(condensed: Condensed) -> IntArray:
-    """Where slips (n,) stand among the rows, and tractions among the unknowns y."""
+    """Positions (n,) of slips among the rows, and of tractions in y."""
     m = len(condensed.weight)
     return np.arange(m, m + len(condensed.friction_nodes))

@@ -1,9 +1,9 @@
-"""The exact history of a contact with friction, from event to event.
+"""Exact path of a frictional contact, from event to event.
 
-Between two changes of what is open, sticks and slips, the state is linear in the load. So the path is
-followed exactly: the rates of the state decide how the sets continue, and the next event is where, at these
-rates, a gap or a pressure comes to zero or a sticking node to its friction limit. Slipping nodes that the
-rates would move with friction come to rest. Nothing depends on the size of increments.
+Between changes of status the state is linear in the load, and the path is followed exactly: the rates
+determine how the sets continue, and the next event is where a gap or pressure vanishes or a sticking node
+reaches its friction limit. Slipping nodes whose rate would reverse come to rest. There are no increments to
+choose.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatu
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
-from mlsanm_cli.contact.response.condensed import EVEN, Condensed
+from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 from mlsanm_cli.errors import NumericalError
 
-NEAR = 1e-9
-"""A condition is at its limit where it is this close to it, relative to peak pressure and elastic gap."""
+LIMIT_TOLERANCE = 1e-9
+"""Tolerance for a condition at its limit, relative to peak pressure and elastic gap."""
 ROUND_OFF = 50.0 * float(np.finfo(float).eps)
-JUMPS = tuple(10.0**power for power in range(-6, 0))
-"""Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
+INCREMENTS = tuple(10.0**power for power in range(-6, 0))
+"""Finite increments, as fractions of the stage, tried in turn where no rates continue the path."""
 STANDSTILL = 1e-13
 OVERLAP = (
     "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move apart"
@@ -39,8 +39,8 @@ OVERLAP_HINT = (
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """The state at ``fraction`` of a stage, the dense systems ``solves`` it took to come there, and whether
-    the state ``jumped`` there from another contact."""
+    """The state at ``fraction`` of a stage, the number of dense ``solves`` to get there, and whether it
+    ``jumped`` from another contact state."""
 
     fraction: float
     state: CoulombState
@@ -50,7 +50,7 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """How a state continues while the load moves along a stage: the sets, their system, the rates of all."""
+    """Continuation of a state along a stage: sets, their system, and rates."""
 
     sets: ContactStatus
     system: SetSystem
@@ -65,9 +65,9 @@ def _course_of(
 
 
 def start(condensed: Condensed, factors: FloatArray) -> Event:
-    """The state before the first stage; surfaces that overlap as drawn push each other apart.
+    """The state before the first stage; initial overlaps push the surfaces apart.
 
-    Raises NumericalError where it is not plain how.
+    Raises NumericalError if the result is not unique.
     """
     state = unloaded(condensed, factors)
     if not condensed.overlap(state.values.gap):
@@ -77,22 +77,21 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
     parted = _parted(condensed, state)
     if parted is not None:
         return Event(0.0, parted, 0)
-    # What is wedged in goes straight out as far as it does: friction would let it slide anywhere.
+    # Wedged bodies move straight out without slip as far as possible: friction would admit many positions.
     try:
         held, solves = increment(condensed, state, factors, slipping=False)
     except NoStateError as error:
         raise NumericalError(OVERLAP, OVERLAP_HINT) from error
-    if not residual(condensed, held) <= NEAR:
+    if not residual(condensed, held) <= LIMIT_TOLERANCE:
         raise NumericalError(OVERLAP, OVERLAP_HINT)
     return Event(0.0, held, solves)
 
 
 def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
-    """The state without pressures in which bodies that nothing holds have moved by as little as takes them
-    out of what they overlap; None if that cannot be.
+    """The pressure-free state in which free bodies have moved by the least distance that resolves their
+    overlaps; None if there is none.
 
-    Least distance by non-negative least squares (Lawson and Hanson 1974, doi:10.1137/1.9781611971217,
-    chapter 23).
+    By non-negative least squares (Lawson and Hanson 1974, doi:10.1137/1.9781611971217, chapter 23).
     """
     from scipy.optimize import nnls  # for few runs
 
@@ -100,21 +99,21 @@ def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
     size = np.abs(np.vstack([gap.motion, condensed.slip.motion])).max(axis=0)
     forces = np.abs(balance.pressure).max(axis=1)[:, None]
     stiff = (np.abs(balance.motion) / np.where(forces > 0.0, forces, 1.0)).max(axis=0)
-    free = (size > 0.0) & (stiff * condensed.largest_compliance <= NEAR * size)
+    free = (size > 0.0) & (stiff * condensed.largest_compliance <= LIMIT_TOLERANCE * size)
     widest = float(np.abs(state.values.gap).max())
     rows = gap.motion[:, free] / size[free]
-    depth = (EVEN * condensed.weight - state.values.gap) / widest
+    depth = (EQUAL_GAP * condensed.weight - state.values.gap) / widest
     target = np.append(np.zeros(rows.shape[1]), 1.0)
     multipliers, missed = nnls(np.vstack([rows.T, depth]), target)
     rest = np.vstack([rows.T, depth]) @ multipliers - target
-    if missed <= NEAR:
+    if missed <= LIMIT_TOLERANCE:
         return None
     motion = np.zeros(len(size))
     motion[free] = -rest[:-1] / rest[-1] * widest / size[free]
     v = state.values
     values = replace(v, motion=motion, gap=v.gap + gap.motion @ motion, slip=condensed.slip.motion @ motion)
     moved = replace(state, values=values, stick_reference=values.slip)
-    return moved if residual(condensed, moved) <= NEAR else None
+    return moved if residual(condensed, moved) <= LIMIT_TOLERANCE else None
 
 
 def event_driven_path(
@@ -125,12 +124,11 @@ def event_driven_path(
     begin: FloatArray | None = None,
     fraction: float = 0.0,
 ) -> Iterator[Event]:
-    """Every event of a stage from ``state`` to the load factors ``end`` (L,), and the states at ``stops``.
+    """All events of a stage from ``state`` to load factors ``end`` (L,), and the states at ``stops``.
 
-    ``stops`` are fractions up to 1, increasing, the last one 1. A path that is taken up again names the
-    load factors ``begin`` (L,) of the stage's start and the ``fraction`` of it that is behind the state.
-    Raises SlidingError where the contact slides as a whole under a force, NumericalError where no state
-    continues the path.
+    ``stops`` are increasing fractions up to 1, the last one 1. A resumed path gives the load factors
+    ``begin`` (L,) at the start of the stage and the ``fraction`` already passed. Raises SlidingError if the
+    contact slides as a whole under a force, NumericalError if no state continues the path.
     """
     begin = state.factors if begin is None else begin
     change = end - begin
@@ -163,7 +161,7 @@ def event_driven_path(
         sets = course.sets
         if slides_freely(condensed, sets, course.rates.motion):
             raise SlidingError(fraction)
-        # A node that comes to rest does so where it is now.
+        # A node that comes to rest sticks where it is now.
         stick_reference = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.stick_reference)
         step = min(_next_event(condensed, state, limits, course), pending[0] - fraction)
         standing = standing + 1 if step < STANDSTILL else 0
@@ -184,14 +182,14 @@ def _moved(
 ) -> CoulombState:
     """The state at load ``factors`` (L,), a ``step`` further along the course.
 
-    It goes there straight, so that what the event is about is as small as its place is known: grids graded
-    towards corners know pressures themselves to 1e-7 only. Where what was neglected on the way has added up
-    the state is solved for anew.
+    Extrapolated, so that the quantity of the event vanishes to the accuracy of its location: on grids graded
+    towards corners pressures themselves are accurate to 1e-7 only. If the accumulated residual is too large,
+    the state is solved for.
     """
     sets = course.sets
     values = state.values.advanced(step, course.rates).obeying(condensed, sets, stick_reference)
     straight = state.moved(factors, values, sets, stick_reference)
-    if residual(condensed, straight) <= NEAR:
+    if residual(condensed, straight) <= LIMIT_TOLERANCE:
         return straight
     solved = course.system.state(factors, stick_reference)
     anew = state.moved(factors, solved, sets, stick_reference)
@@ -199,16 +197,16 @@ def _moved(
 
 
 def _limits(condensed: Condensed, values: ContactSolution) -> tuple[float, FloatArray]:
-    """Pressure, and gaps (m,), that count as nothing: those that such a pressure opens at a node by itself,
-    as closing one over more than that would pull at it, or what round-off leaves."""
-    force = NEAR * float(values.pressure.max(initial=0.0))
+    """Pressure and gaps (m,) that count as zero: gaps that such a pressure opens at a node by itself, or
+    round-off."""
+    force = LIMIT_TOLERANCE * float(values.pressure.max(initial=0.0))
     elastic = condensed.elastic_gap(values.pressure)
     own = force * condensed.own[0]
-    return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), NEAR * elastic)
+    return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), LIMIT_TOLERANCE * elastic)
 
 
 def _slack(condensed: Condensed, values: ContactSolution, side: float) -> FloatArray:
-    """What is left of friction (n,) on one side."""
+    """Remaining friction (n,) towards one side."""
     result: FloatArray = (
         condensed.friction * values.pressure[condensed.friction_nodes] - side * values.traction
     )
@@ -222,16 +220,16 @@ def _course(
     change: FloatArray,
     last: _Course | None,
 ) -> tuple[_Course, int]:
-    """How the state continues when the load factors move along ``change`` (L,), and the systems that were
-    made; ``limits`` are those of the state.
+    """Continuation of the state for a ``change`` (L,) of the load factors, and the number of systems built;
+    ``limits`` belong to the state.
 
-    The ``last`` course, along the same change, led to the state: its sets are tried first, and known.
+    The sets of the ``last`` course, which led to the state along the same change, are tried first.
     """
     v, before, (force, length) = state.values, state.sets, limits
     bare = v.pressure <= force
     near = {side: _slack(condensed, v, side) <= force for side in (1.0, -1.0)}
     grazing = bare[condensed.friction_nodes]
-    # A node under pressure can give way only on the side on which friction is exhausted.
+    # A node under pressure can only slip towards the side on which friction is exhausted.
     side = np.where(grazing, 0.0, np.where(near[1.0], 1.0, -1.0))
     watch = AdmissibleChanges(
         bare, v.gap <= length, grazing | near[1.0] | near[-1.0] | (before.slip_sign != 0.0), side
@@ -256,7 +254,7 @@ def _course(
 def _next_event(
     condensed: Condensed, state: CoulombState, limits: tuple[float, FloatArray], course: _Course
 ) -> float:
-    """How much further the sets hold, as part of the stage."""
+    """Distance to the next change of the sets, as a fraction of the stage."""
     sets, rates, v, (force, length) = course.sets, course.rates, state.values, limits
     sides = (1.0, -1.0)
     return min(
@@ -267,7 +265,8 @@ def _next_event(
 
 
 def _until(value: FloatArray, rate: FloatArray, limit: float | FloatArray, chosen: BoolArray) -> float:
-    """Until the first of the chosen values comes to zero; those at their limit already have been seen to."""
+    """Distance until the first of the ``chosen`` values vanishes; those at their limit are already
+    handled."""
     falling = chosen & (value > limit) & (rate < 0.0)
     return float((value[falling] / -rate[falling]).min(initial=np.inf))
 
@@ -280,17 +279,17 @@ def _jump(
     fraction: float,
     ceiling: float,
 ) -> tuple[CoulombState, float, int]:
-    """The first state found a finite way ahead, and where it is.
+    """The first state found a finite increment ahead, its fraction, and the number of solves.
 
-    Raises NoStateError; FloatingError where surfaces would touch without pressure, however much sliding would
-    be found farther ahead.
+    Raises NoStateError; FloatingError if surfaces would touch without pressure, even if sliding states exist
+    farther ahead.
     """
     failure: NoStateError | None = None
     if not state.sets.closed.any():
         touching = _touch_down(condensed, state, begin, change, fraction, ceiling)
         if touching is not None:
             return touching
-    for size in JUMPS:
+    for size in INCREMENTS:
         ahead = min(fraction + size, ceiling)
         try:
             found, solves = increment(condensed, state, begin + ahead * change)
@@ -310,14 +309,14 @@ def _touch_down(
     fraction: float,
     ceiling: float,
 ) -> tuple[CoulombState, float, int] | None:
-    """The first state in which surfaces touch, and where it is; None if it is not found soon.
+    """The first state in which surfaces touch, its fraction and the number of solves; None if not found soon.
 
-    Which few nodes touch first is known least: the search comes down to them from the end of the stage, with
-    the sets of every state for the next one.
+    The first touching nodes are hard to guess: the search starts from the end of the stage and proceeds
+    backwards with the sets of each state for the next one.
     """
     found: tuple[CoulombState, float] | None = None
     count = 0
-    for ahead in (1.0, *(min(fraction + size, 1.0) for size in reversed(JUMPS)), ceiling):
+    for ahead in (1.0, *(min(fraction + size, 1.0) for size in reversed(INCREMENTS)), ceiling):
         if found and found[1] <= ahead:
             continue
         guess = found[0].sets if found else None

@@ -1,4 +1,4 @@
-"""Factorised tangents of regularised contact with friction."""
+"""Factorised tangents of regularised frictional contact."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class CoupledFrictionTangent:
-    """Factorised tangent over whatever bodies answer with."""
+    """Factorised tangent for any coupling."""
 
     def __init__(self, problem: RegularizedFriction, x: FloatArray) -> None:
         self._problem, law = problem, problem.law
@@ -37,7 +37,7 @@ class CoupledFrictionTangent:
 
 
 class FrictionTangent:
-    """The same with dense compliances, quicker: tractions of nodes that do not stick are eliminated too."""
+    """The same for dense couplings, faster: tractions of nodes that do not stick are eliminated too."""
 
     def __init__(self, problem: RegularizedFriction, base: DenseCoupling, x: FloatArray) -> None:
         self._problem, self._base = problem, base
@@ -47,8 +47,7 @@ class FrictionTangent:
         matrix = problem.reduced.copy(order="F")
         matrix[:m] *= self._stress[:, None]
         matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
-        # Pivots are chosen among the rows, which are dimensionless, and not among unknowns of different
-        # units.
+        # Pivoting compares rows, which are dimensionless, not unknowns of different units.
         self._factor, self._pivots, info = dgetrf(matrix, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")
@@ -61,7 +60,7 @@ class FrictionTangent:
         held = four[stuck]
         known = four * problem.limit
         known[stuck] = 0.0
-        # Right-hand sides of a series know no tractions.
+        # Right-hand sides of a series have no tractions.
         if four.any() and known.any():
             by_known = base.matrix[:, m : m + n] @ known
             two = two + by_known[:m]
@@ -78,7 +77,7 @@ class FrictionTangent:
     def orders(
         self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
     ) -> None:
-        """Fill the orders of a series from 2 on."""
+        """Compute the orders of a series from 2 on."""
         problem, law = self._problem, self._problem.law
         hyperbola_orders(
             x,

@@ -1,4 +1,5 @@
-"""What small changes of gaps and slips do to a contact state with friction: what slips continues to slip."""
+"""Linearised response of a frictional contact state to small changes of gaps and slips, with slip status
+kept."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.errors import NumericalError
 
-ROUNDS = 30
-"""Changes of the set of closed nodes, of which each round makes one."""
+MAX_CHANGES = 30
+"""Largest number of active-set changes, one per round."""
 
 
 def frozen_change(
@@ -25,22 +26,22 @@ def frozen_change(
     stuck: BoolArray,
     by: tuple[FloatArray, FloatArray, FloatArray],
 ) -> ContactSolution:
-    """How a state with ``pressure`` (m,), ``traction`` (n,) and ``gaps`` (m,) changes when gaps (m,), slips
-    (n,) and the force imbalance of the rigid constraints (k,) change ``by`` so much.
+    """Change of a state with ``pressure`` (m,), ``traction`` (n,) and ``gaps`` (m,) when gaps (m,), slips
+    (n,) and the force imbalance of the rigid constraints (k,) change ``by`` given amounts.
 
-    Nodes that are ``closed`` (m,) stay so unless they would pull, open ones unless they would overlap; of the
-    nodes with friction those ``stuck`` (n,) keep their slips, the others slip as they do. So the change is
-    linear but for the edges: the history of the loads need not be followed again. Raises NumericalError where
-    that has no solution.
+    ``closed`` (m,) nodes stay closed unless they would pull, open ones stay open unless they would overlap;
+    nodes with friction that are ``stuck`` (n,) keep their slips, the others keep slipping. The change is
+    linear but for the edges of contact, so that the load history need not be repeated. Raises NumericalError
+    if there is no solution.
     """
     m, n, nodes, still = len(pressure), len(traction), condensed.friction_nodes, np.zeros(len(by[2]))
     least = np.finfo(float).eps ** 0.5 * np.abs(pressure).max(initial=0.0)
     compliance = float(np.abs(np.diagonal(condensed.gap.pressure)).max(initial=0.0))
     overlap = least * min(1.0, compliance or 1.0)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_CHANGES):
         touching = closed[nodes]
         slides = np.where(touching & ~stuck, np.sign(traction), 0.0)
-        # What is open carries nothing.
+        # Open nodes carry nothing.
         lost = np.concatenate([np.where(closed, 0.0, -pressure), np.where(touching, 0.0, -traction), still])
         caused = condensed.blocks @ lost
         try:

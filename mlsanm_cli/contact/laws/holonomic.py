@@ -1,4 +1,4 @@
-"""Regularised contact with friction that depends on the total slip alone: for loads that never turn back.
+"""Regularised contact with holonomic friction, a function of the total slip: for monotonic loading.
 
 The hyperbola (p + eta) h = eta delta and, with the total slip s of a node and a small slip e,
 t sqrt(s^2 + e^2) = -mu (p + eta) s. An auxiliary unknown r makes it quadratic. x = (p, h, q, t, r)::
@@ -9,7 +9,7 @@ t sqrt(s^2 + e^2) = -mu (p + eta) s. An auxiliary unknown r makes it quadratic. 
     r4 = t r + mu (p + eta) s(f, q, p, t)
     r5 = r^2 - s(f, q, p, t)^2 - e^2
 
-Tractions may pass mu p by mu eta, and a turning load is answered as if the slip had been elastic.
+Tractions may exceed mu p by mu eta; on unloading the slip is reversible.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from mlsanm_cli.contact.laws.coupling import Coupling, GapTangent, Local
 
 
 class HolonomicTangent:
-    """Factorised tangent; gaps and auxiliary unknowns are eliminated."""
+    """Factorised tangent with eliminated gaps and auxiliary unknowns."""
 
     def __init__(self, problem: HolonomicContact, x: FloatArray, lam: float) -> None:
         c, law = problem.condensed, problem.law
         p, h, _, t, r = problem.split(x)
         s = problem.slip(x, lam)
         self._problem, self._r, self._s, self._pull = problem, r, s, t / r
-        # d(r4) = r dt + mu s dp + lever ds, after r dr = s ds.
+        # d(r4) = r dt + mu s dp + lever ds, using r dr = s ds.
         lever = self._pull * s + c.friction * (p + law.eta)[c.friction_nodes]
         local = Local(
             gap=(p + law.eta) / law.pressure,
@@ -51,7 +51,7 @@ class HolonomicTangent:
 
 
 class HolonomicContact:
-    """The problem over one stage, in the form the continuation driver asks for."""
+    """The problem over one stage, for the continuation driver."""
 
     def __init__(self, coupling: Coupling, start: FloatArray, end: FloatArray) -> None:
         self.coupling, self.condensed, self.law = coupling, coupling.condensed, coupling.law
@@ -91,11 +91,11 @@ class HolonomicContact:
         return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)
 
     def sticking(self, x: FloatArray, lam: float) -> BoolArray:
-        """Which nodes with friction (n,) have slipped by less than the law's small slip."""
+        """Mask (n,) of nodes that have slipped by less than the law's small slip."""
         return np.abs(self.slip(x, lam)) < self.small
 
     def with_auxiliary(self, x: FloatArray, lam: float) -> FloatArray:
-        """``x`` (2m + k + n,) with the auxiliary unknowns that go with it."""
+        """``x`` (2m + k + n,) extended by the auxiliary unknowns."""
         whole = np.concatenate([x, self.small])
         whole[-self.n :] = np.hypot(self.slip(whole, lam), self.small)
         return whole
@@ -117,7 +117,7 @@ class HolonomicContact:
         )
 
     def tangent(self, x: FloatArray, lam: float) -> HolonomicTangent:
-        """Factorised derivative by x; numpy's LinAlgError where it is singular."""
+        """Factorised derivative by x; raises numpy's LinAlgError if singular."""
         return HolonomicTangent(self, x, lam)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
@@ -157,6 +157,6 @@ class HolonomicContact:
         return rhs
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
-        """Whether every gap is open and every auxiliary unknown positive."""
+        """Whether all gaps and auxiliary unknowns are positive."""
         p, h, _, _, r = self.split(x)
         return bool((h > 0.0).all() and (p > -self.law.eta).all() and (r > 0.0).all())

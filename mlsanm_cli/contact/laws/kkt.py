@@ -1,4 +1,4 @@
-"""How far a state is from obeying the exact laws of contact and friction, and its balances."""
+"""Residual of a state in the exact laws of contact and friction, and in its balances."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
-NOTHING = 1e-6
-"""Pressures that move the surfaces by less than this part of what the platens do are round-off."""
+PRESSURE_TOLERANCE = 1e-6
+"""Pressures that move the surfaces by less than this fraction of the rigid motions are round-off."""
 
 
 def kkt_residual(
@@ -17,17 +17,17 @@ def kkt_residual(
     closed: BoolArray,
     held: FloatArray,
 ) -> float:
-    """Largest residual of contact conditions, friction and balances in one state.
+    """Largest residual of contact conditions, friction and balances, relative to peak pressure, elastic gap
+    and forces.
 
     ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed nodes,
-    ``held`` (n,) the slips at which sticking nodes rest, nan on the others. It is relative to the peak
-    pressure, the elastic gap and the forces.
+    ``held`` (n,) the stick references, nan for nodes that do not stick.
     """
     factors, motion, pressure, traction = unknowns
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
     largest_compliance = condensed.largest_compliance
-    least = NOTHING * moved / largest_compliance if largest_compliance > 0.0 else 0.0
+    least = PRESSURE_TOLERANCE * moved / largest_compliance if largest_compliance > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
     m, n = len(pressure), len(traction)
     elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0

@@ -1,8 +1,8 @@
-"""The largest part of a stage's loads that contacts can carry: a limit load of rigid bodies.
+"""Limit load of rigid bodies in contact: the largest fraction of a stage's loads that can be in equilibrium.
 
-Pressures push only, tractions stay in Coulomb's cone, and every unknown motion is in equilibrium. How much of
-the loads this allows is a linear program (Livesley 1978, doi:10.1002/nme.1620121207, for masonry); its
-multipliers are the motion in which the bodies give way. Deformation only matters as far as it changes places.
+Pressures are non-negative, tractions lie in Coulomb's cone, and every unknown motion is in equilibrium. The
+load factor is the solution of a linear program (Livesley 1978, doi:10.1002/nme.1620121207, for masonry); its
+multipliers are the collapse mechanism. Deformation matters only by changing positions.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
-ALL = 1.0 - 1e-9
-"""Parts of a stage from here on are the whole stage."""
+WHOLE_STAGE = 1.0 - 1e-9
+"""Fractions of a stage from here on count as the whole stage."""
 
 
 @dataclass(frozen=True, eq=False)
 class LimitLoad:
-    """``part`` of a stage's change of loads that can be carried, the ``motion`` (k,) beyond it, up to a
-    factor, how much ``rubbed`` of the loads' work friction takes up in it, and whether anything is
+    """``part`` of a stage's load change that can be carried, collapse ``motion`` (k,) up to a factor,
+    fraction ``rubbed`` of the loads' work dissipated by friction in it, and whether any contact is
     ``pressed``."""
 
     part: float
@@ -31,13 +31,13 @@ class LimitLoad:
 
     @property
     def whole(self) -> bool:
-        """Whether all of the stage can be carried, by contacts that are closed or open as yet."""
-        return self.part >= ALL
+        """Whether the whole stage can be carried, by contacts closed or still open."""
+        return self.part >= WHOLE_STAGE
 
 
 def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> LimitLoad | None:
-    """The limit of load factors ``begin`` (L,) + part ``change`` (L,); None where nothing of the stage can be
-    carried, or no motion is unknown."""
+    """Largest part <= 1 for load factors ``begin`` (L,) + part ``change`` (L,); None if nothing can be
+    carried, or if no motion is unknown."""
     balance, nodes = condensed.balance, condensed.friction_nodes
     m, n, k = len(condensed.weight), len(nodes), len(balance.constant)
     if not k or not m:
@@ -46,7 +46,7 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
     size = max(np.abs(start).max(), np.abs(more).max())
     if not size:
         return None
-    # Unknowns are forces in units of the loads', so that no unit decides.
+    # Forces in units of the loads, so that units do not matter.
     unit = size / condensed.weight
     rows = np.hstack([balance.pressure * unit, balance.traction * unit[nodes], balance.motion, more[:, None]])
     known = np.abs(rows[:, : m + n]).max(axis=1)
@@ -74,7 +74,7 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
     if work:
         rubbed = float(np.abs(forces[m:] * unit[nodes] * (balance.traction.T @ motion)).sum()) / work
     else:
-        # Nothing is carried: what matters is the direction.
+        # Nothing is carried: the direction of motion decides.
         rubbed = float(along.max(initial=0.0) > across.max(initial=0.0))
     touching = forces[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
     return LimitLoad(part, motion, min(rubbed, 1.0), bool(touching.max(initial=0.0) > 1e-9))

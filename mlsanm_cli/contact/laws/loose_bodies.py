@@ -1,8 +1,8 @@
-"""Exact contact without friction where some sets of closed nodes leave bodies loose.
+"""Frictionless contact of floating bodies, where some active sets leave rigid motions undetermined.
 
-Soft springs hold every unknown motion where it was last, so that any set has one solution; solved again and
-again, ever softer, they pull at nothing in the end (the proximal point method: Rockafellar 1976,
-doi:10.1137/0314056). They begin where bodies are drawn, so that what nothing drives stays there.
+Soft springs at the last position make every set solvable; repeated with ever softer springs, their forces
+vanish (proximal point method: Rockafellar 1976, doi:10.1137/0314056). They start at the drawn positions, so
+that motions that nothing drives stay zero.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 
-SOFTER = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, *(1e-10,) * 10)
-"""Stiffness of the springs, over that of the contacts, one time after the other."""
-SETTLED, NOTHING = 1e-11, 1e-10
-"""Forces of the springs in the end, over those of loads and pressures; pressures that these leave."""
+STIFFNESS_SEQUENCE = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, *(1e-10,) * 10)
+"""Spring stiffness over that of the contacts, iteration by iteration."""
+FORCE_TOLERANCE, PRESSURE_TOLERANCE = 1e-11, 1e-10
+"""Final spring forces relative to loads and pressures; pressures below which residual spring forces may
+be."""
 
 
 def springs(condensed: Condensed) -> FloatArray:
-    """Stiffness (k,) of contacts against the motions, with the sign of springs in the balances."""
+    """Stiffness (k,) of the contacts against the motions, with the sign of springs in the balances."""
     moved, weight = condensed.gap.motion, condensed.weight
     sign = np.sign((condensed.balance.pressure * (weight[:, None] * moved).T).sum(axis=1))
     stiff = (weight[:, None] * moved**2).sum(axis=0) / (condensed.largest_compliance or 1.0)
@@ -27,8 +28,8 @@ def springs(condensed: Condensed) -> FloatArray:
 
 
 def at_rest(condensed: Condensed, factors: FloatArray, pressure: FloatArray, pull: FloatArray) -> bool:
-    """Whether what the springs ``pull`` with (k,) is nothing beside the loads and pressures (m,)."""
+    """Whether the spring forces ``pull`` (k,) are negligible against the loads and pressures (m,)."""
     balance = condensed.balance
     force = np.abs(balance.constant) + np.abs(balance.load) @ np.abs(factors)
     force = force + np.abs(balance.pressure).sum(axis=1) * np.abs(pressure).max(initial=0.0)
-    return bool((np.abs(pull) <= SETTLED * force).all())
+    return bool((np.abs(pull) <= FORCE_TOLERANCE * force).all())

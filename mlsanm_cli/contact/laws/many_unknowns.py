@@ -1,8 +1,8 @@
-"""Equations of many closed places, solved by products with their compressed compliance.
+"""Iterative solution for many closed nodes with a compressed compliance.
 
-The method is that of conjugate residuals for matrices that are nearly symmetric (GCR: Eisenstat, Elman and
-Schultz 1983, doi:10.1137/0720023). Its directions serve all right-hand sides of one set. The inverse of the
-compliance is approximated by that of every place and a few of its neighbours, from coarse to fine (Vecchia
+Generalised conjugate residuals for nearly symmetric matrices (GCR: Eisenstat, Elman and Schultz 1983,
+doi:10.1137/0720023); the search directions are shared by all right-hand sides of one set. The preconditioner
+approximates the inverse of the compliance from each node and a few neighbours, from coarse to fine (Vecchia
 1988, doi:10.1111/j.2517-6161.1988.tb01729.x).
 """
 
@@ -17,19 +17,20 @@ from mlsanm_cli.contact.response.dense import SINGULAR, SingularSystemError
 from mlsanm_cli.errors import NumericalError
 
 NEIGHBOURS = np.array([-7, -5, -4, -3, -2, -1, 1, 3, 5, 7, 0])
-"""The places on which the inverse is approximated, the place itself last: numbers times the largest power of
-two that divides its own number, by which those of odd ones are left out."""
-ROUGH, EXACT, MOST = 1e-7, 1e-13, 400
-"""Parts of right-hand sides that are left while sets are searched for and at last, and products at most."""
-ENOUGH = 1e-9
-"""More than this part left is no solution."""
+"""Neighbours for the approximate inverse, the node itself last: offsets times the largest power of two that
+divides the node's number, so that coarser nodes have wider stencils."""
+SEARCH_TOLERANCE, FINAL_TOLERANCE, MAX_PRODUCTS = 1e-7, 1e-13, 400
+"""Relative residuals during the active-set search and at the end, and largest number of products."""
+MAX_RESIDUAL = 1e-9
+"""A relative residual above this is a failure."""
 
 
 class ManyClosed:
-    """The equations C p + M q = a, F p + G q = b of many closed places: their ``compliance`` (m, m) and the
-    numbers of those ``closed`` (c,), and what motions do to gaps, and pressures and motions to forces.
+    """The equations C p + M q = a, F p + G q = b for closed nodes.
 
-    Raises SingularSystemError where bodies are loose.
+    C is the ``compliance`` (m, m) restricted to the indices ``closed`` (c,), M = ``moved`` the gaps per
+    motion, F = ``forces`` and G = ``stiffness`` the forces per pressure and motion. Raises
+    SingularSystemError if bodies are loose.
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class ManyClosed:
         self._forces, self._moved, self._stiffness = forces, moved, stiffness
         self._by_motion, self._reduced = np.zeros_like(moved), stiffness
         self._left = np.inf
-        self._by_motions(ROUGH)
+        self._by_motions(SEARCH_TOLERANCE)
         if len(stiffness):
             rows = np.abs(stiffness) + np.abs(forces) @ np.abs(self._by_motion)
             scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
@@ -55,7 +56,7 @@ class ManyClosed:
                 raise SingularSystemError
 
     def _by_motions(self, part: float) -> None:
-        """Find what pressures motions ask for, unless so small a ``part`` of it is left already."""
+        """Compute the pressures due to motions, unless a relative residual ``part`` is reached already."""
         if part >= self._left:
             return
         for column, moved in enumerate(self._moved.T):
@@ -64,10 +65,10 @@ class ManyClosed:
         self._left = part
 
     def solve(
-        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = EXACT
+        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = FINAL_TOLERANCE
     ) -> tuple[FloatArray, FloatArray]:
-        """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures near them, of which so
-        small a ``part`` is left."""
+        """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures ``start``, to a
+        relative residual ``part``."""
         self._by_motions(part)
         alone = self._own(gap, start, part)
         if not len(force):
@@ -76,13 +77,13 @@ class ManyClosed:
         return alone - self._by_motion @ motion, motion
 
     def _product(self, pressure: FloatArray) -> FloatArray:
-        """The gaps (c,) that pressures (c,) make."""
+        """Gaps (c,) due to pressures (c,)."""
         whole = np.zeros(self._compliance.shape[1])
         whole[self._closed] = pressure
         return np.asarray((self._compliance @ whole)[self._closed])
 
     def _own(self, gap: FloatArray, start: FloatArray, part: float) -> FloatArray:
-        """The pressures (c,) that make gaps (c,) but for a ``part``, from some near them."""
+        """Pressures (c,) for gaps (c,) to a relative residual ``part``, from ``start``."""
         total, size = start.copy(), float(np.linalg.norm(self._weight * gap))
         left = self._weight * (gap - self._product(start) if start.any() else gap)
         aim = float(np.linalg.norm(left))
@@ -90,7 +91,7 @@ class ManyClosed:
             share = change @ left
             total += share * way
             left = left - share * change
-        for _ in range(MOST):
+        for _ in range(MAX_PRODUCTS):
             aim = float(np.linalg.norm(left))
             if aim <= part * size:
                 break
@@ -107,7 +108,7 @@ class ManyClosed:
             share = change @ left
             total += share * way
             left = left - share * change
-        if not aim <= max(part, ENOUGH) * size:
+        if not aim <= max(part, MAX_RESIDUAL) * size:
             raise NumericalError(
                 "the pressures of a contact with many unknowns have not been found",
                 "make contact.accuracy larger, which takes fewer unknowns",
@@ -116,7 +117,8 @@ class ManyClosed:
 
 
 def _about_inverse(compliance: Compressed, closed: IntArray) -> sparse.csr_array:
-    """A matrix (c, c) whose product with its transpose is about the inverse of the weighted compliance."""
+    """A matrix (c, c) whose product with its transpose approximates the inverse of the weighted
+    compliance."""
     count = len(closed)
     rank = np.arange(1, count + 1)
     other = rank[:, None] + NEIGHBOURS * (rank & -rank)[:, None]

@@ -1,4 +1,4 @@
-"""The scales and small parameters of the smooth contact laws.
+"""Scales and parameters of the regularised contact laws.
 
 Equation (12) of docs/method.md.
 """
@@ -14,9 +14,12 @@ from mlsanm_cli.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Regularization:
-    """``eta`` (m,) pressures, ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that
-    scale residuals and unknowns; with friction a reference ``slip`` and the asperities' softness
-    ``stick_compliance`` (n,), a length per traction."""
+    """Parameters ``eta`` (m,), pressures, and ``delta`` (m,), lengths, of the hyperbolic law, and reference
+    values of pressure, gap, force and motion.
+
+    With friction also a reference ``slip``, the asperities' ``stick_compliance`` (n,), length per traction,
+    and the pressures ``threshold`` (n,) above which friction acts.
+    """
 
     eta: FloatArray
     delta: FloatArray

@@ -1,20 +1,20 @@
-"""Regularised contact with Coulomb friction and its memory, quadratic between two changes of status.
+"""Regularised contact with Coulomb friction and history, smooth between changes of status.
 
-The hyperbola (p + eta) h = eta delta stands for the normal contact. Friction acts where p is above a small
-threshold p_0. A sticking node is held where it came to rest by an asperity of compliance c, s + c t = s0; a
-slipping one carries t = d mu (p - p_0) with the slip sign d = +-1; an open one nothing. So no traction leaves
-Coulomb's cone, whatever the history, and none jumps where a node opens or closes. The sets change where p_0
-or a friction limit is reached, or where a slipping node comes to rest: between these events the equations
-are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
+The hyperbola (p + eta) h = eta delta replaces the normal contact law. Friction acts where p exceeds a small
+threshold p_0. A sticking node is held at its stick reference by an asperity of compliance c, s + c t = s0; a
+slipping one carries t = d mu (p - p_0) with the slip sign d = +-1; an open one nothing. Tractions thus stay
+in Coulomb's cone for any history, and do not jump where nodes open or close. The sets change where p_0 or a
+friction limit is reached, or where a slipping node comes to rest; between these events the equations are
+smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
 
     r1 = (p + eta) h - eta delta
     r2 = h - gap(f, q, p, t)
     r3 = balance(f, q, p, t)
     r4 = s(f, q, p, t) + c t - s0  |  t - d mu (p - p_0)  |  t
 
-Without friction t and r4 are empty, and what is left is the hyperbola alone (Elhage-Hussein, Potier-Ferry and
-Damil, Int. J. Solids Structures 37, 2000, 6981): the gap under a pressure p is about eta delta / p, the
-spurious tension of an open node stays below eta, and the branch h < 0 means nothing.
+Without friction t and r4 are empty and the hyperbola remains (Elhage-Hussein, Potier-Ferry and Damil, Int. J.
+Solids Structures 37, 2000, 6981): the gap under a pressure p is about eta delta / p, the spurious tension of
+an open node is below eta, and the branch h < 0 is meaningless.
 
 Equation (14) of docs/method.md.
 """
@@ -34,31 +34,31 @@ from mlsanm_cli.contact.laws.friction_tangents import CoupledFrictionTangent, Fr
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 
-UNBOUNDED = 1e8
-"""Rates above so many times the reference pressure or slip per stage are those of a singular system."""
+MAX_RATE = 1e8
+"""Rates above this times the reference pressure or slip per stage indicate a singular system."""
 
 
-SAME = 1e-7
-"""Unknowns within this part of their scale share a tangent."""
+TANGENT_TOLERANCE = 1e-7
+"""Tangents are shared by points whose unknowns differ by less than this fraction of their scale."""
 
 
 @dataclass
 class FactorisationCount:
-    """How many tangents have been factorised since it was last asked."""
+    """Number of tangents factorised since the last query."""
 
     count: int = 0
 
-    def taken(self) -> int:
-        """The count, which begins anew."""
+    def reset(self) -> int:
+        """Return the count and reset it."""
         count, self.count = self.count, 0
         return count
 
 
 class RegularizedFriction:
-    """The problem over one stage with given ``sets``, in the form the continuation driver asks for.
+    """The problem over one stage with given ``sets``, for the continuation driver.
 
-    The slips of the ``coupling`` are softened by the asperities; ``stick_reference`` (n,) are the values of s
-    + c t at which sticking nodes came to rest. ``tally`` counts the tangents of a whole path.
+    The slips of the ``coupling`` include the asperities' compliance; ``stick_reference`` (n,) are the values
+    of s + c t at which nodes stick. ``tally`` counts the tangents of a whole path.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class RegularizedFriction:
 
     @classmethod
     def frictionless(cls, coupling: Coupling, start: FloatArray, end: FloatArray) -> RegularizedFriction:
-        """The problem of contacts without friction, whose sets never change."""
+        """The problem without friction, whose sets never change."""
         nowhere = np.zeros(len(coupling.condensed.weight), dtype=bool)
         return cls(
             coupling, start, end, ContactStatus(nowhere, np.zeros(0, dtype=bool), np.zeros(0)), np.zeros(0)
@@ -101,13 +101,13 @@ class RegularizedFriction:
 
     @cached_property
     def reduced(self) -> FloatArray:
-        """Rows of gaps, sticking nodes' slips and balances over pressures, their tractions and motions.
+        """Rows of gaps, sticking nodes' slips and balances over pressures, sticking tractions and motions.
 
-        The tractions of slipping nodes go with their pressures. Dense couplings only.
+        Tractions of slipping nodes are eliminated by their pressures. Dense couplings only.
         """
         assert isinstance(self.coupling, DenseCoupling)
         m, n = self.m, self.n
-        # LAPACK takes columns: they are the rows of the transposed matrices.
+        # LAPACK is column-major: columns are rows of the transposed matrices.
         columns = self.coupling.matrix.T
         kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
         reduced = columns.take(kept, axis=0).take(kept, axis=1)
@@ -132,7 +132,7 @@ class RegularizedFriction:
         return x[..., :m], x[..., m : 2 * m], x[..., 2 * m : 2 * m + k], x[..., 2 * m + k :]
 
     def pressed(self, p: FloatArray) -> FloatArray:
-        """What of the pressures friction goes with (n,): they less the law's threshold."""
+        """Pressures (n,) that friction is proportional to: those above the law's threshold."""
         return p[self.condensed.friction_nodes] - self.law.threshold
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
@@ -146,12 +146,16 @@ class RegularizedFriction:
         return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], friction_rows])
 
     def tangent(self, x: FloatArray, lam: float) -> FrictionTangent | CoupledFrictionTangent:
-        """Factorised derivative by x; numpy's LinAlgError where it is singular.
+        """Factorised derivative by x; raises numpy's LinAlgError if singular.
 
-        Points that differ by no more than a correction at an event share their tangent: what that costs, the
-        residuals of the series show. Without friction there are no events.
+        Points that differ by no more than a correction at an event share their tangent; the residuals of the
+        series show the error of that. Without friction there are no events.
         """
-        if not self.n or self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
+        if (
+            not self.n
+            or self._ready is None
+            or not np.abs((x - self._ready[0]) / self.scale).max() <= TANGENT_TOLERANCE
+        ):
             self._ready = (x.copy(), self._factorised(x))
         return self._ready[1]
 
@@ -174,12 +178,12 @@ class RegularizedFriction:
         return rhs
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
-        """Whether every gap is open, that is, the state lies on the meaningful branch."""
+        """Whether the state is on the meaningful branch: all gaps are positive."""
         p, h, _, _ = self.split(x)
         return bool((h > 0.0).all() and (p > -self.law.eta).all())
 
     def slip_rate(self, x: FloatArray, lam: float) -> FloatArray:
-        """About how fast slips (n,) change at x, by the last tangent there is."""
+        """Approximate slip rates (n,) at x, with the last tangent available."""
         tangent = self.tangent(x, lam) if self._ready is None else self._ready[1]
         p, _, q, t = self.split(-tangent.solve(self._load_derivative))
         rows = slice(self.m, self.m + self.n)
@@ -187,9 +191,10 @@ class RegularizedFriction:
         return np.asarray(moved * self.law.slip)
 
     def slope(self, x: FloatArray, lam: float) -> ContactSolution:
-        """The same as :meth:`rates` of the own sets, by the tangent that the path goes on with.
+        """:meth:`rates` of the current sets, from the tangent used for continuation.
 
-        Raises SingularSystemError."""
+        Raises SingularSystemError.
+        """
         try:
             slope = -self.tangent(x, lam).solve(self._load_derivative)
         except np.linalg.LinAlgError as error:
@@ -197,14 +202,14 @@ class RegularizedFriction:
         p, _, q, t = self.split(slope)
         base, rows = self.coupling, slice(self.m, self.m + self.n)
         slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
-        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
+        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= MAX_RATE:
             raise SingularSystemError
         gap = np.where(self.sets.closed, 0.0, -p * self.condensed.own[0])
         motion = base.split_motions(q)[0]
         return ContactSolution(np.where(self.sets.closed, p, 0.0), t, motion, gap, slipped * self.law.slip)
 
     def softened(self, x: FloatArray) -> Condensed:
-        """The compliance that rates at x know: hyperbola and asperities give way too."""
+        """Compliance for rates at x, with those of hyperbola and asperities added."""
         c, law = self.condensed, self.law
         p, h, _, _ = self.split(x)
         gap = replace(c.gap, pressure=c.gap.pressure + np.diag(h / (p + law.eta)))
@@ -214,25 +219,24 @@ class RegularizedFriction:
     def rates(
         self, softened: Condensed, sets: ContactStatus, near: SetSystem | None = None
     ) -> tuple[SetSystem, ContactSolution]:
-        """A system of some ``sets``, and the rates of the state and of s + c t, in the form in which
-        :func:`admissible_sets` judges them.
+        """The system of some ``sets``, and the rates of the state and of s + c t, as :func:`admissible_sets`
+        expects them.
 
-        An open node closes where its pressure grows, which is expressed as the gap that its own compliance
-        needs for that. Raises SingularSystemError where nothing resists the load.
+        An open node closes where its pressure grows; that pressure is expressed as the gap its own compliance
+        would need. Raises SingularSystemError if nothing resists the load.
         """
         system = SetSystem(softened, replace(sets, closed=np.ones_like(sets.closed)), near)
         rates = system.rate(self.change)
         largest = np.abs(rates.pressure).max() / self.law.pressure, np.abs(rates.slip).max() / self.law.slip
-        if not max(largest) <= UNBOUNDED:
+        if not max(largest) <= MAX_RATE:
             raise SingularSystemError
         p = rates.pressure
         gap = np.where(sets.closed, 0.0, -p * self.condensed.own[0])
         return system, replace(rates, pressure=np.where(sets.closed, p, 0.0), gap=gap)
 
     def within_cone(self, x: FloatArray) -> FloatArray:
-        """The unknowns with sticking nodes' tractions within their limits, which round-off and residual of an
-        event may pass: by nothing compared with the reference pressure, but perhaps not compared with their
-        own."""
+        """The unknowns with sticking tractions clipped to their limits, which round-off and the residual of
+        an event may exceed: negligibly against the reference pressure, but perhaps not against their own."""
         x = x.copy()
         p, _, _, t = self.split(x)
         limit = self.condensed.friction * np.maximum(self.pressed(p), 0.0)
@@ -240,7 +244,7 @@ class RegularizedFriction:
         return x
 
     def at_limits(self, x: FloatArray) -> RegularizedFriction:
-        """The same problem where sticking nodes beyond their limits slip; itself where there are none."""
+        """The same problem with sticking nodes beyond their limits slipping; itself if there are none."""
         traction = self.split(x)[3]
         beyond = self.split(self.within_cone(x))[3] != traction
         if not beyond.any():
@@ -255,8 +259,8 @@ class RegularizedFriction:
         )
 
     def by_pressure_alone(self, x: FloatArray) -> RegularizedFriction:
-        """The same problem where nodes that are pressed by now have no friction limit without pressure any
-        more: thresholds below zero end. Itself where there are none."""
+        """The same problem with negative thresholds (friction without pressure) reset to zero at nodes that
+        are pressed by now; itself if there are none."""
         law, nodes = self.law, self.condensed.friction_nodes
         ends = (law.threshold < 0.0) & (self.split(x)[0][nodes] > law.eta[nodes])
         if not ends.any():
@@ -267,7 +271,7 @@ class RegularizedFriction:
         )
 
     def on_limits(self, x: FloatArray) -> FloatArray:
-        """The unknowns with the tractions of nodes that slip or are open exact to the last digit."""
+        """The unknowns with tractions of slipping and open nodes set exactly."""
         x = x.copy()
         p, _, _, t = self.split(x)
         free = ~self.sets.stuck
@@ -275,7 +279,7 @@ class RegularizedFriction:
         return x
 
     def rested(self, x: FloatArray, lam: float) -> RegularizedFriction:
-        """The same problem with its sticking nodes at rest where they are in x."""
+        """The same problem with its nodes sticking where they are in x."""
         problem = copy(self)
         problem.stick_reference = np.where(
             self.sets.stuck, self.stick_coordinate(x, lam), self.stick_reference
@@ -287,11 +291,11 @@ class RegularizedFriction:
         return self.stick_coordinate(x, lam) - self.law.stick_compliance * self.split(x)[3]
 
     def sticking(self, x: FloatArray, lam: float) -> BoolArray:
-        """Which nodes with friction (n,) stick."""
+        """Mask (n,) of sticking nodes."""
         return self.sets.stuck
 
     def stick_coordinate(self, x: FloatArray, lam: float) -> FloatArray:
-        """Slips less what the asperities' softness explains, s + c t (n,)."""
+        """Slip plus the asperities' compliance times traction, s + c t (n,)."""
         p, _, q, t = self.split(x)
         rows = slice(self.m, self.m + self.n)
         shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)

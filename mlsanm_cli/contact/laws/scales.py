@@ -1,4 +1,4 @@
-"""Reference magnitudes of a contact scene, from its exact states, and the law made from them."""
+"""Scales of a contact scene from its exact states, and the regularised law built from them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
-WIDEST = 10.0
-"""The law's length of a node lies between the scene's elastic gap and this many times it, unless the node is
-drawn farther apart."""
+MAX_GAP_RATIO = 10.0
+"""Upper bound of the law's length in elastic gaps, for nodes with large initial gaps; the lower bound is
+1."""
 
 
-WITH_FRICTION = 0.15
-"""The law's length over that of scenes without friction, whose tractions remember how nodes have closed."""
-PRESSED = 10.0
-"""Friction begins where the pressure is above so many times the hyperbolic law's eta."""
-LEAST = 0.01
-"""A contact's own pressure is at least this part of the scene's, whose tolerance resolves no less."""
+FRICTION_FACTOR = 0.15
+"""The law's length with friction, in elastic gaps: tractions depend on how nodes have closed."""
+FRICTION_THRESHOLD = 10.0
+"""Friction acts where the pressure exceeds this times the law's eta."""
+MIN_SHARE = 0.01
+"""Least reference pressure of a contact over the scene's, below which the tolerance resolves nothing."""
 
 
 def regularize(
@@ -31,18 +31,18 @@ def regularize(
     eta: float | FloatArray,
     stick: float | FloatArray = 0.0,
 ) -> Regularization:
-    """The hyperbolic law with ``eta`` relative to every contact's largest pressure in the exact ``states``.
+    """The hyperbolic law with ``eta`` relative to each contact's largest pressure in the exact ``states``.
 
-    Nodes drawn farther apart than WIDEST elastic gaps have the longer length and the smaller eta: the law
-    pulls with up to eta beyond its length, and hundreds of candidates all around a body would together pull
-    by some percent of the load. The product of both, which determines the gap under a pressure, is the same.
+    Nodes with large initial gaps get a longer length and a smaller eta: the law pulls with up to eta beyond
+    its length, and hundreds of candidates around a body would together pull by some percent of the load. The
+    product of both, which determines the gap under a pressure, is unchanged.
 
-    ``stick``, of all or of each node with friction (n,), is the slip of an asperity at its friction limit,
-    relative to the largest slip in its contact that friction at its limit everywhere would cause in those
-    states. ``eta`` is that of all or of each candidate (m,).
+    ``stick`` is the slip of an asperity at its friction limit, relative to the largest slip in its contact
+    that friction at its limit everywhere would cause in those states. ``eta`` and ``stick`` are scalars or
+    arrays (m,) and (n,).
 
-    Every length in it is proportional to the elastic change of the gap in those states, so that neither units
-    nor the size of a load change the relative result. Raises NumericalError when no state has any pressure.
+    Every length is proportional to the elastic change of the gap in those states: neither units nor the size
+    of a load affect the relative result. Raises NumericalError if no state has any pressure.
     """
     pressure = max(float(state.pressure.max(initial=0.0)) for state in states)
     if pressure <= 0.0:
@@ -56,9 +56,11 @@ def regularize(
     for pairing in condensed.pairings:
         initial = pairing.gap[pairing.candidate]
         apart[condensed.spans[pairing.name]] = initial - initial.min(initial=np.inf)
-    wide = np.maximum(apart / (WIDEST * gap), 1.0)
+    wide = np.maximum(apart / (MAX_GAP_RATIO * gap), 1.0)
     frictional = len(condensed.friction_nodes) > 0
-    delta = np.full(len(apart), WITH_FRICTION * gap) if frictional else np.clip(apart, gap, WIDEST * gap)
+    delta = (
+        np.full(len(apart), FRICTION_FACTOR * gap) if frictional else np.clip(apart, gap, MAX_GAP_RATIO * gap)
+    )
     forces = [
         np.abs(condensed.balance.pressure) @ np.abs(state.pressure)
         + np.abs(condensed.balance.traction) @ np.abs(state.traction)
@@ -68,8 +70,10 @@ def regularize(
     limits = [condensed.friction * np.abs(state.pressure[condensed.friction_nodes]) for state in states]
     slips = np.max([np.abs(condensed.slip.traction @ limit) for limit in limits], axis=0)
     slip = float(slips.max(initial=0.0))
-    own = _largest(condensed.spans, np.max([state.pressure for state in states], axis=0), LEAST * pressure)
-    own_slip = _largest(condensed.tangential, slips, LEAST * slip)
+    own = _largest(
+        condensed.spans, np.max([state.pressure for state in states], axis=0), MIN_SHARE * pressure
+    )
+    own_slip = _largest(condensed.tangential, slips, MIN_SHARE * slip)
     small = eta * own
     motion = np.array([np.abs(state.motion) for state in states]).max(axis=0)
     return Regularization(
@@ -80,13 +84,13 @@ def regularize(
         force=np.where(force > 0.0, force, 1.0),
         motion=np.where(motion > 0.0, motion, elastic),
         slip=slip,
-        threshold=PRESSED * small[condensed.friction_nodes],
+        threshold=FRICTION_THRESHOLD * small[condensed.friction_nodes],
         stick_compliance=stick * own_slip / (condensed.friction * own[condensed.friction_nodes]),
     )
 
 
 def _largest(spans: Mapping[str, slice], values: FloatArray, least: float) -> FloatArray:
-    """The largest of the values (r,) of every contact, at least ``least``, at each of its places."""
+    """Largest of the values (r,) in each contact, at least ``least``, repeated for its nodes (r,)."""
     largest = np.full(len(values), least)
     for span in spans.values():
         largest[span] = max(float(values[span].max(initial=0.0)), least)

@@ -1,7 +1,5 @@
-"""The rules of open, sticking and slipping nodes, and the exchange of those that break their own.
-
-Hüeber, Stadler and Wohlmuth 2008, doi:10.1137/060671061.
-"""
+"""Conditions of open, sticking and slipping nodes, and the primal-dual active-set exchange of violating nodes
+(Hüeber, Stadler and Wohlmuth 2008, doi:10.1137/060671061)."""
 
 from __future__ import annotations
 
@@ -19,8 +17,8 @@ ROUND_OFF = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleChanges:
-    """Which rules count: closed nodes that may open (m,), open ones that may close (m,), sticking and closing
-    ones that may slip (n,) and to which ``side`` (n,): 1, -1, or 0 for both."""
+    """The conditions to be enforced: closed nodes that may open (m,), open ones that may close (m,), sticking
+    and closing ones that may slip (n,), and towards which ``side`` (n,): 1, -1, or 0 for both."""
 
     opening: BoolArray
     closing: BoolArray
@@ -33,8 +31,8 @@ class UnbalancedError(NumericalError):
 
 
 class NoStateError(NumericalError):
-    """No sets of open, sticking and slipping nodes obey all rules; ``sliding`` where nothing
-    holds a platen along its contacts."""
+    """No contact status satisfies all conditions; ``sliding`` if nothing holds a platen along its
+    contacts."""
 
     def __init__(self, sliding: bool) -> None:
         super().__init__(
@@ -46,7 +44,7 @@ class NoStateError(NumericalError):
 
 
 class EndlessError(NoStateError):
-    """The search came to no end, as it may where the compliance does not resist all pressures."""
+    """The search did not end, as may happen where the compliance is not positive definite."""
 
     def __init__(self, passes: int) -> None:
         NumericalError.__init__(
@@ -59,7 +57,7 @@ class EndlessError(NoStateError):
 
 
 class FloatingError(NoStateError):
-    """Nothing touched before, and still nothing is pressed: free motions could be any."""
+    """No contact was or is loaded: free motions are undetermined."""
 
     def __init__(self) -> None:
         NumericalError.__init__(
@@ -77,10 +75,10 @@ def exchange(
     values: ContactSolution,
     slipped: FloatArray,
 ) -> tuple[ContactStatus, BoolArray]:
-    """The sets with every node that breaks its rule exchanged, and which nodes (m,) these are.
+    """Exchange all nodes that violate a condition; returns the new sets and a mask (m,) of these nodes.
 
-    A node that closes, or slips with friction, is judged by the pressure and traction that its own compliance
-    asks for to undo its overlap and its slip.
+    A node that closes, or slips in the direction of friction, is assigned by the pressure and traction that
+    would undo its overlap and slip through its own compliance.
     """
     nodes = condensed.friction_nodes
     own_normal, own_tangential = condensed.own
@@ -114,6 +112,6 @@ def exchange(
 
 
 def moving(condensed: Condensed, motion: FloatArray) -> float:
-    """A pressure that would move the surfaces as far as a ``motion`` (k,) of platens and bodies."""
+    """Pressure that would displace the surfaces as far as ``motion`` (k,) does."""
     moved = float(np.abs(condensed.gap.motion @ motion).max(initial=0.0))
     return moved / condensed.largest_compliance if moved else 0.0

@@ -1,4 +1,4 @@
-"""When a body that a force pushes along its contacts is held by nothing there."""
+"""Detection of force-controlled motions along slipping contacts that nothing resists."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
-TILT = 0.2
-"""A platen whose motion opens or closes the contact by less than this part of it is resisted by friction."""
-TAPER = 0.02
-"""One that closes all of a contact by this part of it drives a wedge: round patches have both sides of it."""
-CLOSING = 0.01
-"""Sliding that makes less than this part of what bodies move towards each other carries no load."""
-FAST = 100.0
-"""Sliding so many times as fast as all else is driven by a load."""
+MAX_NORMAL_SHARE = 0.2
+"""Motions with a smaller normal part at the contact are resisted by friction only."""
+WEDGE_SHARE = 0.02
+"""Motions whose mean normal part over a contact is larger close it like a wedge."""
+MIN_CLOSING = 0.01
+"""Sliding below this fraction of the normal approach is negligible."""
+SLIDING_RATIO = 100.0
+"""Sliding this many times as fast as everything else is driven by the load."""
 ROUND_OFF = 1e-9
 
 
 class SlidingError(NumericalError):
-    """All of a contact slips and nothing else carries the load: there is no state beyond this one."""
+    """The contact slides as a whole and nothing else carries the load: the path ends here."""
 
     def __init__(self, fraction: float, where: str = "") -> None:
         super().__init__(
@@ -32,13 +32,13 @@ class SlidingError(NumericalError):
 
 
 def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray | None = None) -> bool:
-    """Whether some motion of force-controlled platens runs along slipping contacts alone.
+    """Whether some motion of force-controlled constraints runs along slipping contacts only.
 
-    It may be any combination of their unknown motions, so that directions of axes mean nothing. It moves no
-    sticking node and hardly opens or closes closed ones, in the mean over a contact still less; contacts that
-    it does not move have no say. Where the ``rates`` (k,) of a state that slips so are known it has to be
-    what these close contacts by, or by far the fastest: a shaft that settles in a groove slips on both sides
-    and may turn as well, but nothing turns it.
+    It may be any combination of unknown motions, so that the result does not depend on axes. It moves no
+    sticking node, and closed nodes hardly in normal direction, even less in the mean over a contact; contacts
+    that it does not move are ignored. Given the ``rates`` (k,) of a slipping state, the motion must also
+    dominate the approach of the surfaces or be by far the fastest: a shaft that settles in a groove slips on
+    both sides and could rotate, but nothing drives the rotation.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping = sets.slip_sign != 0.0
@@ -56,31 +56,31 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
     seen = both @ motions
     if motions.shape[1] == 1:
         parts = (seen**2)[:, 0]
-        if parts[: len(across)].sum() >= TILT**2 * parts.sum():
+        if parts[: len(across)].sum() >= MAX_NORMAL_SHARE**2 * parts.sum():
             return False
     left, values, _ = np.linalg.svd(seen, full_matrices=False)
     left = left[:, values > ROUND_OFF]
     moving = left[: len(across)]
     if not len(moving):
         return bool(moving.shape[1])
-    # The eigenvalues are squares of the parts of orthonormal motions that go across.
+    # Eigenvalues: squared normal parts of orthonormal motions.
     parts, directions = np.linalg.eigh(moving.T @ moving)
-    little = directions[:, parts < TILT**2]
+    little = directions[:, parts < MAX_NORMAL_SHARE**2]
     if not little.size:
         return False
     _, means, right = np.linalg.svd(_closed_of_each(condensed, sets) @ (moving @ little))
-    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < TAPER].T
+    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < WEDGE_SHARE].T
     if rates is None or not along.size:
         return bool(along.size)
     whole = both @ rates[free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
     closed = len(across)
-    by_sliding = np.linalg.norm(slid[:closed]) > CLOSING * np.linalg.norm(whole[:closed])
-    return bool(by_sliding or np.linalg.norm(slid) > FAST * np.linalg.norm(whole - slid))
+    by_sliding = np.linalg.norm(slid[:closed]) > MIN_CLOSING * np.linalg.norm(whole[:closed])
+    return bool(by_sliding or np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid))
 
 
 def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:
-    """Rows of unit size (c, closed) that take the mean over the closed nodes of each contact."""
+    """Unit rows (c, closed) that average over the closed nodes of each contact."""
     root = np.sqrt(condensed.weight)
     rows = np.zeros((len(condensed.spans), len(root)))
     for row, span in zip(rows, condensed.spans.values(), strict=True):
@@ -90,10 +90,10 @@ def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:
 
 
 def _unmoved(rows: FloatArray) -> FloatArray:
-    """An orthonormal basis (k, d) of the motions that the ``rows`` (r, k) do not see."""
+    """Orthonormal null space (k, d) of the ``rows`` (r, k)."""
     if not len(rows):
         return np.eye(rows.shape[1])
-    # Their triangle has the same singular values, and is much smaller.
+    # The R factor has the same singular values and is much smaller.
     _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     seen = int((values > ROUND_OFF).sum())
     basis: FloatArray = right[seen:].T

@@ -1,1 +1,1 @@
-"""The whole system at once, without condensation."""
+"""Monolithic solution: the whole system at once, without condensation."""

@@ -1,4 +1,4 @@
-"""The large sparse tangent of all bodies and their contacts: how it is scaled, ordered and factorised."""
+"""Scaling, ordering and factorisation of the sparse monolithic tangent."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from mlsanm_cli.operators.linear.interface import Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order, factor_unsymmetric
 from mlsanm_cli.operators.system import Equations
 
-LAST = 2.0**-40
-"""Factor on the rows eliminated last: partial pivoting must not fetch one of these dense rows early."""
+DENSE_ROW_SCALE = 2.0**-40
+"""Factor on rows eliminated last: partial pivoting must not choose one of these dense rows early."""
 
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """A sparse matrix (R, R) that is factorised again and again with other factors on its first r rows.
+    """A sparse matrix (R, R) that is factorised repeatedly with different factors on its first r rows.
 
-    ``matrix`` is in the ``order`` (R,) of its elimination, of which the ``last`` ones belong to dense rows
-    and columns; its columns are multiplied by ``scale`` (R,), the sizes of the unknowns.
+    ``matrix`` is in elimination ``order`` (R,), in which the ``last`` rows and columns are dense; its columns
+    are multiplied by ``scale`` (R,), typical values of the unknowns. ``definite``: no pivoting is needed in
+    the bodies.
     """
 
     matrix: sparse.csc_array
@@ -38,8 +39,8 @@ class Elimination:
         return replace(self, matrix=self.matrix + self._placed(added))
 
     def factor(self, rows: FloatArray, added: sparse.csr_array) -> Factor:
-        """Factor of the matrix whose first rows are multiplied by ``rows`` (r,), and with entries ``added``
-        (r, r); numpy's LinAlgError where it is singular."""
+        """Factor of the matrix with its first rows multiplied by ``rows`` (r,) and entries ``added`` (r, r);
+        raises numpy's LinAlgError if singular."""
         factors = np.ones(len(self.order))
         factors[: len(rows)] = rows
         values = self.matrix.data * factors[self.order][self.matrix.indices]
@@ -51,22 +52,22 @@ class Elimination:
             raise np.linalg.LinAlgError("singular tangent of the contact problem") from error
 
     def solve(self, factor: Factor, rhs: FloatArray) -> FloatArray:
-        """Unknowns (r,) over their sizes for right-hand sides ``rhs`` (r,), as exact as the factor is."""
+        """Scaled unknowns (r,) for right-hand sides ``rhs`` (r,), without refinement."""
         whole = np.zeros(len(self.order))
         whole[: len(rhs)] = rhs
         whole = whole[self.order]
-        whole[len(whole) - self.last :] *= LAST
+        whole[len(whole) - self.last :] *= DENSE_ROW_SCALE
         solution = np.empty_like(whole)
         solution[self.order] = factor.solve(whole)
         return solution[: len(rhs)]
 
     def _placed(self, added: sparse.csr_array) -> sparse.csc_array:
-        """Entries by their numbers, all among the last ones, as they stand in the matrix."""
+        """Entries (r, r), all in dense rows and columns, permuted and scaled like the matrix."""
         whole = added.tocoo()
         rows, columns = whole.coords
         place = np.empty_like(self.order)
         place[self.order] = np.arange(len(self.order))
-        values = LAST * whole.data * self.scale[columns]
+        values = DENSE_ROW_SCALE * whole.data * self.scale[columns]
         return sparse.csc_array((values, (place[rows], place[columns])), shape=self.matrix.shape)
 
 
@@ -77,12 +78,12 @@ def plan_elimination(
     scale: FloatArray,
     unknowns: FloatArray,
 ) -> Elimination:
-    """The matrix of ``contact`` rows (c, r) above the bodies' ``equations``, divided by ``scale`` (2N,), over
-    unknowns with typical sizes ``unknowns`` (r,): c of the contact's, then the bodies' displacements.
+    """Plan for the matrix of ``contact`` rows (c, r) above the bodies' ``equations``, divided by ``scale``
+    (2N,), with typical values ``unknowns`` (r,): c of the contact, then the bodies' displacements.
 
-    The equations' right-hand sides are those of the contact's unknowns. The unknowns of a body are eliminated
-    as in its own system; the contact comes last, so that what is left for it is a condensed problem, whose
-    pivots are sound.
+    The equations' right-hand sides are those of the contact unknowns. The unknowns of a body are eliminated
+    as in its own system; the contact comes last, so that its Schur complement is a condensed problem with
+    sound pivots.
     """
     count, total = contact.shape
     matrix = sparse.block_diag([one.matrix for one in equations.values()], format="csr")
@@ -97,7 +98,7 @@ def plan_elimination(
         first += one.matrix.shape[0]
     order = np.concatenate([*parts, np.arange(count)])
     factors = np.ones(total)
-    factors[order[len(order) - count :]] = LAST
+    factors[order[len(order) - count :]] = DENSE_ROW_SCALE
     scaled = sparse.csr_array(sparse.diags_array(factors) @ whole @ sparse.diags_array(unknowns))
     return Elimination(
         matrix=sparse.csc_array(scaled[order][:, order]),

@@ -1,19 +1,19 @@
-"""The contact problem with the bodies' displacements among its unknowns: the route of the literature.
+"""The contact problem with the bodies' displacements among its unknowns, as usual in the literature.
 
-Every tangent is one large sparse matrix of all bodies with the contact's rows in it, factorised anew at each
-step. It is the baseline that condensation is compared with, so it has the same operators and elimination
-order. The displacements u of all bodies, one body after the other, come behind the platens' motions, and the
-bodies' equations behind the balances, in the numbering of :mod:`mlsanm_cli.contact.laws.coupling`::
+Every tangent is one large sparse matrix of all bodies and contact rows, factorised in each step. It is the
+baseline for condensation, with the same operators and elimination order. The displacements u of all bodies
+follow the rigid motions, and the bodies' equations the balances, in the order of
+:mod:`mlsanm_cli.contact.laws.coupling`::
 
     gap      h = h0 + R_n u + beyond_n (p, t)     (R from the response functionals)
     slip     s = F R_t u + beyond_t (p, t)
     balance  0 = forces(f, p, t) + reactions(u)
     bodies   0 = K u - sources(f, q, p, t)
 
-Displacements count in units of the elastic change of the gaps, a body's equations in units of what such a
-displacement of one node does to its own. Least squares are written as normal equations for the factor only:
-what a state lacks is formed from the rows themselves, and every solve refined with it, or half the digits
-would be lost.
+Displacements are scaled by the elastic change of the gaps, a body's equations by the effect of such a
+displacement of one node. Normal equations of the least-squares problem are used for the factor only:
+residuals are formed from the rows themselves, and every solve is refined with them, or half the digits would
+be lost.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
 from mlsanm_cli.operators.refinement import Progress, refine
 
-ELASTIC = 10.0
-"""The elastic change of the gaps over the law's reference gap."""
-REFINED = 1e-11
-"""Tangent solves are refined until the next update is foreseen to change less, relatively."""
+GAP_RATIO = 10.0
+"""Elastic change of the gaps over the law's reference gap."""
+UPDATE_TOLERANCE = 1e-11
+"""Relative tolerance of the predicted next update in the refinement of tangent solves."""
 
 
 @dataclass(frozen=True, eq=False)
 class SparseCoupling:
-    """Gaps, slips, balances and what the bodies' equations have too much, over y = (p, t, q, u).
+    """Gaps, slips, balances and residuals of the bodies' equations for y = (p, t, q, u).
 
-    ``contact`` (m + n + k, r) are the rows of the first three, ``gaps`` (m, r) and ``slips`` (n, r) those of
-    them; ``scale`` (2N,) is what the bodies' equations are divided by.
+    ``contact`` (m + n + k, r) are the rows of the first three, ``gaps`` (m, r) and ``slips`` (n, r) parts of
+    them; ``scale`` (2N,) are divisors of the bodies' equations.
     """
 
     condensed: Condensed
@@ -63,11 +63,11 @@ class SparseCoupling:
     elimination: Elimination
 
     def with_thresholds(self, threshold: FloatArray) -> SparseCoupling:
-        """With a law whose friction begins at other pressures (n,)."""
+        """The same with friction thresholds (n,) of the law replaced."""
         return replace(self, law=replace(self.law, threshold=threshold))
 
     def with_stick_compliance(self) -> SparseCoupling:
-        """With what the law's asperities give way counted among the slips."""
+        """The same with the asperities' compliance added to the slips."""
         places, added = slip_places(self.condensed), self.law.stick_compliance / self.law.slip
         contact = self.contact + _entries(places, places, added, self.contact.shape)
         square = _entries(places, places, added, (len(self.constant),) * 2)
@@ -75,7 +75,7 @@ class SparseCoupling:
         return replace(self, contact=contact, slips=contact[places], elimination=elimination)
 
     def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The platens' motions and the displacements u among all motions (..., k + 2N)."""
+        """Split all motions (..., k + 2N) into rigid motions and displacements u."""
         count = len(self.law.motion)
         return motion[..., :count], motion[..., count:]
 
@@ -86,11 +86,11 @@ class SparseCoupling:
         return np.concatenate([known, self._excess(f, y)])
 
     def times(self, y: FloatArray) -> FloatArray:
-        """The rows (r,) that y causes alone."""
+        """The rows (r,) for y alone, without loads."""
         return np.concatenate([self.contact @ y, self._excess(np.zeros(self.load.shape[1]), y)])
 
     def _excess(self, f: FloatArray, y: FloatArray) -> FloatArray:
-        """What the bodies' equations have too much (2N,)."""
+        """Residuals (2N,) of the bodies' equations."""
         m, n, k = len(self.condensed.weight), len(self.condensed.friction_nodes), len(self.law.motion)
         p, t, q, u = np.split(y, np.cumsum([m, n, k]))
         causes = np.concatenate([f, q, p, t])
@@ -101,12 +101,12 @@ class SparseCoupling:
         return np.concatenate(parts) / self.scale
 
     def tangent(self, local: Local) -> SparseTangent:
-        """Factorise; numpy's LinAlgError where that is singular."""
+        """Factorise; raises numpy's LinAlgError if singular."""
         return SparseTangent(self, local)
 
 
 class SparseTangent:
-    """LU factors of the tangent over y = (p, t, q, u), and the refinement of what they give."""
+    """LU factors of the tangent for y = (p, t, q, u), with iterative refinement."""
 
     def __init__(self, coupling: SparseCoupling, local: Local) -> None:
         self._coupling = coupling
@@ -131,13 +131,13 @@ class SparseTangent:
             return plan.solve(self._factor, rest)[:, None]
 
         first = plan.solve(self._factor, rhs)[:, None]
-        return np.asarray(scales * refine(first, update, Progress.of(first, REFINED))[0][:, 0])
+        return np.asarray(scales * refine(first, update, Progress.of(first, UPDATE_TOLERANCE))[0][:, 0])
 
 
 def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> SparseCoupling:
-    """The linear part of the problem on the candidates, loads and platens of ``condensed``.
+    """The linear part of the problem for the candidates, loads and platens of ``condensed``.
 
-    Of the condensed problem's solutions nothing is used, but for friction its ``beyond``.
+    Of the condensed solution only ``beyond`` is used, for friction.
     """
     m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
     places = scene.places
@@ -145,14 +145,14 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
     columns = Columns(len(scene.loads), k + total, m, n)
     equations, loads = {}, np.zeros((total, columns.loads))
     for name, own in places.items():
-        # The contact's unknowns in the order of the rows they go with.
+        # Contact unknowns in the order of their rows.
         caused = condensed.sources[name][:, _contact_columns(columns.loads, m, n, k)]
         system = scene.bodies[name].system
         equations[name] = system.equations(sparse.csc_array(caused))
         for number in range(columns.loads):
             source = condensed.sources[name][:, [number]].toarray()[:, 0]
             loads[own, number] = system.residual_vector(source, np.zeros(own.stop - own.start))
-    elastic = ELASTIC * law.gap
+    elastic = GAP_RATIO * law.gap
     largest = [abs(one.matrix).max(axis=1).toarray().ravel() for one in equations.values()]
     scale = elastic * np.concatenate(largest)
     motion = np.concatenate([law.motion, np.full(total, elastic)])
@@ -174,7 +174,7 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
 
 
 def _contact_columns(loads: int, m: int, n: int, k: int) -> IntArray:
-    """Where sources (loads, motions, pressures, tractions) have the columns of (p, t, q)."""
+    """Columns of (p, t, q) in sources (loads, motions, pressures, tractions)."""
     q, p, t = np.split(np.arange(loads, loads + k + m + n), [k, k + m])
     return np.concatenate([p, t, q])
 
@@ -185,7 +185,7 @@ def _contact_rows(
     law: Regularization,
     columns: Columns,
 ) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
-    """Rows of gaps, slips and balances (m + n + k, r), their constants and what loads do to them."""
+    """Rows of gaps, slips and balances (m + n + k, r), their constants and load terms."""
     m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
     chosen = np.concatenate([pairing.candidate for pairing in condensed.pairings])
     frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
@@ -211,7 +211,7 @@ def _contact_rows(
 
 
 def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
-    """The force imbalance of the platens, the stress behind them from the displacements."""
+    """Force imbalance of the platens, with the stress behind them from the displacements."""
     first, measured, springs = len(scene.unknown_motions), {}, {}
 
     def measured_by(body: str, rows: sparse.csr_array) -> LinearMap:
@@ -230,7 +230,7 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
                 continue
             rows = reaction_rows(body, surface, platen.center)
             measured[held] = measured_by(owner, rows)
-            # Stresses come from the displacements beyond those of free expansion.
+            # Subtract the free expansion: stresses come from elastic strains.
             for heating in scene.heated(owner):
                 expansion = heating.reaction(body, surface, platen.center)
                 measured[held].load[:, heating.number] -= expansion

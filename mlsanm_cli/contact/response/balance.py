@@ -1,4 +1,4 @@
-"""Forces: what loads, supports and contacts exert on the bodies, and the balance of platens and bodies."""
+"""Forces of loads, supports and contacts on the bodies, and the balance of platens and bodies."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ Held = tuple[str, str]
 
 @dataclass(frozen=True)
 class CondensedForces:
-    """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
+    """All forces on bodies, as force x, y and moment (3 rows) in terms of the condensed unknowns.
 
-    ``sources[body]`` (r, drivers) are the bodies' right-hand sides, of which what acts on their pieces is
-    known. ``measured[body, surface]`` is what :func:`reaction_rows` finds, moments about that platen's
-    centre; ``springs[body, surface]`` the force of soft springs, moments about the origin.
+    ``sources[body]`` (r, drivers) are the bodies' right-hand sides, which contain the loads on their pieces.
+    ``measured[body, surface]`` is the result of :func:`reaction_rows`, with moments about the platen's
+    centre; ``springs[body, surface]`` the force of soft springs, with moments about the origin.
     """
 
     scene: Scene
@@ -45,7 +45,7 @@ class CondensedForces:
         return self.drivers.unknowns
 
     def contact(self, pairing: Pairing, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
-        """What a contact exerts on one of its bodies."""
+        """Force of a contact on one of its bodies."""
         drivers = self.drivers
         if pairing.grid is not None:
             result = drivers.unknowns.zeros(3)
@@ -63,15 +63,15 @@ class CondensedForces:
         return drivers.by_unknowns(total)
 
     def mismatch(self, pairing: Pairing) -> LinearMap:
-        """What a contact exerts on both its bodies together (2 rows): nothing, if each feels what the other
-        does; rigid obstacles feel it all."""
+        """Sum of a contact's forces on both bodies (2 rows), zero up to the transfer error; zero for
+        obstacles."""
         if pairing.master_body is None:
             return self.columns.zeros(2)
         both = [self.contact(pairing, body) for body in pairing.bodies]
         return (both[0] + both[1]).take(slice(0, 2))
 
     def applied(self, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
-        """What prescribed tractions and body forces, and the springs, add up to on a body."""
+        """Sum of prescribed tractions, body forces and springs on a body."""
         result = self.columns.of_loads(_about(center) @ self.prescribed[body])
         for where, pull in self.springs.items():
             if where[0] == body:
@@ -96,7 +96,8 @@ class CondensedForces:
         return self.scene.bodies[body].resultants(center)
 
     def others(self, constraint: Platen | FloatingBody) -> LinearMap:
-        """All but held surfaces on a mover's bodies, moments about the mover's centre."""
+        """Sum of all forces except those of held surfaces on a constraint's bodies, moments about its
+        centre."""
         total = self.columns.zeros(3)
         for body in constraint.bodies:
             total = total + self.applied(body, constraint.center)
@@ -106,7 +107,7 @@ class CondensedForces:
         return total
 
     def constraint(self, constraint: RigidConstraint, motion: RigidMotion) -> LinearMap:
-        """The force (1 row) that the mover must exert on what it moves in one component."""
+        """Force (1 row) that the constraint must exert in one component."""
         row = slice(motion.component, motion.component + 1)
         if isinstance(constraint, Obstacle):
             pairing = next(p for p in self.pairings if p.name == constraint.contact)
@@ -118,9 +119,9 @@ class CondensedForces:
 
 
 def balance_of_constraints(forces: CondensedForces) -> LinearMap:
-    """One row per unknown motion: the force the mover must exert less the force applied to it.
+    """One row per unknown motion: force required of the constraint minus the force applied to it.
 
-    Nothing exerts a force on a loose body but its contacts and tractions, which must so balance.
+    Only contacts and tractions act on a floating body, which must balance.
     """
     rows = []
     for constraint, motion in forces.scene.unknown_motions:
@@ -129,7 +130,7 @@ def balance_of_constraints(forces: CondensedForces) -> LinearMap:
 
 
 def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
-    """Force x, y (2 rows) that each load and each support exerts on its body, by name."""
+    """Force x, y (2 rows) of each load and each support on its body, by name."""
     scene, columns = forces.scene, forces.columns
     report: dict[str, LinearMap] = {}
 
@@ -140,7 +141,7 @@ def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
     for load in scene.surface_loads:
         name = scene.loads[load.number]
         if load.held:
-            # A load on several surfaces acts on one after the other.
+            # A load on several surfaces appears once per surface.
             total_force = forces.measured[load.body, load.surface].take(slice(0, 2))
             report[name] = report[name] + total_force if name in report else total_force
         else:
@@ -158,7 +159,7 @@ def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
                 elif number == next(
                     (n for n in constraint.loads if motion.prescribed[n]), constraint.loads[0]
                 ):
-                    # Several loads may move one platen in this component: its force is reported once.
+                    # Several loads may move one platen in this component: report its force once.
                     rows[motion.component] = forces.constraint(constraint, motion)
             report[scene.loads[number]] = stack(rows, columns)
     for force in scene.body_forces:
@@ -184,7 +185,7 @@ def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
 
 
 def holding_forces(forces: CondensedForces) -> dict[tuple[str, int], LinearMap]:
-    """The force or moment (1 row) that a loose body's held motions take, by body and component."""
+    """Reaction (1 row) of a floating body's held motions, by body and component."""
     return {
         (body.body, motion.component): forces.constraint(body, motion)
         for body in forces.scene.floating
@@ -194,7 +195,7 @@ def holding_forces(forces: CondensedForces) -> dict[tuple[str, int], LinearMap]:
 
 
 def moments_of_plates(forces: CondensedForces) -> dict[str, LinearMap]:
-    """The moment (1 row) about its hinge that each plate that turns exerts on its bodies, by its name."""
+    """Moment (1 row) about the hinge of each rotating plate on its bodies, by its name."""
     return {
         platen.name: forces.constraint(platen, motion)
         for platen in forces.scene.platens
@@ -204,11 +205,10 @@ def moments_of_plates(forces: CondensedForces) -> dict[str, LinearMap]:
 
 
 def body_imbalance(forces: CondensedForces) -> LinearMap:
-    """Sum of all forces on each body (2 rows per body), those of held surfaces from the stress there, and on
-    masters the opposite of what their slaves receive.
+    """Sum of all forces on each body (2 rows per body), with those of held surfaces from the stress there,
+    and those on masters from the slaves; components held at single nodes are zero.
 
-    Least squares keep it to round-off; of square schemes it measures the discretisation error.
-    Components held at single nodes are left out.
+    Least squares keep it at round-off; for square schemes it measures the discretisation error.
     """
     rows, sums = [], body_sums(forces)
     for number, name in enumerate(forces.scene.bodies):
@@ -220,8 +220,7 @@ def body_imbalance(forces: CondensedForces) -> LinearMap:
 
 
 def body_sums(forces: CondensedForces) -> LinearMap:
-    """The same (2 rows per body) of all components: what single nodes that hold a body must exert, its sign
-    turned."""
+    """The same (2 rows per body) for all components: minus the forces of single nodes that hold a body."""
     rows = []
     for name in forces.scene.bodies:
         total = forces.applied(name)
@@ -237,5 +236,5 @@ def body_sums(forces: CondensedForces) -> LinearMap:
 
 
 def _about(center: tuple[float, float]) -> FloatArray:
-    """What makes force x, y and moment about a ``center`` (3,) from those about the origin (3, 3)."""
+    """Matrix (3, 3) that moves the reference of the moment from the origin to ``center``."""
     return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [center[1], -center[0], 1.0]])

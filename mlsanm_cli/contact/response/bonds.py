@@ -1,14 +1,14 @@
-"""Bonded surfaces: their tractions follow from all other unknowns and need no law.
+"""Bonded surfaces: their tractions are eliminated as linear functions of the other unknowns.
 
-Surfaces that are one neither part nor slide: what loads f, motions q, pressures p and tractions t of the
-other contacts move of them, their own pressures and tractions take back. These are linear in f, q, p, t and
-are eliminated from the contact problem, so that contact laws do not see them.
+Bonded surfaces neither separate nor slide: their tractions cancel the relative motion caused by loads f,
+motions q, pressures p and tractions t of the other contacts.
 
-Least squares follow tractions the less the shorter their waves are, and tractions are singular where bonds
-end. So they are linear between knots that are COARSE spacings apart, and the means of displacements with the
-same functions are alike on both sides. With every node a knot tractions oscillate: the energy of a bimetal
-strip was 36 % off; what keeps friction smooth (:mod:`mlsanm_cli.contact.response.short_waves`) would make the
-bond a soft one, by 30 % there. Between 2 and 4 spacings the strip's curvature is Timoshenko's to 3e-7.
+Least squares respond less to tractions the shorter their waves, and tractions are singular at the ends of
+bonds. They are therefore linear between knots KNOT_SPACING spacings apart, and displacements averaged with
+the same hat functions agree on both sides (mortar method). With a knot at every node tractions oscillate: the
+energy of a bimetal strip was 36 % off; the correction used for friction
+(:mod:`mlsanm_cli.contact.response.short_waves`) would soften the bond, by 30 % there. Between 2 and 4
+spacings the strip's curvature agrees with Timoshenko's to 3e-7.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 
-COARSE = 3.0
+KNOT_SPACING = 3.0
 """Distance of the knots, in spacings of the coarser surface."""
-TURN, CLOSEST = 0.6, 1.5
+MAX_KNOT_TURN, MIN_KNOT_SPACING = 0.6, 1.5
 """Along curves knots are no farther apart than this angle (radian), if that is so many spacings: a fibre of
 radius 5 in a plate, both with spacings of 2, 3 and 4, bore 4, 47 and 48 % too little, now 2, 6 and 6 %. With
 knots a spacing apart tractions oscillated: another fibre bore twice its load."""
 ROUND_OFF = 1e-9
-APART = 3.0
-"""Nodes farther apart than so many spacings belong to two stretches of a bond."""
+STRETCH_GAP = 3.0
+"""Nodes farther apart than this many spacings belong to separate stretches of a bond."""
 
 
 @dataclass(frozen=True)
 class Bonds:
-    """The bonded contacts ``pairings``, with the ``spans`` of their nodes among those of all of them.
+    """The bonded contacts ``pairings``, with the ``spans`` of their nodes among those of all bonds.
 
-    ``pressure`` and ``traction`` (b,) follow from the unknowns of the other contacts, which stand at ``free``
-    (m,) among all pressures and ``sliding`` (n,) among all tractions.
+    ``pressure`` and ``traction`` (b,) are maps from the unknowns of the other contacts, which ``free`` (m,)
+    marks among all pressures and ``sliding`` (n,) among all tractions.
     """
 
     pairings: tuple[Pairing, ...]
@@ -54,12 +54,12 @@ class Bonds:
 
     @classmethod
     def none(cls) -> Bonds:
-        """No bonds at all."""
+        """No bonds."""
         nothing, no = Columns(0, 0, 0).zeros(0), np.zeros(0, dtype=bool)
         return cls((), {}, nothing, nothing, no, no)
 
     def whole(self, unknowns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """The unknowns f, q, p, t with the pressures and tractions of all contacts."""
+        """The unknowns f, q, p, t extended to the pressures and tractions of all contacts."""
         f, q, p, t = unknowns
         if not self.pairings:
             return f, q, p, t
@@ -74,7 +74,7 @@ class Bonds:
         return self.pressure.take(own)(*unknowns), self.traction.take(own)(*unknowns)
 
     def reduced(self, linear: LinearMap) -> LinearMap:
-        """A map of all unknowns as one of those of the other contacts."""
+        """A map of all unknowns as a map of those of the other contacts."""
         if not self.pairings:
             return linear
         pressure, traction = linear.pressure[:, ~self.free], linear.traction[:, ~self.sliding]
@@ -91,9 +91,9 @@ class Bonds:
 def bind(
     scene: Scene, pairings: tuple[Pairing, ...], drivers: Drivers, gap: LinearMap, slip: LinearMap
 ) -> Bonds:
-    """Solve for the bonded tractions by the candidates' gaps (m,) and slips (n,) of all ``pairings``.
+    """Solve for the bonded tractions, from the candidates' gaps (m,) and slips (n,) of all ``pairings``.
 
-    Surfaces that are drawn apart a little stay so. Raises NumericalError where tractions have no answer.
+    Initial gaps remain. Raises NumericalError if the tractions are not determined.
     """
     bonded = tuple(pairing for pairing in pairings if pairing.bonded)
     if not bonded:
@@ -128,7 +128,7 @@ def bind(
 
 
 def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:
-    """The functions (m, c), linear between knots, of which a bond's pressures and tractions are made."""
+    """Hat functions (m, c) between knots for a bond's pressures and tractions."""
     chosen = pairing.candidate
     spacing = np.maximum(pairing.spacing[chosen], _facing_spacing(pairing, scene))
     arc = pairing.arc[chosen]
@@ -139,7 +139,7 @@ def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:
         knots = _knots(np.append(arc, around), np.append(spacing, spacing[0]), closed, least=3)
         hats = _hats(arc, knots)
         return np.column_stack([hats[:, 0] + hats[:, -1], hats[:, 1:-1]])
-    cuts = np.flatnonzero(np.diff(arc) > APART * np.maximum(spacing[1:], spacing[:-1])) + 1
+    cuts = np.flatnonzero(np.diff(arc) > STRETCH_GAP * np.maximum(spacing[1:], spacing[:-1])) + 1
     parts = zip(*(np.split(one, cuts) for one in (arc, spacing, angle)), strict=True)
     return _diagonal([_hats(own, _knots(own, *of_nodes)) for own, *of_nodes in parts])
 
@@ -161,19 +161,21 @@ def _knots(arc: FloatArray, spacing: FloatArray, angle: FloatArray, least: int =
     if len(arc) == 1:
         return arc
     steps = 2.0 * np.diff(arc) / (spacing[1:] + spacing[:-1])
-    shares = np.maximum(steps / COARSE, np.minimum(np.abs(np.diff(angle)) / TURN, steps / CLOSEST))
+    shares = np.maximum(
+        steps / KNOT_SPACING, np.minimum(np.abs(np.diff(angle)) / MAX_KNOT_TURN, steps / MIN_KNOT_SPACING)
+    )
     share = np.concatenate([[0.0], np.cumsum(shares)])
     count = max(least, int(share[-1] + ROUND_OFF))
     return np.asarray(np.interp(np.linspace(0.0, share[-1], count + 1), share, arc))
 
 
 def _hats(arc: FloatArray, knots: FloatArray) -> FloatArray:
-    """Values (m, c) at ``arc`` (m,) of the functions that are 1 at one of the ``knots`` (c,) each."""
+    """Values (m, c) at ``arc`` (m,) of the hat functions on ``knots`` (c,)."""
     return np.stack([np.interp(arc, knots, unit) for unit in np.eye(len(knots))], axis=1)
 
 
 def _diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
-    """A matrix of blocks along its diagonal."""
+    """Block-diagonal matrix."""
     rows, columns = (np.cumsum([0, *(block.shape[axis] for block in blocks)]).tolist() for axis in (0, 1))
     result = np.zeros((rows[-1], columns[-1]))
     for block, row, column in zip(blocks, rows[:-1], columns[:-1], strict=True):

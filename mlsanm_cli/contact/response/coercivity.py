@@ -1,4 +1,4 @@
-"""Stability certificate of a contact: does the compliance resist every pressure its nodes can carry?
+"""Coercivity of a contact's compliance: its resistance to every pressure its nodes can carry.
 
 Equation (11) of docs/method.md.
 """
@@ -16,31 +16,31 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
 
 ROUND_OFF = 1e-9
-ROW, ROWS = 300, 8
-"""Candidates in a row that are judged together where there are many, and how many such rows at least."""
-SUPPORTED = 1e-6
-"""Lack of balance below this part of the forces is round-off, as that of a body with supports."""
+BLOCK, BLOCKS = 300, 8
+"""Candidates per block where there are many, and least number of blocks examined."""
+BALANCE_TOLERANCE = 1e-6
+"""Force imbalance below this fraction of the forces is round-off, as for a body with supports."""
 
 
 def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[int] = ()) -> float:
-    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,), of
-    bodies of which those with the numbers ``loose`` are held by contact alone.
+    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,);
+    bodies with the numbers ``loose`` are held by contact only.
 
-    See :func:`relative_resistance`. Nodes that never touch have no say: the outermost candidates, whose
-    pressure only half arrives on the master, resist little and bear nothing. Of many candidates some rows are
-    looked at: pressures that are resisted least change from node to node.
+    See :func:`relative_resistance`. Nodes that never touch are excluded: the outermost candidates, whose
+    pressure only half arrives on the master, resist little and carry nothing. For many candidates only some
+    blocks are examined: the least-resisted pressures oscillate from node to node.
     """
     kept = np.flatnonzero(chosen)
-    if compressed(condensed.gap.pressure) is None or len(kept) <= ROW:
+    if compressed(condensed.gap.pressure) is None or len(kept) <= BLOCK:
         return _stability(condensed, kept, loose)
-    rows = np.array_split(kept, -(-len(kept) // ROW))
+    rows = np.array_split(kept, -(-len(kept) // BLOCK))
     finest = int(np.argmin([condensed.weight[row].min() for row in rows]))
-    some = {finest, *np.linspace(0, len(rows) - 1, ROWS).astype(int).tolist()}
+    some = {finest, *np.linspace(0, len(rows) - 1, BLOCKS).astype(int).tolist()}
     return min(_stability(condensed, rows[number], loose) for number in some)
 
 
 def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> float:
-    """The same for the candidates of some numbers."""
+    """The same for the candidates ``kept``."""
     chosen = np.isin(np.arange(len(condensed.weight)), kept)
     friction_nodes = np.flatnonzero(chosen[condensed.friction_nodes])
     gap, slip = condensed.gap, condensed.slip
@@ -56,17 +56,17 @@ def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> fl
     place = np.concatenate([kept, condensed.friction_nodes[friction_nodes]])
     unbalanced = np.zeros((0, len(place)))
     if any(pairing.grid is not None for pairing in condensed.pairings):
-        # Displacements in closed form of bodies that nothing holds count from anywhere, also where symmetry
-        # forbids what would balance them.
+        # Near-field displacements of floating bodies have an arbitrary rigid part, even where symmetry
+        # forbids balancing forces: restrict to balanced pressures.
         rows = [2 * body + component for body in loose for component in (0, 1)]
         parts = [
             np.hstack([one.pressure[:, kept], one.traction[:, friction_nodes]])
             for one in (condensed.balance, condensed.imbalance.take(np.array(rows, dtype=np.int64)))
         ]
         size = np.linalg.norm(condensed.weight[place])
-        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > SUPPORTED * size]
+        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > BALANCE_TOLERANCE * size]
         unbalanced = np.concatenate(parts)
-    # Normal and tangent of a material with a grain answer unlike, and to each other.
+    # In anisotropic materials normal and tangential compliances differ and couple.
     way = np.repeat([0, 1], [len(kept), len(friction_nodes)])
     half_plane = np.where(place[:, None] == place, condensed.half_plane[place, way][:, way], 0.0)
     return relative_resistance(condensed.weight[place], half_plane, compliance, unbalanced)
@@ -75,15 +75,14 @@ def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> fl
 def relative_resistance(
     weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None = None
 ) -> float:
-    """Smallest quotient of p^T sym(W A) p, A the ``compliance`` (m, m) and W the ``weight`` (m,), and of
-    2/pi p^T W K W p, K being 1/E* of a ``half_plane`` (m, m): with normal and tangential parts for a place
-    that has both, diagonal else.
+    """Smallest Rayleigh quotient of p^T sym(W A) p and 2/pi p^T W K W p: A the ``compliance`` (m, m), W the
+    ``weight`` (m,), K = 1/E* of a ``half_plane`` (m, m), which couples normal and tangential parts at a node.
 
-    The latter is what a half-plane has for a pressure that changes sign from node to node, the one it resists
-    least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l moves the surface by p l /
-    (pi E*)). Sound discretisations reach 0.3 to 1.5 whatever the spacing, its grading and the units; where it
-    is nearly zero or negative, pressures oscillate from node to node at will. Only pressures that have
-    nothing ``unbalanced`` (r, m) are looked at.
+    The denominator is the energy on a half-plane of a pressure of alternating sign from node to node, the one
+    it resists least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l displaces the surface
+    by p l / (pi E*)). Sound discretisations reach 0.3 to 1.5 for any spacing, grading and units; near zero or
+    below, pressures oscillate from node to node freely. Only pressures without ``unbalanced`` (r, m) forces
+    count.
     """
     relative = _relative(weight, half_plane, compliance, unbalanced)
     relative = 0.5 * (relative + relative.T)
@@ -93,13 +92,12 @@ def relative_resistance(
 def constrained_resistance(
     weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray
 ) -> float:
-    """The same of a body that may give way to dead pressures, but not to the gaps that they keep closed: 1
-    over the largest size of a quotient of the inverse.
+    """The same for a body that may yield to dead loads but not to the prescribed gaps: 1 over the largest
+    modulus of an eigenvalue of the inverse.
 
-    Under pressures beyond its shear modulus, or as a column between plates, a body would sway if they were
-    dead: its compliance then has negative eigenvalues that have come through infinity, and its inverse ones
-    that have come through zero. What cannot resist pressures that change from node to node has a compliance
-    near zero, and a large inverse.
+    Under pressures beyond its shear modulus, or as a column between plates, a body would buckle under dead
+    loads: eigenvalues of its compliance have become negative through infinity, those of the inverse through
+    zero. A body that does not resist oscillating pressures has a compliance near zero and a large inverse.
     """
     relative = _relative(weight, half_plane, compliance, unbalanced)
     if not relative.size:
@@ -115,7 +113,7 @@ def constrained_resistance(
 def _relative(
     weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None
 ) -> FloatArray:
-    """The ``compliance`` over that of a half-plane, for what has nothing ``unbalanced``."""
+    """The ``compliance`` relative to that of a half-plane, restricted to balanced pressures."""
     scale = np.linalg.inv(np.linalg.cholesky(2.0 / np.pi * half_plane)).T
     relative = scale.T @ (compliance / weight) @ scale
     if unbalanced is not None and len(unbalanced):
@@ -125,8 +123,7 @@ def _relative(
 
 
 def _balanced(unbalanced: FloatArray) -> FloatArray:
-    """An orthonormal basis (m, d) of all that has nothing ``unbalanced`` (r, m): forces and moments, each of
-    its own unit."""
+    """Orthonormal null space (m, d) of the rows ``unbalanced`` (r, m), scaled row by row for their units."""
     sizes = np.linalg.norm(unbalanced, axis=1, keepdims=True)
     _, values, right = np.linalg.svd(unbalanced / np.where(sizes > 0.0, sizes, 1.0))
     basis: FloatArray = right[int((values > ROUND_OFF).sum()) :].T
@@ -134,7 +131,7 @@ def _balanced(unbalanced: FloatArray) -> FloatArray:
 
 
 def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:
-    """How many times stiffer the slave is than the master; 0 on an obstacle."""
+    """Ratio of the slave's to the master's stiffness; 0 for an obstacle."""
     slave, *masters = (
         models[body].material.contact_compliance(pairing.normal).mean() for body in pairing.bodies
     )

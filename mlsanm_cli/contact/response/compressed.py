@@ -1,7 +1,7 @@
-"""A compliance of many unknowns, as what is near, far and smooth of it.
+"""Compressed compliance of many unknowns: near entries, far and smooth low-rank products.
 
-It is a matrix to all who ask: products and parts of it cost what its own matrices have, everything else makes
-a dense array of it first.
+It behaves like a matrix: products and submatrices use its factors, everything else converts it to a dense
+array first.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.clusters import Chain
 
-MANY, MANY_IN_ALL = 800, 3000
-"""With more unknowns of one contact, or of all of them, compliances without friction are compressed; dense
-ones take less time below. Six disks in a shaft with 1,420 pressures in all took 54 s compressed, 6 s dense:
-searches in which loose bodies hand on what they carry take many products."""
-AT_ONCE = 256
-"""Columns of the dense array that are made together."""
-RANK = 32
-"""Terms of an approximation of the smooth part for single entries."""
+COMPRESSED_CONTACT, COMPRESSED_TOTAL = 800, 3000
+"""Numbers of unknowns of one contact, or of all, above which frictionless compliances are compressed; below,
+dense ones are faster. Six disks in a shaft with 1,420 pressures in all took 54 s compressed, 6 s dense: with
+floating bodies that transmit forces to each other, active-set searches take many products."""
+BLOCK_SIZE = 256
+"""Columns of the dense array computed at once."""
+SMOOTH_RANK = 32
+"""Rank of the approximation of the smooth part for single entries."""
 
 
 @dataclass(frozen=True)
 class Singular:
-    """The singular part of what a contact does to itself, beyond its near pairs: the number of the ``first``
-    of its places among the unknowns, their arc lengths ``place`` (m,), the integrals ``weighted`` (m, 2) of
-    the directions with its functions, and the tensors ``log`` and ``turn`` (2, 2)."""
+    """Singular part of a contact's compliance beyond its near pairs: index ``first`` of its places among the
+    unknowns, their arc lengths ``place`` (m,), integrals ``weighted`` (m, 2) of the directions with the hats,
+    and the tensors ``log`` and ``turn`` (2, 2)."""
 
     first: int
     place: FloatArray
@@ -40,7 +40,7 @@ class Singular:
     turn: FloatArray
 
     def between(self, one: IntArray, other: IntArray) -> FloatArray:
-        """About the integrals (e,) with both functions of pairs far from each other."""
+        """Approximate double integrals (e,) with the hats of distant pairs."""
         way = self.place[one] - self.place[other]
         near = way == 0.0
         size = np.where(near, 0.0, np.log(np.abs(np.where(near, 1.0, way))))
@@ -53,9 +53,12 @@ class Singular:
 
 @dataclass(frozen=True, eq=False)
 class Compressed:
-    """A matrix (r, m): what is ``near`` (r, m), and products of matrices, ``far`` off the near entries and
-    ``smooth``. If it is square, ``weight`` (r,) makes what of it is singular symmetric, of which ``singular``
-    tells about single entries."""
+    """A matrix (r, m): entries ``near`` (r, m), plus matrix products ``far``, zero at near entries, and
+    ``smooth``.
+
+    If it is square, multiplication by ``weight`` (r,) makes its singular part symmetric; ``singular`` gives
+    single entries of that.
+    """
 
     near: sparse.csr_array
     far: tuple[Chain, ...]
@@ -65,12 +68,12 @@ class Compressed:
 
     @classmethod
     def product(cls, left: FloatArray, right: FloatArray, weight: FloatArray) -> Compressed:
-        """A ``left`` (r, k) and a ``right`` (k, m) factor alone."""
+        """The product of a ``left`` (r, k) and a ``right`` (k, m) factor."""
         return cls(sparse.csr_array((len(left), right.shape[1])), (), ((left, right),), weight)
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Numbers of rows and columns."""
         rows, columns = self.near.shape
         return rows, columns
 
@@ -84,7 +87,7 @@ class Compressed:
         return np.asarray(total)
 
     def __getitem__(self, key: Any) -> Any:
-        """Some rows, of the same kind, or any other part as an array."""
+        """Some rows, compressed, or any other part as an array."""
         if not isinstance(key, tuple):
             rows = np.arange(len(self))[key]
             if len(rows) == len(self) and (np.diff(rows) == 1).all():
@@ -103,13 +106,13 @@ class Compressed:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
         count = self.shape[1]
         found = np.empty(self.shape, dtype=dtype)
-        for first in range(0, count, AT_ONCE):
-            some = slice(first, min(first + AT_ONCE, count))
+        for first in range(0, count, BLOCK_SIZE):
+            some = slice(first, min(first + BLOCK_SIZE, count))
             found[:, some] = self @ np.eye(count, some.stop - some.start, -first)
         return found
 
     def diagonal(self) -> FloatArray:
-        """Its diagonal (m,): no place is far from itself."""
+        """The diagonal (m,), to which far products do not contribute."""
         total = self.near.diagonal()
         for chain in self.smooth:
             left = reduce(lambda one, other: one @ other, chain[:-1])
@@ -119,8 +122,8 @@ class Compressed:
     def plus(
         self, near: sparse.csr_array, far: Sequence[Chain], smooth: Sequence[Chain], singular: Singular
     ) -> Compressed:
-        """With what a contact does to itself added (m, m), whose functions come first in the rows, weighted,
-        and from the ``first`` of ``singular`` on in the columns."""
+        """Add the singular compliance (m, m) of a contact, whose hats come first in the rows, divided by the
+        weights, and from ``singular.first`` on in the columns."""
         count = near.shape[0]
         scale = sparse.diags_array(1.0 / self.weight[:count], format="csr")
         rows = sparse.csr_array(sparse.eye_array(len(self), count, format="csr") @ scale)
@@ -139,21 +142,21 @@ class Compressed:
 
     @cached_property
     def _keys(self) -> IntArray:
-        """The numbers, row after row, of the near entries."""
+        """Keys, row by row, of the near entries."""
         rows = np.repeat(np.arange(len(self)), np.diff(self.near.indptr))
         return np.asarray(rows * self.shape[1] + self.near.indices)
 
     @cached_property
     def _about(self) -> tuple[FloatArray, FloatArray]:
-        """Factors (r, RANK) and (RANK, m) of about the smooth part (Halko, Martinsson and Tropp 2011,
-        doi:10.1137/090771806)."""
-        random = np.random.default_rng(0).standard_normal((self.shape[1], RANK))
+        """Approximate factors (r, SMOOTH_RANK) and (SMOOTH_RANK, m) of the smooth part (Halko, Martinsson and
+        Tropp 2011, doi:10.1137/090771806)."""
+        random = np.random.default_rng(0).standard_normal((self.shape[1], SMOOTH_RANK))
         basis = np.linalg.qr(np.sum([_applied(chain, random) for chain in self.smooth], axis=0))[0]
         parts = [reduce(lambda left, one: left @ one, chain, basis.T) for chain in self.smooth]
         return basis, np.sum(parts, axis=0)
 
     def weighted(self, places: IntArray) -> FloatArray:
-        """About the symmetric entries (n, q, q) among rows of ``places`` (n, q), times the weights."""
+        """Approximate symmetrised weighted entries (n, q, q) among rows of ``places`` (n, q)."""
         left, right = self._about
         smooth = (self.weight[:, None] * left)[places] @ right.T[places].transpose(0, 2, 1)
         found = 0.5 * (smooth + smooth.transpose(0, 2, 1))
@@ -174,7 +177,7 @@ class Compressed:
 
 
 def _applied(chain: Chain, values: FloatArray) -> FloatArray:
-    """A product of matrices times ``values`` (m, ...)."""
+    """A product of matrices applied to ``values`` (m, ...)."""
     return np.asarray(reduce(lambda right, one: one @ right, reversed(chain), values))
 
 
@@ -184,25 +187,25 @@ def _dense(matrix: Any) -> FloatArray:
 
 
 def _sorted(matrix: sparse.csr_array) -> sparse.csr_array:
-    """A matrix with the entries of every row in order."""
+    """A matrix with sorted column indices."""
     found = sparse.csr_array(matrix)
     found.sort_indices()
     return found
 
 
 def as_array(matrix: Compressed) -> FloatArray:
-    """A compressed matrix as the array that it is to all but its products."""
+    """A compressed matrix typed as an array."""
     return cast(FloatArray, matrix)
 
 
 def compressed(matrix: FloatArray) -> Compressed | None:
-    """The same the other way round; None for an array."""
+    """The compressed matrix behind an array type; None for an array."""
     whole: object = matrix
     return whole if isinstance(whole, Compressed) else None
 
 
 def stacked(parts: Sequence[FloatArray]) -> FloatArray:
-    """Matrices below each other, compressed if all that have rows are."""
+    """Stack matrices vertically; compressed if all that have rows are."""
     some = [part for part in parts if len(part)]
     if len(some) == 1:
         return some[0]
@@ -229,10 +232,10 @@ def stacked(parts: Sequence[FloatArray]) -> FloatArray:
 
 
 def largest(matrix: FloatArray) -> float:
-    """The largest entry but for its sign, 0 if there is none; of a compressed matrix that of its diagonal and
-    of some rows and columns."""
+    """Largest modulus of the entries, 0 if empty; for a compressed matrix, that of the diagonal and of a
+    sample of rows and columns."""
     own = compressed(matrix)
     if own is None:
         return float(np.abs(matrix).max(initial=0.0))
-    some = [np.unique(np.linspace(0, count - 1, RANK).astype(np.int64)) for count in own.shape]
+    some = [np.unique(np.linspace(0, count - 1, SMOOTH_RANK).astype(np.int64)) for count in own.shape]
     return float(max(np.abs(own.diagonal()).max(), np.abs(own[np.ix_(*some)]).max()))

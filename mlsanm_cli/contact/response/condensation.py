@@ -1,8 +1,8 @@
-"""From a scene to the contact problem on its own unknowns: bodies respond to what acts on them, and of their
-responses the functionals of :class:`Condensed` are made.
+"""Static condensation: the bodies' responses to their drivers, reduced to the functionals of
+:class:`Condensed`.
 
-Each body is factorised once; of the solutions to its columns only the functionals needed are found. Both are
-left out where a memo has the functionals already.
+Each body is factorised once, and only the functionals of its solutions are computed. Both are skipped if the
+memo holds the functionals already.
 
 Equation (10) of docs/method.md.
 """
@@ -27,7 +27,7 @@ from mlsanm_cli.contact.response.balance import (
     reported_forces,
 )
 from mlsanm_cli.contact.response.bonds import bind
-from mlsanm_cli.contact.response.compressed import MANY, MANY_IN_ALL
+from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
@@ -35,7 +35,7 @@ from mlsanm_cli.contact.response.load_vectors import body_load_vectors
 from mlsanm_cli.contact.response.near_field_response import add_fields, near_field_response, with_singular
 from mlsanm_cli.contact.response.observation import Observed, ResponseFunctionals, observe, used_columns
 from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
-from mlsanm_cli.contact.response.short_waves import resolved
+from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
@@ -43,9 +43,9 @@ from mlsanm_cli.memo import NO_CACHE, Memo, digest
 
 @dataclass(frozen=True)
 class BodyResponses:
-    """How the bodies of a scene respond to their ``sources`` (r, drivers), seen by an ``observation`` (rows,
-    drivers), and without contact the ``solutions`` (n, drivers) themselves. Contact grids have no part in it
-    but by their samples."""
+    """Responses of a scene's bodies to their ``sources`` (r, drivers): ``observed`` (rows, drivers) by the
+    functionals ``observation``, and without contact the ``solutions`` (n, drivers). Of contact grids only the
+    samples matter."""
 
     observation: ResponseFunctionals
     sources: Mapping[str, sparse.csc_array]
@@ -54,8 +54,8 @@ class BodyResponses:
 
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> BodyResponses:
-        """Solve for them, with the fields in closed form added; for all coefficients of friction above 0
-        once, as in :func:`condense`."""
+        """Compute the responses, near fields included; once for all positive friction coefficients, as in
+        :func:`condense`."""
 
         def made() -> BodyResponses:
             observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
@@ -66,10 +66,10 @@ class BodyResponses:
                 observed += near_field_response(observation, drivers)
             return cls(observation, sources, observed, solutions)
 
-        return memo.value("responses", digest(scene, _split_motions(pairings)), made)
+        return memo.value("responses", digest(scene, _without_coefficients(pairings)), made)
 
     def smooth(self, pairing: Pairing) -> FloatArray:
-        """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
+        """Smooth part of the response (2k, 2k) of a contact's samples to forces there."""
         grid, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
         assert grid is not None
         columns = drivers.of_samples(pairing)
@@ -80,28 +80,28 @@ class BodyResponses:
 def condense(
     scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE, responses: BodyResponses | None = None
 ) -> Condensed:
-    """Condense the scene on the candidates of ``pairings``, with its bodies' ``answers`` if these are known.
+    """Condense the scene on the candidates of ``pairings``, with known ``responses`` of the bodies if given.
 
-    Coefficients of friction above 0 are in none of the matrices, so that all of them share what is kept.
+    Positive friction coefficients enter none of the matrices, so that all share what is stored.
     """
-    content = digest(scene, _split_motions(pairings))
+    content = digest(scene, _without_coefficients(pairings))
 
     def made() -> Condensed:
         known = responses or BodyResponses.of(scene, pairings, memo)
         return _condensed(scene, pairings, content, known)
 
     kept = memo.value("condensed", content, made)
-    drivers, loose = replace(kept.drivers, pairings=pairings), _loose(pairings)
+    drivers, loose = replace(kept.drivers, pairings=pairings), _with_law(pairings)
     return replace(kept, pairings=loose, drivers=drivers, friction=_friction(loose))
 
 
-def _loose(pairings: tuple[Pairing, ...]) -> tuple[Pairing, ...]:
-    """The contacts that may come apart."""
+def _with_law(pairings: tuple[Pairing, ...]) -> tuple[Pairing, ...]:
+    """The contacts with a contact law."""
     return tuple(pairing for pairing in pairings if not pairing.bonded)
 
 
-def _split_motions(pairings: tuple[Pairing, ...]) -> list[Pairing]:
-    """The pairings but for coefficients of friction."""
+def _without_coefficients(pairings: tuple[Pairing, ...]) -> list[Pairing]:
+    """The pairings without values of friction coefficients."""
     return [
         pairing if pairing.bonded else replace(pairing, friction=float(pairing.friction > 0.0))
         for pairing in pairings
@@ -140,10 +140,10 @@ def _condensed(
     slip = slip.take(_candidates(drivers.frictional))
     frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
     along = {pairing.name: _half_plane(scene, pairing)[:, 1, 1] for pairing in frictional}
-    gap, slip, beyond = resolved(gap, slip, frictional, drivers.spans, drivers.tangential, along)
-    bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
-    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.frictional)
-    kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_tied(pairings, watched=True)
+    gap, slip, beyond = correct_short_waves(gap, slip, frictional, drivers.spans, drivers.tangential, along)
+    bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _with_law(pairings))
+    reduced, free, sliding = bonds.reduced, ~_bonded_mask(drivers.pairings), ~_bonded_mask(drivers.frictional)
+    kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_bonded_mask(pairings, watched=True)
     return Condensed(
         pairings=loose.pairings,
         spans=loose.spans,
@@ -180,28 +180,28 @@ def _condensed(
     )
 
 
-def _tied(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
-    """Which candidates of contacts, or places that are ``watched``, are those of bonds."""
+def _bonded_mask(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
+    """Mask of bonded contacts' candidates, or of their other paired points if ``watched``."""
     parts = [pairing.bonded & (pairing.candidate != watched) for pairing in pairings]
     counted = [part[pairing.candidate != watched] for part, pairing in zip(parts, pairings, strict=True)]
     return np.concatenate([np.zeros(0, dtype=bool), *counted])
 
 
 def _many(pairings: tuple[Pairing, ...]) -> bool:
-    """Whether compliances are compressed: there are many unknowns, all pressures on grids."""
+    """Whether compliances are compressed: for many unknowns, all of them pressures on grids."""
     counts = [int(pairing.candidate.sum()) for pairing in pairings]
     alike = all(one.grid is not None and one.grid.hats.period is None for one in pairings)
-    many = max(counts, default=0) > MANY or sum(counts) > MANY_IN_ALL
+    many = max(counts, default=0) > COMPRESSED_CONTACT or sum(counts) > COMPRESSED_TOTAL
     return many and alike and not any(pairing.friction for pairing in pairings)
 
 
 def _shifted(linear: LinearMap, by: tuple[FloatArray, FloatArray]) -> LinearMap:
-    """A map with what loads (r, L) and motions (r, k) do besides."""
+    """Add terms of loads (r, L) and motions (r, k) to a map."""
     return replace(linear, load=linear.load + by[0], motion=linear.motion + by[1])
 
 
 def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray, many: bool) -> LinearMap:
-    """A contact's gaps (w,) by what was seen of them."""
+    """Gaps (w,) of a contact from their functionals ``seen``."""
     if pairing.grid is None:
         return drivers.by_unknowns(seen, pairing.gap)
     means = _means(pairing, seen, 0)
@@ -213,7 +213,7 @@ def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray, ma
 
 
 def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
-    """The slips (w,) of a contact with friction."""
+    """Slips (w,) of a frictional contact."""
     if pairing.grid is None:
         return drivers.by_unknowns(seen.slips[pairing.name])
     result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
@@ -221,14 +221,14 @@ def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> 
 
 
 def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
-    """Gaps, or slips, of a contact on a grid of its own and of what is watched beyond (w, drivers)."""
+    """Gaps, or slips, of a contact with a grid and of the nodes watched beyond it (w, drivers)."""
     assert pairing.grid is not None
     means = pairing.grid.means[which]
     return np.concatenate([means @ seen[: means.shape[1]], seen[means.shape[1] :]])
 
 
 def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
-    """What a probe observes: displacement, and the stress of all but free expansion."""
+    """Displacement and stress of a probe, without thermal stress from free expansion."""
     free = stress_of_expansion(scene.bodies[probe.body].model.material)
     for heating in scene.heated(probe.body):
         rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
@@ -238,7 +238,8 @@ def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> Lin
 
 
 def _half_plane(scene: Scene, pairing: Pairing) -> FloatArray:
-    """1/E* (m, 2, 2) of a contact's bodies at its candidates, by normal and tangent; obstacles are rigid."""
+    """1/E* (m, 2, 2) of a contact's bodies at its candidates along normal and tangent; obstacles are
+    rigid."""
     ways = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
     materials = [scene.bodies[body].model.material for body in pairing.bodies]
     rows = [[sum(one.contact_compliance(along, by) for one in materials) for by in ways] for along in ways]
@@ -246,7 +247,7 @@ def _half_plane(scene: Scene, pairing: Pairing) -> FloatArray:
 
 
 def _friction(pairings: tuple[Pairing, ...]) -> FloatArray:
-    """Coefficients (n,) of the contacts that have friction."""
+    """Friction coefficients (n,) of the frictional contacts."""
     return np.concatenate(
         [[], *(np.full(int(p.candidate.sum()), p.friction) for p in pairings if p.friction)]
     )

@@ -1,13 +1,13 @@
-"""The contact problem condensed on its own unknowns.
+"""The contact problem condensed to its own unknowns.
 
-The bulk is linear, so with the load factors f, the candidates' pressures p, the tractions t of contacts with
-friction, and the unknown rigid motions q of platens, obstacles and loose bodies::
+The bulk is linear. With the load factors f, the candidates' pressures p, the tractions t of contacts with
+friction, and the unknown rigid motions q of platens, obstacles and floating bodies::
 
     gap     h = h0 + H f + C q + A_nn p + A_nt t
     slip    s = S f + D q + A_tn p + A_tt t
     balance 0 = B f + G q + F_n p + F_t t           (one row per unknown motion)
 
-p acts on the slave along the master's outward normal, t along the tangent, the normal turned by -90 degrees;
+p acts on the slave along the master's outward normal, t along the tangent, the normal rotated by -90 degrees;
 s is the slip of the slave relative to the master along it. The matrices A are the compliance.
 
 Equation (10) of docs/method.md.
@@ -27,38 +27,37 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import compressed, largest
 from mlsanm_cli.contact.response.contact_fields import fields_of
-from mlsanm_cli.contact.response.dense import Beside, Blocks, Multiplied, scales
+from mlsanm_cli.contact.response.dense import Blocks, Bordered, Multiplier, scales
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 
-EVEN = 1e-9
-"""Gaps that differ by less than this part of the spacing are equal."""
+EQUAL_GAP = 1e-9
+"""Gaps that differ by less than this fraction of the spacing are equal."""
 ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
 class Condensed:
-    """All that the contact laws need to know.
+    """Everything the contact laws need.
 
-    ``pairings`` are the contacts that may come apart; those of ``bonds`` follow from them.
-    ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
-    surface lengths, ``half_plane`` (m, 2, 2) what half-planes have for 1/E* there, along normal and tangent
-    by forces that way. ``tangential[contact]`` are the places of
-    a contact with friction among the tractions (n,); ``friction_nodes`` (n,) are the numbers of these nodes
-    among the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,),
-    ``slip`` to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to
-    the force imbalance of the rigid constraints (k,). ``beyond`` (m + n, m + n) is what of the gaps and slips
-    the displacements' own do not tell (:func:`resolved`).
+    ``pairings`` are the contacts with a contact law; those of ``bonds`` are eliminated. ``spans[contact]`` is
+    the range of its candidates among the pressures (m,), ``weight`` (m,) their surface lengths,
+    ``half_plane`` (m, 2, 2) 1/E* there along normal and tangent. ``tangential[contact]`` is the range of a
+    frictional contact among the tractions (n,); ``friction_nodes`` (n,) are the indices of these nodes among
+    the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
+    to the slips (n,), ``watched`` to the gaps of other paired nodes, ``balance`` to the force imbalance of
+    the rigid constraints (k,). ``beyond`` (m + n, m + n) is the part of gaps and slips that is not due to
+    displacements (:func:`correct_short_waves`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
-    its force (2,) on the slave and ``mismatches`` to what that on the master differs by from the opposite of
-    it; ``imbalance`` holds the sum of forces on each body (2 per body), where no single nodes hold it, and
-    ``sums`` that of all. ``probes`` maps each probe to its
-    displacement and stress (5,), ``moments`` each plate that turns to the moment on its bodies about its
-    hinge, ``holding`` the body and component of each motion held at zero to the force or moment of what
-    holds it. ``solves`` counts columns. ``content`` is a digest of all but the coefficients of friction.
+    its force (2,) on the slave, ``mismatches`` to the sum of this and the force on the master. ``imbalance``
+    is the sum of forces on each body (2 per body) except components held at single nodes, ``sums`` the same
+    without exception. ``probes`` maps each probe to its displacement and stress (5,), ``moments`` each
+    rotating plate to its moment on the bodies about the hinge, ``holding`` the body and component of each
+    motion held at zero to the reaction. ``solves`` counts columns. ``content`` is a digest of everything
+    except friction coefficients.
     """
 
     pairings: tuple[Pairing, ...]
@@ -90,11 +89,11 @@ class Condensed:
 
     @property
     def reported(self) -> tuple[Pairing, ...]:
-        """All contacts, bonded ones too, in the order of the case."""
+        """All contacts, including bonded ones, in the order of the case."""
         return self.drivers.pairings
 
     def pairing_of(self, name: str) -> Pairing:
-        """The contact of a name that may come apart."""
+        """The contact with a contact law called ``name``."""
         return next(pairing for pairing in self.pairings if pairing.name == name)
 
     @cached_property
@@ -104,45 +103,45 @@ class Condensed:
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
 
     @cached_property
-    def blocks(self) -> Multiplied:
-        """:attr:`whole` for products: contacts without a body in common do nothing to each other."""
+    def blocks(self) -> Multiplier:
+        """:attr:`whole` for products, without zero blocks of contacts that have no body in common."""
         own = compressed(self.gap.pressure)
         if own is not None:
-            return Beside(own, self.gap.motion, self.balance.pressure, self.balance.motion)
+            return Bordered(own, self.gap.motion, self.balance.pressure, self.balance.motion)
         m, n = len(self.gap.constant), len(self.slip.constant)
         tangential = (m + span.start for span in self.tangential.values())
         return Blocks(self.whole, [*(span.start for span in self.spans.values()), *tangential, m, m + n])
 
     @cached_property
-    def _elastic(self) -> Multiplied:
+    def _elastic(self) -> Multiplier:
         own = compressed(self.gap.pressure)
         if own is not None:
             return own
         return Blocks(self.gap.pressure, [span.start for span in self.spans.values()])
 
     def elastic_gap(self, pressure: FloatArray) -> float:
-        """The largest gap that pressures (m,) make where they act."""
+        """Largest gap caused by pressures (m,) on any candidate."""
         return float(np.abs(self._elastic @ pressure).max(initial=0.0))
 
     @cached_property
     def own(self) -> tuple[FloatArray, FloatArray]:
-        """About what gap (m,) and slip (n,) a unit pressure and traction make where they act: without sign,
-        as those of bodies that contact alone holds depend on where their motions count from."""
+        """Self-compliances: gap (m,) and slip (n,) at a node due to unit pressure and traction there.
+        Absolute values, as those of floating bodies depend on the reference of their motions."""
         return np.abs(self.gap.pressure.diagonal()), np.abs(self.slip.traction.diagonal())
 
     @cached_property
     def largest_compliance(self) -> float:
-        """The largest gap that a unit pressure makes anywhere, 0 without candidates."""
+        """Largest gap due to a unit pressure, 0 without candidates."""
         return largest(self.gap.pressure)
 
     @cached_property
     def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Factors on the rows and columns of :attr:`whole`, and the transpose of it multiplied by them."""
+        """Row and column scales of :attr:`whole`, and the transpose of the scaled matrix."""
         rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
         return rows, columns, np.ascontiguousarray((rows[:, None] * (self.whole * columns)).T)
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
-        """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
+        """Mask (w,) per contact of paired nodes that overlap without being candidates."""
         overlap = self.watched(f, q, p, t) < 0.0
         masks = {}
         for pairing in self.pairings:
@@ -152,7 +151,7 @@ class Condensed:
         return masks
 
     def watched_of(self, name: str) -> slice:
-        """Where the paired nodes of a contact that are no candidates stand among all of these."""
+        """Range of a contact's paired nodes that are no candidates, among those of all contacts."""
         first = 0
         for pairing in self.pairings:
             last = first + int((~pairing.candidate).sum())
@@ -172,18 +171,18 @@ class Condensed:
         return self.drivers.drive(*self.bonds.whole(unknowns))
 
     def overlap(self, gap: FloatArray) -> bool:
-        """Whether some ``gap`` (m,) is negative by more than surfaces drawn touching may have it."""
-        return bool((gap < -EVEN * self.weight).any())
+        """Whether some ``gap`` (m,) is negative beyond the tolerance of surfaces drawn touching."""
+        return bool((gap < -EQUAL_GAP * self.weight).any())
 
     def closest(self, gap: FloatArray) -> BoolArray:
-        """The nodes (m,) with the smallest ``gap`` (m,) of every contact, enough to hold all that moves
-        rigidly, if possible."""
+        """Mask (m,) of nodes with the smallest ``gap`` (m,) in every contact, enough to hold all rigid
+        motions if possible."""
         ordered = {name: np.sort(gap[span]) for name, span in self.spans.items()}
         chosen = np.zeros(len(gap), dtype=bool)
         for count in 2 ** np.arange(len(gap).bit_length() + 1):
             for name, span in self.spans.items():
                 widest = ordered[name][:count].max(initial=-np.inf)
-                chosen[span] |= gap[span] <= widest + EVEN * self.weight[span]
+                chosen[span] |= gap[span] <= widest + EQUAL_GAP * self.weight[span]
             held = np.concatenate([self.gap.motion[chosen], self.balance.motion])
             size = np.abs(held).max(axis=0, initial=0.0)
             if np.linalg.matrix_rank(held / np.where(size > 0.0, size, 1.0), ROUND_OFF) == held.shape[1]:
@@ -195,8 +194,7 @@ class Condensed:
     ) -> tuple[FloatArray, sparse.csc_array]:
         """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1).
 
-        One solve; none where there is no contact, since ``solutions`` (2n, loads + motions) of so few columns
-        are kept.
+        Takes one solve; none without contact, as the few ``solutions`` (2N, loads + motions) are stored then.
         """
         f, q, p, t = unknowns
         source = self.source(body, f, q, p, t)
@@ -205,7 +203,7 @@ class Condensed:
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
-        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts included and last."""
+        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts last."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
         rest = (solution + scene.floating_patterns(body) @ unknowns[1]).reshape(-1, 2)
         return np.asarray(rest + self.contact_fields(scene, body, unknowns)[0])
@@ -213,8 +211,8 @@ class Condensed:
     def contact_fields(
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Displacements (e, 2) and stresses (e, 3) of the fields in closed form at ``points`` (e, 2) of a
-        body, or at its nodes, in a state f, q, p, t. What its elastic system gives is the rest of both."""
+        """Displacements (e, 2) and stresses (e, 3) of the near fields at ``points`` (e, 2) of a body, or at
+        its nodes, in a state f, q, p, t. The elastic system gives the rest of both."""
         model = scene.bodies[body].model
         place = as_complex(model.nodes if points is None else points)
         displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))
@@ -253,10 +251,10 @@ class Condensed:
         states: Sequence[Sequence[FloatArray]],
         start: FloatArray | None = None,
     ) -> tuple[list[FloatArray], FloatArray]:
-        """The same in several states, and what solving the body's elastic system once more is worth in each
-        (c,), relatively: what it changed, or of solutions that are kept would change.
+        """Elastic displacements in several states, and the relative change (c,) of each by one more
+        refinement.
 
-        They are solved for together, from a ``start`` (2N, 1) if a solution near them is known.
+        All are solved at once, from a ``start`` (2N, 1) if a nearby solution is known.
         """
         system, patterns = scene.bodies[body].system, scene.floating_patterns(body)
         stacked = [self.source(body, *state) for state in states]

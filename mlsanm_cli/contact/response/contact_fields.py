@@ -1,7 +1,7 @@
-"""Displacements and stresses in a body under the pressures and tractions of a contact grid, in closed form.
+"""Near-field displacements and stresses in a body under the pressures and tractions of a contact grid.
 
-Integrals along the contact are Gauss's; over intervals close to the point that is looked at, the arc length
-is s0 + d sinh(v), which takes the near pole of the fields away (Johnston and Elliott 2005,
+Integrals along the contact use Gauss quadrature; on intervals close to the observation point after the
+substitution s0 + d sinh(v) for the arc length, which removes the nearby pole (Johnston and Elliott 2005,
 doi:10.1002/nme.1208).
 """
 
@@ -21,31 +21,33 @@ from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces, as_complex, as_real
 from mlsanm_cli.startup import cKDTree
 
-FAR = 2.0
-"""Intervals farther away than so many of their lengths are integrated by the points of the grid."""
-POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
-"""Gauss's points over an interval nearby, from so many of its lengths away on."""
-NEAR_SURFACE = 1e-3
-"""Points nearer to the surface than this part of the interval beneath are moved so far inside: on it, fields
-jump."""
-BEYOND, CLOSE, DISTANT = 1.0 / 6.0, 48, 12
-"""Farther away than this part of the range so many samples stand for all pressures, to 1e-7; farther than all
-of it so many."""
-STEPS = 3
-"""Steps to the place on the surface closest to a point."""
-UNDIVIDED = 100
-"""So many intervals are looked at one by one from nearer."""
-AT_TIP = 2e-3
-"""Points nearer to a corner's tip than this part of its faces are moved so far inside."""
-AT_ONCE = 100_000
-"""Pairs of points and places that are worked on together, for the sake of memory."""
+GRID_POINT_DISTANCE = 2.0
+"""Intervals farther away than this many of their lengths are integrated with the grid's quadrature points."""
+GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
+"""Distance in interval lengths, and number of Gauss points from there on, for nearby intervals."""
+SURFACE_INSET = 1e-3
+"""Points closer to the surface than this fraction of the interval are shifted inside by as much, as fields
+jump on it."""
+FAR_DISTANCE, FAR_SAMPLES, DISTANT_SAMPLES = 1.0 / 6.0, 48, 12
+"""Beyond FAR_DISTANCE ranges FAR_SAMPLES samples represent all pressures, to 1e-7; beyond one range
+DISTANT_SAMPLES samples do."""
+NEWTON_STEPS = 3
+"""Newton steps to the closest point of the surface."""
+MAX_INTERVALS = 100
+"""Largest number of intervals that are treated individually when near."""
+TIP_INSET = 2e-3
+"""Points closer to a corner's tip than this fraction of its faces are shifted inside by as much."""
+BATCH_SIZE = 100_000
+"""Point-source pairs processed at once, to limit memory."""
 
 
 @dataclass(frozen=True)
 class _Loads:
-    """``pressure`` and ``traction`` (2, i, c) at both ``ends`` (2, i) of the intervals of a contact that bear
-    any, and what of it acts on one body at the points of the rule (q,) in these: ``place`` and ``inward``
-    normal (q, i), ``force`` (q, i, 2, c)."""
+    """The loaded intervals of a contact, as they act on one body.
+
+    ``pressure`` and ``traction`` (2, i, c) are given at both ``ends`` (2, i) of the intervals. At the
+    quadrature points (q,) of each interval: ``place`` and ``inward`` normal (q, i), ``force`` (q, i, 2, c).
+    """
 
     grid: ContactGrid
     slave: bool
@@ -66,7 +68,7 @@ class _Loads:
         pressure: FloatArray,
         traction: FloatArray,
     ) -> _Loads:
-        """Those of nodal ``pressure`` and ``traction`` (m, c)."""
+        """The loads of nodal ``pressure`` and ``traction`` (m, c)."""
         first, last = grid.hats.whole
         beyond = ((int(not first), int(not last)), (0, 0))
         bounds = grid.hats.ends, np.pad(pressure, beyond), np.pad(traction, beyond)
@@ -91,25 +93,25 @@ class _Loads:
 
     @property
     def extent(self) -> float:
-        """From the beginning of the first of the intervals to the end of the last."""
+        """Distance from the start of the first interval to the end of the last."""
         return float(self.ends[1, -1] - self.ends[0, 0])
 
     def halves(self) -> Iterator[_Loads]:
-        """Those of the first and of the last intervals."""
+        """The first and the last half of the intervals."""
         middle = len(self.steps) // 2
         for first, last in ((0, middle), (middle, len(self.steps))):
             names = ("ends", "pressure", "traction", "place", "inward", "force")
             yield replace(self, **{name: getattr(self, name)[:, first:last] for name in names})
 
     def sources(self, place: ComplexArray, inward: ComplexArray) -> SurfaceForces:
-        """Unit forces on the body."""
+        """Unit forces on the body at given points."""
         return SurfaceForces(self.kernel, place, inward, self.grid.centers[0 if self.slave else 1])
 
     def at(self, interval: IntArray, share: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-        """Places (e,) and inward normals (e,) within intervals (e,), by the share of the way along these, and
-        the tractions (e, 2, c) on the slave there."""
+        """Points (e,) and inward normals (e,) at the fraction ``share`` of intervals (e,), and tractions (e,
+        2, c) on the slave there."""
         s = self.ends[0, interval] + share * self.steps[interval]
-        place, inward, (normal, tangent) = self.grid.facing.loaded(s, self.slave)
+        place, inward, (normal, tangent) = self.grid.facing.side_and_directions(s, self.slave)
         part = share[:, None]
         pressure, traction = (
             (1.0 - part) * one[0, interval] + part * one[1, interval]
@@ -117,13 +119,13 @@ class _Loads:
         )
         return place, inward, normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
 
-    def even(self) -> Iterator[tuple[SurfaceForces, FloatArray]]:
-        """Unit forces at every point of the rule in all intervals, and the forces (i, 2, c) there."""
+    def quadrature_forces(self) -> Iterator[tuple[SurfaceForces, FloatArray]]:
+        """Unit forces at each quadrature point of all intervals, and the forces (i, 2, c) there."""
         for place, inward, force in zip(self.place, self.inward, self.force, strict=True):
             yield self.sources(place, inward), force
 
     def sampled(self, count: int) -> tuple[SurfaceForces, FloatArray]:
-        """Unit forces at so many samples, and the forces (k, 2, c) there that stand for all, from afar."""
+        """Unit forces at ``count`` samples, and forces (k, 2, c) there that represent the loads from afar."""
         first, rule = self.ends[0], np.array([share for share, _ in RULE])
         samples = chebyshev(float(first[0]), float(self.ends[1, -1]), count)
         shares = lagrange((first + rule[:, None] * self.steps).ravel(), samples)
@@ -141,13 +143,13 @@ def fields_of(
     pressure: FloatArray,
     traction: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body by nodal ``pressure`` and
-    ``traction`` (m, c) on the hats, as these act on the slave: on the master it is the opposite."""
-    pressure, traction = grid.uneven(pressure), grid.uneven(traction)
+    """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body due to nodal ``pressure``
+    and ``traction`` (m, c) acting on the slave; those of the master have opposite sign."""
+    pressure, traction = grid.deviation(pressure), grid.deviation(traction)
     for corner in grid.corners_of(slave):
-        # At the tip itself fields of what is spread along both faces have no meaning.
-        within = np.abs(z - corner.tip) < AT_TIP * corner.length
-        z = np.where(within, corner.tip + AT_TIP * corner.length * corner.bisector, z)
+        # At the tip itself the fields of force densities along the faces are undefined.
+        within = np.abs(z - corner.tip) < TIP_INSET * corner.length
+        z = np.where(within, corner.tip + TIP_INSET * corner.length * corner.bisector, z)
     loads = _Loads.of(grid, slave, kernel, pressure, traction)
     if not loads.ends.size:
         return np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
@@ -155,37 +157,37 @@ def fields_of(
     corners = grid.corners_of(slave)
     if not corners:
         return displacement, stress
-    close = replace(grid, count=CLOSE)
+    close = replace(grid, count=FAR_SAMPLES)
     place, force = grid.places(slave), _on_points(grid, pressure, traction)
     few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
     for corner in corners:
-        for line in corner.lines(corner.distance(place), force):
+        for line in corner.face_forces(corner.distance(place), force):
             displacement += line.displacement(z)
             stress += line.stress(z)
         whole = corner.images(corner.distance(place), force)
         for image, distant in zip(whole, corner.images(corner.distance(few), on), strict=True):
-            # Behind a wall all but those near it are far away.
+            # Images are near only for points close to the wall.
             away = np.abs(z[:, None] - distant.places.place).min(axis=1) / (grid.last - grid.first)
-            for some, one in ((away > BEYOND, distant), (away <= BEYOND, image)):
+            for some, one in ((away > FAR_DISTANCE, distant), (away <= FAR_DISTANCE, image)):
                 displacement[some] += one.displacement(z[some])
                 stress[some] += one.stress(z[some])
     return displacement, stress
 
 
 def _own_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """The same without corners: from afar few samples stand for all pressures, as they do for the remainder;
-    nearer, for those of either half of the intervals, and so on."""
+    """The same without corners: from afar few samples represent all pressures; nearer, those of each half of
+    the intervals, recursively."""
     columns = loads.pressure.shape[2]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    close = loads.sampled(CLOSE)
+    close = loads.sampled(FAR_SAMPLES)
     away = np.abs(z[:, None] - close[0].place).min(axis=1, initial=np.inf) / loads.extent
-    for some, count in ((away > 1.0, DISTANT), ((away <= 1.0) & (away > BEYOND), CLOSE)):
+    for some, count in ((away > 1.0, DISTANT_SAMPLES), ((away <= 1.0) & (away > FAR_DISTANCE), FAR_SAMPLES)):
         if some.any():
-            sources, force = close if count == CLOSE else loads.sampled(count)
+            sources, force = close if count == FAR_SAMPLES else loads.sampled(count)
             displacement[some] = sources.displacement_by(force, z[some])
             stress[some] = sources.stress_by(force, z[some])
-    adjacent = np.flatnonzero(away <= BEYOND)
-    if len(adjacent) and len(loads.steps) <= UNDIVIDED:
+    adjacent = np.flatnonzero(away <= FAR_DISTANCE)
+    if len(adjacent) and len(loads.steps) <= MAX_INTERVALS:
         displacement[adjacent], stress[adjacent] = _close_fields(loads, z[adjacent])
     elif len(adjacent):
         for half in loads.halves():
@@ -196,14 +198,14 @@ def _own_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArray]
 
 
 def _on_points(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-    """The forces (g, 2, c) at the hats' points that nodal ``pressure`` and ``traction`` (m, c) are."""
+    """Forces (g, 2, c) at the hats' points for nodal ``pressure`` and ``traction`` (m, c)."""
     (normal, tangent), unit = grid.directions, grid.hats.integrals.T
     across, along = unit @ pressure, unit @ traction
     return np.asarray(normal[:, :, None] * across[:, None] + tangent[:, :, None] * along[:, None])
 
 
 def _on_samples(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-    """The forces (k, 2, ...) at the samples that stand for nodal values (m, ...), seen from afar."""
+    """Forces (k, 2, ...) at the samples that represent nodal values (m, ...) from afar."""
     normal, tangent = grid.spreads
     return np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
 
@@ -214,12 +216,12 @@ def _close_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArra
     ends = loads.grid.facing.side(loads.ends.ravel(), loads.slave)[0]
     starts, chords = ends[:count], ends[count:] - ends[:count]
     parts, pairs = [], []
-    step = max(1, AT_ONCE // (len(RULE) * count))
+    step = max(1, BATCH_SIZE // (len(RULE) * count))
     for first in range(0, len(z), step):
         some = z[first : first + step]
         foot = _feet(some, starts, chords)
         away = np.abs(some[:, None] - (starts + foot * chords))
-        close = away < FAR * size
+        close = away < GRID_POINT_DISTANCE * size
         parts.append(_far(loads, some, close))
         row, interval = np.nonzero(close)
         pairs.append((row + first, some[row], interval, foot[close]))
@@ -230,7 +232,7 @@ def _close_fields(loads: _Loads, z: ComplexArray) -> tuple[FloatArray, FloatArra
 
 
 def _feet(z: ComplexArray, starts: ComplexArray, chords: ComplexArray) -> FloatArray:
-    """Where on the chord of every interval the place closest to each point is (e, i), from 0 to 1."""
+    """Closest points (e, i) on the chords of all intervals, as fractions from 0 to 1."""
     way = ((z[:, None] - starts) * np.conj(chords)).real / np.abs(chords) ** 2
     return np.asarray(np.clip(way, 0.0, 1.0))
 
@@ -238,8 +240,8 @@ def _feet(z: ComplexArray, starts: ComplexArray, chords: ComplexArray) -> FloatA
 def _on_curve(
     loads: _Loads, z: ComplexArray, interval: IntArray, foot: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where on the surface within intervals (p,) the place closest to each point (p,) is, from where it is on
-    the chords, and how far away it is over their lengths: curved intervals are not near where chords are."""
+    """Closest points (p,) on the surface within intervals (p,), as fractions, starting from those on the
+    chords, and distances over the interval lengths: a curved interval is not where its chord is."""
     (first, last), size = loads.ends[:, interval], loads.steps[interval]
     s, place, _ = _nearest(loads.grid, loads.slave, z, first + foot * size, (first, last))
     return (s - first) / size, np.abs(z - place) / size
@@ -248,36 +250,36 @@ def _on_curve(
 def _nearest(
     grid: ContactGrid, slave: bool, z: ComplexArray, s: FloatArray, within: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """Places (p,) in a row, on the surface, and inward normals (p,), closest to points (p,) ``within`` two
-    bounds (p,), from places nearby."""
-    for _ in range(STEPS):
+    """Coordinates (p,) of the closest surface points ``within`` bounds (p,), starting from ``s``, with points
+    and inward normals (p,)."""
+    for _ in range(NEWTON_STEPS):
         place, inward = grid.facing.side(s, slave)
-        # Places increase with the slave's arc length, which has the slave on its left.
+        # Coordinates increase along the slave, which is on the left.
         along = ((z - place) * np.conj(1j * inward)).real
         s = np.clip(s + (-along if slave else along), *within)
     return s, *grid.facing.side(s, slave)
 
 
 def _inside(grid: ContactGrid, slave: bool, z: ComplexArray) -> ComplexArray:
-    """The points, those on the contact's surface a little inside."""
+    """The points, those on the contact surface shifted inside."""
     ends = grid.hats.ends
     near = cKDTree(as_real(grid.facing.side(ends, slave)[0])).query(as_real(z))[1]
-    # All around a closed surface the last interval is next to the first.
+    # On a closed surface the last interval is next to the first.
     beyond = 0.0 if grid.hats.period is None else 1.0
     bounds = ends[0] - beyond * (ends[-1] - ends[-2]), ends[-1] + beyond * (ends[1] - ends[0])
     around = np.concatenate([[bounds[0]], ends, [bounds[1]]])
     s, place, inward = _nearest(grid, slave, z, ends[near], (around[near], around[near + 2]))
     step = np.diff(ends)[np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2)]
-    deep, size = ((z - place) * np.conj(inward)).real, NEAR_SURFACE * step
+    deep, size = ((z - place) * np.conj(inward)).real, SURFACE_INSET * step
     on = np.abs(z - place) <= 2.0 * step
     return np.where(on & (deep < size), z + (size - deep) * inward, z)
 
 
 def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """What intervals that are not ``close`` (e, i) do."""
+    """Contribution of intervals that are not ``close`` (e, i)."""
     columns = loads.pressure.shape[2]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    for sources, force in loads.even():
+    for sources, force in loads.quadrature_forces():
         displacement += sources.displacement_by(force, z, close)
         stress += sources.stress_by(force, z, close)
     return displacement, stress
@@ -285,20 +287,20 @@ def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, 
 
 @cache
 def _rule(count: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss's points and weights between -1 and 1."""
+    """Gauss points and weights on (-1, 1)."""
     return np.polynomial.legendre.leggauss(count)
 
 
 def _add_close(
     loads: _Loads, pairs: Sequence[AnyArray], displacement: FloatArray, stress: FloatArray
 ) -> None:
-    """Add to displacements and stresses (e, ., c) what intervals close by do. Pairs (p,) are a row of these,
-    its place, an interval, where on it the foot is, and the distance from there over its length."""
-    last = [first for first, _ in POINTS[1:]] + [np.inf]
-    for (first, count), beyond in zip(POINTS, last, strict=True):
+    """Add the contribution of close intervals to displacements and stresses (e, ., c). Pairs (p,) consist of
+    row, point, interval, closest fraction of the interval, and distance over its length."""
+    last = [first for first, _ in GAUSS_POINTS[1:]] + [np.inf]
+    for (first, count), beyond in zip(GAUSS_POINTS, last, strict=True):
         chosen = np.flatnonzero((pairs[4] >= first) & (pairs[4] < beyond))
         rule = _rule(count)
-        for some in np.array_split(chosen, 1 + len(chosen) * count // AT_ONCE):
+        for some in np.array_split(chosen, 1 + len(chosen) * count // BATCH_SIZE):
             row, *places = (one[some] for one in pairs)
             moved, stressed = _close_integrals(loads, rule, *places)
             np.add.at(displacement, row, moved)
@@ -313,8 +315,8 @@ def _close_integrals(
     at: FloatArray,
     away: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Displacements (p, 2, c) and stresses (p, 3, c) at places by one interval each, by a Gaussian ``rule``
-    (k,) after a substitution that takes out their peak at the foot."""
+    """Displacements (p, 2, c) and stresses (p, 3, c) at points due to one interval each, by a Gauss ``rule``
+    (k,) after a substitution that removes the peak at the closest point."""
     distance = np.maximum(away, 1e-12)[:, None]
     low, high = np.arcsinh(-at[:, None] / distance), np.arcsinh((1.0 - at[:, None]) / distance)
     v = 0.5 * (low + high) + 0.5 * (high - low) * rule[0]
@@ -337,11 +339,11 @@ def adjacent_traction(
     pressure: FloatArray,
     traction: FloatArray,
 ) -> FloatArray:
-    """Tractions (b, 2) at the nodes of a body's surface of the fields by nodal ``pressure`` and ``traction``
-    (m,) on the slave, less these themselves where they act."""
-    pressure, traction = grid.uneven(pressure), grid.uneven(traction)
+    """Near-field tractions (b, 2) at the nodes of a body's surface due to nodal ``pressure`` and ``traction``
+    (m,) on the slave, without the applied tractions themselves."""
+    pressure, traction = grid.deviation(pressure), grid.deviation(traction)
     if grid.corners_of(slave):
-        # What is left near corners changes little along the contact.
+        # Only a smooth remainder is left near corners.
         z = as_complex(surface.curve.points(surface.arc_length))
         on = _on_samples(grid, pressure, traction)
         curvature = surface.curve.curvature(surface.arc_length)
@@ -351,7 +353,7 @@ def adjacent_traction(
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
     total = np.zeros((len(z), 2))
-    for sources, force in loads.even():
+    for sources, force in loads.quadrature_forces():
         found = sources.traction(z, as_complex(surface.normal), curvature)
         total += np.einsum("eicd,id->ec", found, force[:, :, 0])
     return total

@@ -1,4 +1,4 @@
-"""Small dense systems whose rows and columns have different units."""
+"""Small dense systems with rows and columns of different units."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class SingularSystemError(ArithmeticError):
 
 
 def scales(matrix: FloatArray, lengths: int) -> tuple[FloatArray, FloatArray]:
-    """Factors on rows and on columns (r,) with which singularity of a matrix (r, r) shows as a number.
+    """Row and column scales (r,) of a matrix (r, r) for which its condition number is meaningful.
 
-    ``lengths`` rows come first that are gaps and slips. Columns are scaled by the gaps and slips they cause,
-    then rows: the other way round the unit of the balance rows below would decide.
+    The first ``lengths`` rows are gaps and slips. Columns are scaled by the gaps and slips they cause, then
+    rows; in reverse order the units of the balance rows would matter.
     """
     tiny = np.finfo(float).tiny
     effect = np.abs(matrix[:lengths]).max(axis=0, initial=0.0)
@@ -33,14 +33,14 @@ def scales(matrix: FloatArray, lengths: int) -> tuple[FloatArray, FloatArray]:
     return rows, columns
 
 
-class Multiplied(Protocol):
-    """A matrix that multiplies vectors."""
+class Multiplier(Protocol):
+    """An operator that multiplies vectors."""
 
     def __matmul__(self, vector: FloatArray, /) -> FloatArray: ...
 
 
 class Blocks:
-    """A matrix (r, r) in blocks between ``cuts``, of which those that are zero cost nothing in products."""
+    """A matrix (r, r) in blocks between ``cuts``; zero blocks cost nothing in products."""
 
     def __init__(self, matrix: FloatArray, cuts: Sequence[int]) -> None:
         spans = [slice(first, last) for first, last in pairwise(sorted({0, *cuts, len(matrix)}))]
@@ -64,10 +64,10 @@ class Blocks:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """A matrix (m + k, m + k): an ``own`` (m, m), what is on the right of it, below it, and in the corner."""
+class Bordered:
+    """A matrix (m + k, m + k) of blocks: ``own`` (m, m), ``right``, ``below`` and ``last`` (k, k)."""
 
-    own: Multiplied
+    own: Multiplier
     right: FloatArray
     below: FloatArray
     last: FloatArray
@@ -79,9 +79,9 @@ class Beside:
 
 
 class ScaledFactor:
-    """Factors of a scaled matrix (r, r), which is overwritten if its columns are contiguous.
+    """LU factors of a scaled matrix (r, r), which is overwritten if column-major.
 
-    Raises SingularSystemError, also below a reciprocal condition of ``least``.
+    Raises SingularSystemError, also for a reciprocal condition number below ``least``.
     """
 
     def __init__(self, scaled: FloatArray, least: float = SINGULAR) -> None:
@@ -99,7 +99,7 @@ class ScaledFactor:
 
 
 class DenseSystem:
-    """A factorised matrix (r, r), of which ``lengths`` rows come first, see :func:`scales`.
+    """A factorised matrix (r, r) whose first ``lengths`` rows are lengths, see :func:`scales`.
 
     Raises SingularSystemError.
     """
@@ -112,7 +112,7 @@ class DenseSystem:
         self._factor = ScaledFactor(self._rows[:, None] * (matrix * self._columns))
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        """Solution (r,) or (r, c); one step on the unscaled system takes away the factors' round-off."""
+        """Solution (r,) or (r, c), with one step of iterative refinement on the unscaled system."""
         if not len(rhs):
             return np.zeros_like(rhs)
         solution = self._once(rhs)

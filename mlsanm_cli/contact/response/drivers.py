@@ -1,9 +1,8 @@
-"""What acts on bodies, and how it follows from the unknowns of the contact problem.
+"""Drivers of the bodies, and their dependence on the unknowns of the contact problem.
 
-Bodies answer to drivers: load factors, motions, pressures and tractions of nodes, and forces x and y at the
-samples of contacts on a grid of their own (:mod:`mlsanm_cli.contact.geometry.contact_grid`), which stand
-for all the pressures and tractions there. Drivers are counted like the unknowns, forces x with pressures,
-forces y with tractions.
+Drivers are load factors, motions, nodal pressures and tractions, and forces x and y at the samples of contact
+grids (:mod:`mlsanm_cli.contact.geometry.contact_grid`), which represent all pressures and tractions there.
+They are ordered like the unknowns, forces x with pressures and forces y with tractions.
 """
 
 from __future__ import annotations
@@ -21,14 +20,14 @@ from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 
 
 def spans(names: Iterable[str], counts: Sequence[int]) -> dict[str, slice]:
-    """Places of every contact's nodes when they are counted through all contacts."""
+    """Ranges of every contact's nodes in the concatenation of all contacts."""
     ends = np.cumsum([0, *counts]).tolist()
     return {name: slice(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
 
 
 @dataclass(frozen=True)
 class Drivers:
-    """The drivers of ``pairings`` besides so many ``loads`` and unknown ``motions``."""
+    """The drivers of ``pairings``, with the numbers of ``loads`` and unknown ``motions``."""
 
     loads: int
     motions: int
@@ -41,24 +40,24 @@ class Drivers:
 
     @property
     def alongside(self) -> tuple[Pairing, ...]:
-        """The contacts that have drivers among the tractions."""
+        """The contacts with drivers among the tractions."""
         return tuple(pairing for pairing in self.pairings if pairing.friction or pairing.grid is not None)
 
     @cached_property
     def spans(self) -> dict[str, slice]:
-        """Places of every contact among the unknown pressures."""
+        """Range of every contact among the unknown pressures."""
         counts = [int(pairing.candidate.sum()) for pairing in self.pairings]
         return spans([pairing.name for pairing in self.pairings], counts)
 
     @cached_property
     def tangential(self) -> dict[str, slice]:
-        """Places of the contacts with friction among the unknown tractions."""
+        """Range of every frictional contact among the unknown tractions."""
         counts = [int(pairing.candidate.sum()) for pairing in self.frictional]
         return spans([pairing.name for pairing in self.frictional], counts)
 
     @cached_property
     def normal_drivers(self) -> dict[str, slice]:
-        """Places of every contact among the drivers that are pressures or forces x."""
+        """Range of every contact among the drivers that are pressures or forces x."""
         return spans([pairing.name for pairing in self.pairings], [_count(one) for one in self.pairings])
 
     @cached_property
@@ -79,39 +78,38 @@ class Drivers:
         return Columns(self.loads, self.motions, counts[0], counts[1])
 
     def places(self, pairing: Pairing) -> slice:
-        """A contact's pressures, or forces x, among all drivers."""
+        """Range of a contact's pressures, or forces x, among all drivers."""
         own, first = self.normal_drivers[pairing.name], self.loads + self.motions
         return slice(first + own.start, first + own.stop)
 
     def tangential_places(self, pairing: Pairing) -> slice:
-        """A contact's tractions, or forces y, among all drivers."""
+        """Range of a contact's tractions, or forces y, among all drivers."""
         own = self.tangential_drivers[pairing.name]
         first = self.loads + self.motions + self.columns.pressures
         return slice(first + own.start, first + own.stop)
 
     def of_samples(self, pairing: Pairing) -> IntArray:
-        """The forces (2k,), x and then y, at the samples of a contact on a grid of its own among all
-        drivers."""
+        """Indices (2k,) of the forces, x then y, at a contact grid's samples, among all drivers."""
         assert pairing.grid is not None
         own = np.arange(pairing.grid.count)
         return np.concatenate([self.places(pairing).start + own, self.tangential_places(pairing).start + own])
 
     @property
     def means(self) -> IntArray:
-        """The mean forces x and y of contacts that cover their surfaces among all drivers."""
+        """Indices of the mean forces x and y of contacts that cover their surfaces, among all drivers."""
         covering = [one for one in self.pairings if one.grid is not None and one.grid.covers]
         places = [(self.places(one).stop - 1, self.tangential_places(one).stop - 1) for one in covering]
         return np.array(places, dtype=np.int64).ravel()
 
     def compressed(self, rows: FloatArray, weight: FloatArray, constant: FloatArray) -> LinearMap:
-        """What ``rows`` (r, drivers) observe, by the unknowns, compressed: of contacts that all are on grids
-        of their own and without friction. The rows have a ``weight`` (r,)."""
+        """Functionals ``rows`` (r, drivers) in terms of the unknowns, compressed, for frictionless contacts
+        on grids; ``weight`` (r,) are the weights of the rows."""
         columns, unknowns = self.columns, self.unknowns
         right = np.zeros((columns.pressures + columns.tractions, unknowns.pressures))
         first = columns.motion_places.stop
         for pairing in self.pairings:
             assert pairing.grid is not None
-            both = np.split(pairing.grid.driven[0], 2)
+            both = np.split(pairing.grid.driver_matrices[0], 2)
             for places, part in zip((self.places, self.tangential_places), both, strict=True):
                 own = places(pairing)
                 right[own.start - first : own.stop - first, self.spans[pairing.name]] = part
@@ -120,7 +118,7 @@ class Drivers:
         return LinearMap(constant, load, motion, as_array(pressure), np.zeros((len(rows), 0)))
 
     def by_unknowns(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
-        """What ``rows`` (r, drivers) observe, by the unknowns."""
+        """Functionals ``rows`` (r, drivers) in terms of the unknowns."""
         result = self.unknowns.zeros(len(rows))
         result.load[:] = rows[:, : self.loads]
         result.motion[:] = rows[:, self.loads : self.loads + self.motions]
@@ -133,7 +131,7 @@ class Drivers:
                     result.traction[:, self.tangential[pairing.name]] = rows[:, along]
                 continue
             both = np.hstack([rows[:, places], rows[:, self.tangential_places(pairing)]])
-            normal, tangent = pairing.grid.driven
+            normal, tangent = pairing.grid.driver_matrices
             result.pressure[:, own] = both @ normal
             if pairing.friction:
                 result.traction[:, self.tangential[pairing.name]] = both @ tangent
@@ -153,7 +151,7 @@ class Drivers:
                 if traction is not None:
                     total[self.tangential_places(pairing)] = traction
                 continue
-            normal, tangent = pairing.grid.driven
+            normal, tangent = pairing.grid.driver_matrices
             forces = normal @ pressure if traction is None else normal @ pressure + tangent @ traction
             total[self.places(pairing)], total[self.tangential_places(pairing)] = np.split(forces, 2)
         return total

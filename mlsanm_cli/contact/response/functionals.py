@@ -1,4 +1,4 @@
-"""Functionals of a body's displacements: gaps, slips, and forces of held surfaces."""
+"""Functionals of a body's displacements: gaps, slips, and reactions of held surfaces."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 
 
 def gap_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
-    """A body's share (w, 2n) in the change of every place's gap, contact after contact."""
+    """A body's contribution (w, 2N) to the gap changes of all contacts, one after the other."""
     return _stacked(body, [_changes(body, name, pairing, tangential=False) for pairing in pairings])
 
 
 def slip_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
-    """A body's share (w, 2n) in every place's slip, contact after contact."""
+    """A body's contribution (w, 2N) to the slips of all contacts, one after the other."""
     return _stacked(body, [_changes(body, name, pairing, tangential=True) for pairing in pairings])
 
 
@@ -38,9 +38,8 @@ def _changes(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -
 
 
 def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray) -> sparse.csr_array:
-    """A body's share (2k + v, 2n) in what is observed of a contact on a grid of its own: motions x and y of
-    the slave relative to the master at all samples, and along a ``direction`` (w, 2) at the v nodes that are
-    watched."""
+    """A body's contribution (2k + v, 2N) to the functionals of a contact grid: motions x and y of the slave
+    relative to the master at the k samples, and along ``direction`` (w, 2) at the v watched nodes."""
     grid = pairing.grid
     assert grid is not None
     samples = sparse.csr_array((2 * grid.count, body.model.unknowns))
@@ -57,7 +56,7 @@ def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: Floa
 def changes(
     body: ElasticBody, name: str, pairing: Pairing, displacement: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What a body's ``displacement`` (N, 2) changes of a contact's gaps and slips (m,) at its candidates."""
+    """Changes of a contact's gaps and slips (m,) at its candidates by a body's ``displacement`` (N, 2)."""
     grid = pairing.grid
     if grid is None:
         at, moved = np.flatnonzero(pairing.candidate), displacement.ravel()
@@ -74,9 +73,10 @@ def changes(
 def relative_rows(
     body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray, at: IntArray | None = None
 ) -> sparse.csr_array:
-    """Motion (w, 2n) of the slave relative to the master along a ``direction`` (w, 2), of all or some nodes.
+    """Motion (w, 2N) of the slave relative to the master along ``direction`` (w, 2), at all points or those
+    of indices ``at``.
 
-    The slave moves with its node, the master with its moving least-squares value at the virtual node.
+    The slave moves with its node, the master by its moving least-squares value at the closest point.
     """
     at = np.arange(len(pairing.position)) if at is None else at
     nodes = len(body.model.nodes)
@@ -91,13 +91,13 @@ def relative_rows(
 
 
 def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, float]) -> sparse.csr_array:
-    """Force x, y and moment about ``center`` (3, 2n) of a held surface on its body, over the components that
-    it holds: the stress along the surface, which the equilibrium of the body's pieces keeps."""
+    """Force x, y and moment about ``center`` (3, 2N) of a held surface on its body, in its held components:
+    the stress along the surface, consistent with the equilibrium of the body's pieces."""
     return body.reaction_rows(surface_name, center)
 
 
 def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
-    """Force x, y and moment about the origin (3, 2n) of the soft springs along a surface on their body."""
+    """Force x, y and moment about the origin (3, 2N) of the soft springs along a surface on their body."""
     index, nodes = body.model.cloud.surfaces[surface_name].index, len(body.model.nodes)
     total = sparse.csr_array((3, 2 * nodes))
     for component, spring in enumerate(body.soft_springs[surface_name]):
@@ -107,6 +107,6 @@ def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
 
 
 def resultant(forces: FloatArray, points: FloatArray, center: tuple[float, float]) -> FloatArray:
-    """Force x, y and moment (3, ...) per unit of each of ``forces`` (b, 2) acting at ``points`` (b, 2)."""
+    """Force x, y and moment about ``center`` (3, ...) of ``forces`` (b, 2) at ``points`` (b, 2)."""
     arm = points - np.array(center)
     return np.stack([forces[:, 0], forces[:, 1], arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0]])

@@ -1,4 +1,4 @@
-"""Quantities that are linear in load factors, platen motions and contact tractions."""
+"""Quantities linear in load factors, rigid motions, pressures and tractions."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from mlsanm_cli.contact.response.compressed import stacked
 class LinearMap:
     """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p + ``traction`` t.
 
-    ``traction`` (r, n) multiplies the tractions of the contacts with friction; without any n is 0.
-    ``pressure`` may be :class:`Compressed`, which is an array to all who do more than multiply it.
+    ``traction`` (r, n) multiplies the tractions of frictional contacts. ``pressure`` may be
+    :class:`Compressed`, which behaves like an array.
     """
 
     constant: FloatArray
@@ -27,7 +27,7 @@ class LinearMap:
     def __call__(
         self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray | None = None
     ) -> FloatArray:
-        """Values (r,) in one state; without ``t`` of no tractions."""
+        """Values (r,) in one state; without ``t`` for zero tractions."""
         result: FloatArray = self.constant + self.load @ f + self.motion @ q + self.pressure @ p
         return result if t is None else result + self.traction @ t
 
@@ -44,7 +44,7 @@ class LinearMap:
         return LinearMap(-self.constant, -self.load, -self.motion, -self.pressure, -self.traction)
 
     def combined(self, factors: FloatArray) -> LinearMap:
-        """Sums of its rows by ``factors`` (s, r)."""
+        """Linear combinations of the rows with ``factors`` (s, r)."""
         return LinearMap(
             factors @ self.constant,
             factors @ self.load,
@@ -55,11 +55,11 @@ class LinearMap:
 
     @property
     def matrix(self) -> FloatArray:
-        """All of it (r, 1 + L + k + m + n): what multiplies 1, f, q, p and t."""
+        """All coefficients (r, 1 + L + k + m + n) of 1, f, q, p and t."""
         return np.hstack([self.constant[:, None], self.load, self.motion, self.pressure, self.traction])
 
     def take(self, rows: IntArray | BoolArray | slice) -> LinearMap:
-        """Some of its rows."""
+        """A selection of rows."""
         return LinearMap(
             self.constant[rows], self.load[rows], self.motion[rows], self.pressure[rows], self.traction[rows]
         )
@@ -67,7 +67,7 @@ class LinearMap:
 
 @dataclass(frozen=True)
 class Columns:
-    """How many unknowns of each kind there are; columns go loads, motions, pressures, tractions."""
+    """Numbers of unknowns of each kind, in the order loads, motions, pressures, tractions."""
 
     loads: int
     motions: int
@@ -76,12 +76,12 @@ class Columns:
 
     @property
     def total(self) -> int:
-        """All columns."""
+        """Number of all columns."""
         return self.loads + self.motions + self.pressures + self.tractions
 
     @property
     def motion_places(self) -> slice:
-        """The columns of the motions."""
+        """Range of the motions."""
         return slice(self.loads, self.loads + self.motions)
 
     def split(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
@@ -91,7 +91,7 @@ class Columns:
         return LinearMap(start, *np.split(rows, ends, axis=1))
 
     def zeros(self, rows: int) -> LinearMap:
-        """The map to nothing."""
+        """The zero map."""
         return self.split(np.zeros((rows, self.total)))
 
     def of_loads(self, load: FloatArray) -> LinearMap:
@@ -106,7 +106,7 @@ class Columns:
 
 
 def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
-    """Maps below each other."""
+    """Stack maps vertically."""
     parts = [columns.zeros(0), *maps]
     return LinearMap(
         np.concatenate([part.constant for part in parts]),

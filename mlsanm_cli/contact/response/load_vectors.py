@@ -9,7 +9,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.facing import turned
-from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing, facing_parts, opposed
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, facing_parts, opposed
 from mlsanm_cli.contact.geometry.transfer import feet, slave_normals, transfer
 from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -21,7 +21,7 @@ from mlsanm_cli.mechanics.scene import Scene
 def body_load_vectors(
     scene: Scene, name: str, pairings: tuple[Pairing, ...], columns: Columns
 ) -> sparse.csc_array:
-    """All right-hand sides (rows, total) of one body; a column that does not act on it is empty."""
+    """All right-hand sides (rows, total) of one body; columns that do not act on it are empty."""
     body = scene.bodies[name]
     cloud = body.model.cloud
     few = np.zeros((body.rows, columns.loads + columns.motions))
@@ -63,9 +63,9 @@ def body_load_vectors(
 
 
 def _sample_sources(body: ElasticBody, name: str, pairing: Pairing, centred: bool) -> FloatArray:
-    """Right-hand sides (r, 2 drivers) of the remainders of what forces x, then y, on the slave at a contact's
-    samples, and the opposite ones on the master, do to the body called ``name``; and of tractions all along
-    its surface where their mean is a driver."""
+    """Right-hand sides (r, 2 drivers) of body ``name`` for the remainders of unit forces x, then y, at a
+    contact grid's samples on the slave, with opposite ones on the master; and for uniform tractions where the
+    mean is a driver."""
     grid = pairing.grid
     assert grid is not None
     total = np.zeros((body.rows, 2, grid.drivers))
@@ -83,7 +83,7 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing, centred: boo
 
 
 def _contact_sources(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -> sparse.csc_array:
-    """What unit pressures, or unit tractions, of a contact do to the body called ``name``."""
+    """Right-hand sides of body ``name`` for unit nodal pressures, or tractions, of a contact."""
     source = sparse.csc_array((body.rows, int(pairing.candidate.sum())))
     if pairing.slave_body == name:
         source = source + _on_slave(body, pairing, pairing.tangent if tangential else pairing.normal)
@@ -107,8 +107,8 @@ def _on_slave(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> spa
 
 
 def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential: bool) -> sparse.csc_array:
-    """What unit tractions on the slave, along its normals or tangents, do to the master: tractions of its own
-    nodes, carried over along the slave, and on its pieces the very opposite of what the slave's receive."""
+    """Reaction on the master to unit tractions on the slave along its normals or tangents: nodal tractions by
+    transfer, and on the pieces exactly the opposite of the slave's forces."""
     direction = pairing.tangent if tangential else pairing.normal
     shares = transfer(pairing, body.model.cloud)
     source = sparse.csc_array((body.rows, shares.shape[1]))
@@ -117,10 +117,10 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
     for part, place in master.members:
         faces = np.ones(len(place), dtype=bool)
         if towards is not None:
-            faces = (part.normal * towards[place]).sum(axis=1) < OPPOSED
+            faces = (part.normal * towards[place]).sum(axis=1) < MAX_FACING_COSINE
         some = (sparse.diags_array(faces.astype(float)) @ shares[place]).tocoo()
         rows, columns = some.coords
-        # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
+        # The reaction to p n is -p n, with n replaced by the master's own normal; likewise for the tangent.
         own = turned(part.normal) if tangential else part.normal
         for component in (0, 1):
             lines = body.condition_rows(part.name, component)[rows]
@@ -135,10 +135,9 @@ def _on_pieces(
     body: ElasticBody, pairing: Pairing, master: Surface, direction: FloatArray
 ) -> sparse.csr_array:
     """Force and moment (3k, m) on the master's pieces by minus unit tractions along ``direction`` (w, 2) of
-    the slave: as they are along the slave's surface, at the closest points of the master.
+    the slave, acting at the master's closest points.
 
-    They are integrated between neighbouring nodes of the slave and ends of the master's cells, so that what a
-    piece receives is exact for linear pressures.
+    Integrated between neighbouring slave nodes and ends of the master's cells, exact for linear pressures.
     """
     slave, pieces = pairing.slave, body.pieces
     place = np.full(len(slave.index), -1, dtype=np.int64)
@@ -176,7 +175,7 @@ def _on_pieces(
 
 
 def _nearest(surface: Surface, arc: FloatArray) -> IntArray:
-    """Which of a surface's nodes (e,) is nearest along it to arc lengths ``arc`` (e,)."""
+    """Index (e,) of the surface node nearest along it to arc lengths ``arc`` (e,)."""
     s = surface.arc_length
     found = np.searchsorted(0.5 * (s[1:] + s[:-1]), arc)
     if surface.curve.closed:

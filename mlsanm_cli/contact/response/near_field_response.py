@@ -1,4 +1,4 @@
-"""What the fields in closed form of contacts on grids of their own add to all that is observed.
+"""Contribution of contact grids' near fields to the response functionals.
 
 Equations (6) and (7) of docs/method.md.
 """
@@ -28,8 +28,8 @@ from mlsanm_cli.mechanics.scene import Scene
 
 
 def near_field_response(observation: ResponseFunctionals, drivers: Drivers) -> FloatArray:
-    """What is to be added to all that is observed (sum of counts, drivers), but for the singular part of what
-    contacts do to themselves, and for probes."""
+    """Near-field part of all functionals (sum of counts, drivers), except the singular part of contacts'
+    response to themselves, and probes."""
     scene = observation.scene
     total = np.zeros((sum(observation.counts), drivers.columns.total))
     firsts = np.concatenate([[0], np.cumsum(observation.counts)])
@@ -64,8 +64,8 @@ def near_field_response(observation: ResponseFunctionals, drivers: Drivers) -> F
 def _on_contact(
     scene: Scene, seen: Pairing, by: Pairing, body: str, forces: Forces, slave: bool
 ) -> FloatArray | None:
-    """What forces at the samples of a contact ``by`` move of another that is ``seen``, or of itself, by the
-    field in one body."""
+    """Motions of the contact ``seen`` due to forces at the samples of contact ``by``, perhaps the same one,
+    through the near field in one body."""
     if body not in seen.bodies:
         return None
     if seen.grid is None:
@@ -90,8 +90,8 @@ def _along(
     direction: FloatArray,
     chosen: BoolArray | slice = slice(None),
 ) -> FloatArray:
-    """Motions (e, 2k) of a contact's slave relative to its master along a ``direction`` (w, 2), as far as the
-    field in one body makes them, at all or some ``chosen`` places (w,)."""
+    """Motions (e, 2k) of a contact's slave relative to its master along ``direction`` (w, 2) through the near
+    field in one body, at all or the ``chosen`` points (w,)."""
     along = direction[chosen]
     total = np.zeros((len(along), 2 * len(forces.place)))
     for own, slave, sign in pairing.sides:
@@ -104,8 +104,8 @@ def _along(
 def with_singular(
     linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int
 ) -> LinearMap:
-    """The gaps (``which`` 0) or slips (1) of a contact with what its own pressures and tractions do by the
-    singular part of their fields added."""
+    """Add to a contact's gaps (``which`` 0) or slips (1) the singular part of the response to its own
+    pressures and tractions."""
     grid = pairing.grid
     assert grid is not None
     log, turn = _tensors(scene, pairing, grid)
@@ -121,7 +121,7 @@ def with_singular(
         total = grid.pairs.integrals(log, turn, own, grid.directions[other])
         for _, slave, _ in pairing.sides:
             total += grid.cornered(slave, which, other)
-        return means * (total @ grid.uneven(np.eye(count)) if grid.covers else total)
+        return means * (total @ grid.deviation(np.eye(count)) if grid.covers else total)
 
     linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
     if pairing.friction:
@@ -130,7 +130,7 @@ def with_singular(
 
 
 def _tensors(scene: Scene, pairing: Pairing, grid: ContactGrid) -> tuple[FloatArray, FloatArray]:
-    """The tensors L and T (2, 2) of the bodies of a contact together."""
+    """The tensors L and T (2, 2) of a contact, summed over its bodies."""
     log, turn = np.zeros((2, 2)), np.zeros((2, 2))
     for body, slave, _ in pairing.sides:
         more = grid.singular(scene.bodies[body].model.kernel, slave)
@@ -145,8 +145,8 @@ def _compressed(
     grid: ContactGrid,
     tensors: tuple[FloatArray, FloatArray],
 ) -> Compressed:
-    """The ``smooth`` part of a contact's gaps with the singular part of its pressures' added, the first of
-    which has a number among all."""
+    """The ``smooth`` part of a contact's compressed compliance with the singular part added; ``first`` is the
+    index of its first pressure."""
     clusters, along = Clusters.of(grid.pairs), grid.directions[0]
     near, far = clusters.near(*tensors, along), clusters.beyond(*tensors, along)
     cornered: list[Chain] = [
@@ -159,13 +159,13 @@ def _compressed(
         evenly = near @ even
         for chain in (*far, *cornered):
             evenly += reduce(lambda right, one: one @ right, reversed(chain), even)
-        cornered.append((-evenly[:, None], grid.even[None]))
+        cornered.append((-evenly[:, None], grid.mean_weights[None]))
     own = Singular(first, grid.hats.place, grid.hats.integrals @ along, *tensors)
     return smooth.plus(near, far, cornered, own)
 
 
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
-    """Add to what a probe observes the fields in closed form."""
+    """Add the near fields to a probe's functionals."""
     for pairing in drivers.pairings:
         grid = pairing.grid
         if grid is None:
@@ -189,7 +189,7 @@ def _probed(
     pressure: FloatArray,
     traction: FloatArray,
 ) -> FloatArray:
-    """Displacement and stress (5, c) at a probe by nodal ``pressure`` and ``traction`` (m, c)."""
+    """Near-field displacement and stress (5, c) at a probe for nodal ``pressure`` and ``traction`` (m, c)."""
     kernel = scene.bodies[body].model.kernel
     displacement, stress = fields_of(grid, kernel, slave, as_complex(probe.point), pressure, traction)
     return np.concatenate([displacement[0], stress[0]])

@@ -1,4 +1,4 @@
-"""What is observed of the bodies' answers to contact and loads, row by row."""
+"""Functionals of the bodies' responses to contact and loads."""
 
 from __future__ import annotations
 
@@ -25,13 +25,12 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Arrays, Memo, digest
 
 Surface: TypeAlias = tuple[str, str]
-"""Its body and its name."""
+"""Body and name."""
 
 
 @dataclass(frozen=True)
 class Observed:
-    """Rows of what was observed, kind by kind, as :class:`ResponseFunctionals` has them; ``gaps`` by
-    contact."""
+    """Functionals by kind, as in :class:`ResponseFunctionals`; ``gaps`` and ``slips`` by contact."""
 
     gaps: Mapping[str, FloatArray]
     slips: Mapping[str, FloatArray]
@@ -42,9 +41,9 @@ class Observed:
 
 @dataclass(frozen=True)
 class ResponseFunctionals:
-    """Rows in this order: of the ``pairings`` the gaps of nodes, or what is sampled of contacts on grids of
-    their own; slips of the ``frictional`` ones with pressures of nodes; reactions of ``held`` surfaces;
-    what the scene's probes see; pulls of ``sprung`` surfaces."""
+    """Functionals in this order: gaps of nodes, or sampled motions of contact grids, of the ``pairings``;
+    slips of the ``frictional`` contacts with nodal pressures; reactions of ``held`` surfaces; probes of the
+    scene; forces of ``sprung`` surfaces."""
 
     scene: Scene
     pairings: tuple[Pairing, ...]
@@ -54,7 +53,7 @@ class ResponseFunctionals:
 
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> ResponseFunctionals:
-        """All that the contact problem of a scene needs and reports."""
+        """All functionals needed or reported for the contact problem of a scene."""
         rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.grid is None)
         held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
         sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
@@ -62,8 +61,7 @@ class ResponseFunctionals:
 
     @property
     def counts(self) -> list[int]:
-        """Rows of every contact's gaps, every rough one's slips, every held surface, every probe and every
-        sprung surface."""
+        """Numbers of rows of every contact's gaps and slips, every held surface, probe and sprung surface."""
         gaps = [_rows_of(pairing) for pairing in self.pairings]
         slips = [len(pairing.position) for pairing in self.frictional]
         pulls = [3] * len(self.sprung)
@@ -71,12 +69,12 @@ class ResponseFunctionals:
 
     @property
     def of_stress(self) -> slice:
-        """Rows that stresses make, of held surfaces: free expansion, which has none, is no part of them."""
+        """Rows of held surfaces, which are computed from stresses and need the free expansion subtracted."""
         counts, first = self.counts, len(self.pairings) + len(self.frictional)
         return slice(sum(counts[:first]), sum(counts[: first + len(self.held)]))
 
     def rows(self, name: str) -> sparse.csr_array:
-        """What each row (sum of counts, n) takes of the unknowns of one body."""
+        """All functionals (sum of counts, n) of the unknowns of one body."""
         scene, body = self.scene, self.scene.bodies[name]
         gaps = [
             gap_rows(body, name, (pairing,))
@@ -100,7 +98,7 @@ class ResponseFunctionals:
         )
 
     def parted(self, observed: FloatArray) -> Observed:
-        """What was observed, (sum of counts, c), taken apart."""
+        """Split ``observed`` (sum of counts, c) by kind."""
         parts = np.split(observed, np.cumsum(self.counts)[:-1]) if self.counts else []
 
         def taken(count: int) -> list[FloatArray]:
@@ -117,7 +115,7 @@ class ResponseFunctionals:
 
 
 def _rows_of(pairing: Pairing) -> int:
-    """How many rows are observed of a contact's gaps, or of its samples and what is watched."""
+    """Number of rows of a contact's gaps, or of its samples and watched nodes."""
     if pairing.grid is None:
         return len(pairing.position)
     return 2 * pairing.grid.count + int((~pairing.candidate).sum())
@@ -126,20 +124,20 @@ def _rows_of(pairing: Pairing) -> int:
 def observe(
     observation: ResponseFunctionals, sources: Mapping[str, sparse.csc_array], drivers: Drivers, memo: Memo
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """What is observed, (sum of counts, total), of the bodies' answers to their ``sources`` (r, total) and
-    motions; without contact also the answers (n, total) themselves."""
+    """Functionals (sum of counts, total) of the bodies' responses to their ``sources`` (r, total) and
+    motions; without contact also the responses (n, total) themselves."""
     columns, means = drivers.columns, drivers.means
     scene, quick = observation.scene, bool(observation.pairings)
     observed = np.zeros((sum(observation.counts), columns.total))
     solutions = {}
-    # Memory is shortest while the last factor is made, so that it had better be a small one.
+    # Memory peaks while the last factor is built, so the smallest body comes last.
     for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
         rows = observation.rows(name)
         observed[observation.of_stress, : columns.loads] -= _expansion(observation, name)
         used = used_columns(sources[name])
         solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
-        # Loads by themselves: when their magnitudes change, the others' answers still hold. They, motions and
-        # mean tractions are few, and patch tests are as exact as they are.
+        # Loads separately: when their magnitudes change, the other responses remain valid. Loads, motions and
+        # mean tractions are few and solved for accurately, as patch tests depend on them.
         acting, mean = used < columns.loads, np.isin(used, means)
         moving = (used < columns.motion_places.stop) & ~acting | mean
         for chosen, mixed in ((acting, False), (moving, False), (~acting & ~moving, quick)):
@@ -155,7 +153,7 @@ def observe(
 
 
 def _expansion(observation: ResponseFunctionals, name: str) -> FloatArray:
-    """What of the rows of held surfaces' stresses (3 per surface, L) is free expansion of one body."""
+    """Free-expansion part of the reactions of held surfaces (3 per surface, L) of one body."""
     scene = observation.scene
     found = np.zeros((len(observation.held), 3, len(scene.loads)))
     for heating in scene.heated(name):
@@ -167,15 +165,15 @@ def _expansion(observation: ResponseFunctionals, name: str) -> FloatArray:
 
 
 def used_columns(source: sparse.csc_array) -> IntArray:
-    """Numbers of the columns that have entries."""
+    """Indices of the columns with entries."""
     return np.flatnonzero(np.diff(source.indptr))
 
 
 def _observed_response(
     body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
 ) -> Arrays:
-    """What ``rows`` (o, n) observe of the responses to ``sources`` (r, c), (o, c); unless ``quick``, which
-    serves for functionals, also the answers (n, c) themselves."""
+    """Functionals ``rows`` (o, n) of the responses to ``sources`` (r, c): (o, c); unless ``quick`` (accuracy
+    for functionals only) also the responses (n, c)."""
 
     def solve() -> Arrays:
         if quick:

@@ -1,4 +1,4 @@
-"""Changes of gaps and slips that no elastic body has a part in: moving obstacles, growing interference."""
+"""Gap and slip changes without elastic bodies: moving obstacles and interference."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from mlsanm_cli.mechanics.scene import Obstacle, Scene
 def of_obstacles(
     scene: Scene, pairings: tuple[Pairing, ...], columns: Columns, along: Literal["normal", "tangent"]
 ) -> tuple[FloatArray, FloatArray]:
-    """What obstacles' motions change of every paired node's gap (w,), or of its slip along the tangent: by
-    load factors (w, L) and by unknown motions (w, k)."""
+    """Change of every paired node's gap (w,), or slip along the tangent, by obstacles' motions: per load
+    factor (w, L) and per unknown motion (w, k)."""
     rows, count = _rows(pairings), sum(len(pairing.position) for pairing in pairings)
     load, moved = np.zeros((count, columns.loads)), np.zeros((count, columns.motions))
     unknown = 0
@@ -34,7 +34,7 @@ def of_obstacles(
 
 
 def of_fits(scene: Scene, pairings: tuple[Pairing, ...], columns: Columns) -> FloatArray:
-    """What interference takes from every paired node's gap by load factors (w, L)."""
+    """Change of every paired node's gap by interference per load factor (w, L)."""
     load = np.zeros((sum(len(pairing.position) for pairing in pairings), columns.loads))
     for pairing, own in _rows(pairings).values():
         if pairing.interference:
@@ -43,6 +43,6 @@ def of_fits(scene: Scene, pairings: tuple[Pairing, ...], columns: Columns) -> Fl
 
 
 def _rows(pairings: tuple[Pairing, ...]) -> dict[str, tuple[Pairing, slice]]:
-    """Every contact's paired nodes among those of all."""
+    """Range of every contact's paired nodes among those of all contacts."""
     ends = np.cumsum([0, *(len(pairing.position) for pairing in pairings)]).tolist()
     return {p.name: (p, slice(a, b)) for p, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}

@@ -1,4 +1,4 @@
-"""Tractions and slips of short waves, which the discretisation does not resolve."""
+"""Correction of short-wave tractions and slips, which the discretisation does not resolve."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.transfer import candidates_fit
 from mlsanm_cli.contact.response.linear_map import LinearMap
 
-SMOOTH = 6.0
-"""Half-width in spacings of the windows of the local fits: linear functions over a window are left alone."""
-SHORTEST = 3.0 / np.pi
-"""Compliance for a traction that changes its sign from node to node, times E*/h.
+FIT_WINDOW = 6.0
+"""Half-width of the local fits' windows in spacings: linear functions over a window are unaffected."""
+ALTERNATING_COMPLIANCE = 3.0 / np.pi
+"""Compliance times E*/h for a traction of alternating sign from node to node.
 
-A traction cos(k x) moves the surface of a half-plane by 2/(E* k) cos(k x), and k = pi/h gives 2/pi; half as
-much again, measured, compensates for slightly longer waves."""
+A traction cos(k x) displaces the surface of a half-plane by 2/(E* k) cos(k x), and k = pi/h gives 2/pi; the
+measured additional half compensates for slightly longer waves."""
 
 
-def resolved(
+def correct_short_waves(
     gap: LinearMap,
     slip: LinearMap,
     pairings: tuple[Pairing, ...],
@@ -29,26 +29,24 @@ def resolved(
     slips: Mapping[str, slice],
     contact_compliance: Mapping[str, FloatArray],
 ) -> tuple[LinearMap, LinearMap, sparse.csr_array]:
-    """The gaps (m,) and the slips (n,) of all contacts with friction, with short waves about as a half-plane
-    has them.
+    """Gaps (m,) and slips (n,) of all frictional contacts with short waves approximately as on a half-plane.
 
-    ``gaps`` and ``slips`` are the contacts' places among both, ``contact_compliance`` 1/E* at their nodes
-    along the tangent. Let F be a local linear fit along the surface. Slips that anything but the contact's
-    own tractions causes are smooth; what they have of short waves comes from the clouds' irregularity, and
-    they become F s. Least squares follow a traction t the less the shorter its waves are, at two spacings
-    hardly at all: what it differs by from its own fit gets the compliance 3 h/(pi E*) (t - F t) on top.
-    Without this, tractions of sticking nodes oscillated from node to node by 30 %. With G t the linear
-    function nearest to t over the whole contact, slips due to G t are fitted like the others, so that a patch
-    under uniform stress stays exact. All around a closed surface, F runs on across the seam and G t is a
-    constant, the only linear function there is.
+    ``gaps`` and ``slips`` are the contacts' ranges, ``contact_compliance`` 1/E* at their nodes along the
+    tangent. Let F be a local linear fit along the surface. Slips due to anything but the contact's own
+    tractions are smooth; their short waves come from the clouds' irregularity, and they become F s. Least
+    squares respond less to a traction t the shorter its waves, hardly at all at two spacings: its deviation
+    from the fit gets the compliance 3 h/(pi E*) (t - F t) in addition. Without this, tractions of sticking
+    nodes oscillated from node to node by 30 %. With G t the linear function closest to t over the whole
+    contact, slips due to G t are fitted like the others, so that a patch under uniform stress stays exact. On
+    a closed surface F continues across the seam and G t is constant.
 
-    Gaps follow F t only, and slips due to pressures F p only. With the short waves of t in gaps, but not in
-    slips those of the pressures, the two together lost their positivity where spacings grow along the
-    contact. And a body does not feel quite the force that the weights give a pressure of short waves: what
-    that moves does not go down with the spacing, as the compliance of short waves does.
+    Gaps depend on F t only, and slips due to pressures on F p only. With short waves of t in the gaps but not
+    of p in the slips, the compliance lost its positivity for spacings that grow along the contact. Besides, a
+    body does not receive exactly the resultant of a short-wave pressure, and the resulting motion does not
+    decrease with the spacing as the short-wave compliance does.
 
-    Returned too is what pressures and tractions cause beyond the displacements' own gaps and beyond the fit
-    of their slips (m + n, m + n).
+    Also returned is the effect of pressures and tractions beyond gaps from displacements and fitted slips
+    (m + n, m + n).
     """
     m, n = len(gap.constant), len(slip.constant)
     if not pairings:
@@ -68,7 +66,9 @@ def resolved(
         by_pressure[m:][own, facing] = -slip.pressure[own, facing] @ short
         slip.pressure[own, facing] += by_pressure[m:][own, facing]
         by_own = compliance - short @ compliance @ _linear_part(pairing)
-        shortest = SHORTEST * contact_compliance[pairing.name] * pairing.spacing[pairing.candidate]
+        shortest = (
+            ALTERNATING_COMPLIANCE * contact_compliance[pairing.name] * pairing.spacing[pairing.candidate]
+        )
         slip.traction[own, own] = by_own + shortest[:, None] * short
         by_traction[m:][own, own] = slip.traction[own, own] - fit @ compliance
     return gap, slip, sparse.csr_array(beyond)
@@ -77,11 +77,11 @@ def resolved(
 def slip_fit(pairing: Pairing) -> sparse.csr_array:
     """The local linear fit F (n, n) of nodal values along a contact."""
     chosen = pairing.candidate
-    return candidates_fit(pairing, pairing.arc[chosen], SMOOTH * pairing.spacing[chosen])
+    return candidates_fit(pairing, pairing.arc[chosen], FIT_WINDOW * pairing.spacing[chosen])
 
 
 def _linear_part(pairing: Pairing) -> FloatArray:
-    """The linear function nearest to nodal values (n,) of a contact, as a matrix (n, n)."""
+    """Projection (n, n) of nodal values of a contact onto linear functions."""
     arc, weight = pairing.arc[pairing.candidate], pairing.weight[pairing.candidate]
     freedoms = 1 if pairing.all_around else 2
     basis = np.stack([np.ones(len(arc)), arc - arc.mean()], axis=1)[:, : min(freedoms, len(arc))]

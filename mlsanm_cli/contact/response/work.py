@@ -1,6 +1,6 @@
-"""Work of all that acts on a body: final forces times final displacements.
+"""Work of all forces on a body: final forces times final displacements.
 
-Bodies are linear, so that this is twice their strain energy whatever the history of the contacts.
+For a linear body this is twice the strain energy, whatever the contact history.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ def work_on(
     near: FloatArray,
     single: Sequence[tuple[int, int]] = (),
 ) -> float:
-    """Work on a body per unit thickness in a state f, q, p, t, less that of its stress on free expansion.
+    """Work on a body per unit thickness in a state f, q, p, t, minus that of its stress on free expansion.
 
-    ``displacement`` (n, 2) and ``stress`` (n, 3), that of strain beyond the free one, are nodal; ``single``
-    are (node, component) pairs held at zero. What is held has the displacements prescribed. Displacements
-    ``near`` (n, 2) in closed form are taken off all of it: of the rest the work is returned.
+    ``displacement`` (n, 2) and ``stress`` (n, 3), due to elastic strain, are nodal; ``single`` are
+    (node, component) pairs held at zero. Held components have the prescribed displacements. The near-field
+    displacements ``near`` (n, 2) are excluded: the work of the remainder is returned.
     """
     elastic = scene.bodies[body]
     cloud, material = elastic.model.cloud, elastic.model.material
@@ -50,7 +50,7 @@ def work_on(
     for name, surface in cloud.surfaces.items():
         springs = np.array(elastic.springs.get(name, NO_SPRING))
         pulled = given[name] - springs * (displacement + near)[surface.index]
-        # What holds the body pulls at it by the stress beneath.
+        # The force on held components is the traction of the stress beneath.
         inner = traction_of(stress[surface.index], surface.normal)
         traction = np.where(elastic.gripped.get(name, FREE), inner, pulled)
         total += along_surface(surface, traction, path[surface.index])
@@ -73,14 +73,15 @@ def _paths(
     near: FloatArray,
     single: Sequence[tuple[int, int]],
 ) -> tuple[FloatArray, FloatArray, bool]:
-    """Displacements (n, 2), prescribed where they are, those (n, 2) that forces count from, and whether the
-    latter strain the body.
+    """Displacements (n, 2) with prescribed values, reference displacements (n, 2) from which forces do work,
+    and whether the reference strains the body.
 
-    A rigid motion changes no work on a body in balance. That of what is held, as far as it has one, leaves no
-    work to reactions, which are known as stresses near singular corners, or not at all: on clamped beams
-    the error of the work is then that of the deflection. With the mean motion of the body it was -1 % where
-    the beam bent by 0.8 of what it should, and -10 % at 0.98. Where several surfaces are held and moved
-    apart, a smooth field has their displacements, and the stress inside does the reactions' work on it.
+    A rigid reference does not change the work of balanced forces. The rigid motion of the held parts leaves
+    no work to the reactions, which are known as stresses near singular corners, or not at all: for clamped
+    beams the error of the work is then that of the deflection. With the body's mean motion it was -1 % for a
+    beam that bent by 0.8 of the exact value, and -10 % at 0.98. If several surfaces are held and moved apart,
+    a smooth field with their displacements is the reference, on which the internal stress does the reactions'
+    work.
     """
     elastic = scene.bodies[body]
     cloud = elastic.model.cloud
@@ -124,7 +125,7 @@ def _prescribed(scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> Mapp
 def _given_tractions(
     scene: Scene, condensed: Condensed, body: str, unknowns: Sequence[FloatArray]
 ) -> Mapping[str, FloatArray]:
-    """Tractions (b, 2) of loads, and of contacts on slaves, at the nodes of a body's surfaces."""
+    """Nodal tractions (b, 2) of loads, and of contacts on slaves, on a body's surfaces."""
     factors = unknowns[0]
     surfaces = scene.bodies[body].model.cloud.surfaces
     total = {name: np.zeros((len(surface.index), 2)) for name, surface in surfaces.items()}
@@ -155,8 +156,8 @@ def _given_tractions(
 def _on_master(
     scene: Scene, condensed: Condensed, body: str, unknowns: Sequence[FloatArray], path: FloatArray
 ) -> float:
-    """Work of contacts on the masters' surfaces of a body along a ``path`` (n, 2): of minus what the slaves
-    receive, at the closest points, as the body's pieces receive it."""
+    """Work of contacts on a body's master surfaces along ``path`` (n, 2): of minus the slaves' forces at the
+    closest points, as for the body's pieces."""
     total = 0.0
     for pairing in condensed.reported:
         master = pairing.master
@@ -176,8 +177,8 @@ def _on_master(
 
 
 def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> float:
-    """What a load does along a ``path`` (n, 2) beyond what its nodal values do, per unit factor: of a load
-    that few nodes see, these mean little."""
+    """Work of a load along ``path`` (n, 2) minus that of its nodal values, per unit factor: nodal values are
+    inaccurate for a load that few nodes see."""
     if load.between is None:
         return 0.0
     surface = body.model.cloud.surfaces[load.surface]
@@ -190,7 +191,7 @@ def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> flo
 
 
 def _on_slave(pairing: Pairing, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-    """Tractions (b, 2) of a contact at all nodes of the slave surface."""
+    """Contact tractions (b, 2) at all nodes of the slave surface."""
     chosen = pairing.candidate
     result = np.zeros((len(pairing.slave.index), 2))
     result[pairing.position[chosen]] = (

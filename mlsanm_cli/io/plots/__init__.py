@@ -1,1 +1,1 @@
-"""Pictures by matplotlib."""
+"""Pictures, drawn by matplotlib."""

@@ -1,4 +1,4 @@
-"""Pictures that move, frame by frame: GIF files, and MP4 files where there is an ffmpeg."""
+"""Animations: GIF files, and MP4 files where ffmpeg is installed."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 DPI = 100
-FEW, ALL = 64, 256
-"""Colours of a GIF: pictures of curves need few, and their number decides the size of the file."""
-WHOLE, SHORTEST, LONGEST, LAST = 3200, 80, 500, 1500
-"""Milliseconds that all frames take, one of them at least and at most, and the last one."""
+CURVE_COLOURS, FIELD_COLOURS = 64, 256
+"""Number of colours of a GIF, which determines the size of the file; curves need few."""
+TOTAL_MS, MIN_FRAME_MS, MAX_FRAME_MS, LAST_FRAME_MS = 3200, 80, 500, 1500
+"""Duration in milliseconds of all frames together, of one frame at least and at most, and of the last one."""
 
 
 def animate_pressure(
@@ -40,7 +40,7 @@ def animate_pressure(
     arc_label: str,
     pressure_label: str,
 ) -> None:
-    """Write a GIF or MP4 of the pressures (frames, m) at places ``arc`` (m,) of a contact.
+    """Writes a GIF or MP4 of the pressures (frames, m) at the arc lengths ``arc`` (m,) of a contact.
 
     Raises ValueError for wrong shapes, RunError if the file cannot be written.
     """
@@ -63,10 +63,10 @@ def animate_pressure(
             axes.set_title(f"Contact pressure, {contact}, {title}")
             yield figure
             area.remove()
-            # As the first frame is laid out.
+            # All frames keep the layout of the first.
             figure.set_layout_engine("none")
 
-    _write(path, frames, FEW)
+    _write(path, frames, CURVE_COLOURS)
 
 
 def animate_bodies(
@@ -79,10 +79,10 @@ def animate_bodies(
     *,
     unit: str = "",
 ) -> None:
-    """Write a GIF or MP4 of the deformed bodies in several states, with the ``marks`` of each, all with the
-    same colours and the same section; ``unit`` is that of lengths.
+    """Writes a GIF or MP4 of the deformed bodies in several states, each with its ``marks``, with common
+    colours and limits of the axes; ``unit`` is that of lengths.
 
-    Raises ValueError for no state, RunError if the file cannot be written.
+    Raises ValueError if there is no state, RunError if the file cannot be written.
     """
     if not states:
         raise ValueError("no state to draw")
@@ -98,7 +98,7 @@ def animate_bodies(
             draw_cloud(figure, bodies, label, title, scale, [window], limits, own, unit)
             yield figure
 
-    _write(path, frames, ALL)
+    _write(path, frames, FIELD_COLOURS)
 
 
 def _figure(width: float, height: float) -> Figure:
@@ -107,7 +107,7 @@ def _figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained", dpi=DPI)
 
 
-def _write(path: Path, frames: Callable[[], Iterator[Figure]], shades: int) -> None:
+def _write(path: Path, frames: Callable[[], Iterator[Figure]], colours: int) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     pixels = []
@@ -120,21 +120,21 @@ def _write(path: Path, frames: Callable[[], Iterator[Figure]], shades: int) -> N
         if path.suffix.lower() == ".mp4":
             _write_mp4(temporary, pixels)
         else:
-            _write_gif(temporary, pixels, shades)
+            _write_gif(temporary, pixels, colours)
 
 
-def _each(pixels: Sequence[ByteArray]) -> int:
-    """Milliseconds for which a frame is shown."""
-    return min(max(WHOLE // len(pixels), SHORTEST), LONGEST)
+def _frame_ms(pixels: Sequence[ByteArray]) -> int:
+    """Duration of a frame in milliseconds."""
+    return min(max(TOTAL_MS // len(pixels), MIN_FRAME_MS), MAX_FRAME_MS)
 
 
-def _write_gif(path: Path, pixels: Sequence[ByteArray], shades: int) -> None:
-    # Comes with matplotlib, whose own writer keeps no comment by which a run knows its pictures.
+def _write_gif(path: Path, pixels: Sequence[ByteArray], colours: int) -> None:
+    # Installed with matplotlib, whose own writer drops the comment by which a run recognises its pictures.
     from PIL import Image
 
     dither = Image.Dither.NONE
-    first, *others = (Image.fromarray(one).quantize(shades, dither=dither) for one in pixels)
-    times = [_each(pixels)] * len(others) + [LAST]
+    first, *others = (Image.fromarray(one).quantize(colours, dither=dither) for one in pixels)
+    times = [_frame_ms(pixels)] * len(others) + [LAST_FRAME_MS]
     comment = f"mlsanm {__version__}".encode()
     first.save(
         path, format="GIF", save_all=True, append_images=others, duration=times, loop=0, comment=comment
@@ -142,23 +142,23 @@ def _write_gif(path: Path, pixels: Sequence[ByteArray], shades: int) -> None:
 
 
 def _write_mp4(path: Path, pixels: Sequence[ByteArray]) -> None:
-    """By the program ffmpeg; RunError where there is none, or none that can."""
+    """Writes an MP4 file by ffmpeg. Raises RunError if that is missing or fails."""
     program = shutil.which("ffmpeg")
     if program is None:
         raise RunError(
             "MP4 files need the program ffmpeg, which is not on PATH", "install it, or write a .gif"
         )
     height, width = pixels[0].shape[:2]
-    each = _each(pixels)
-    frames = [*pixels, *[pixels[-1]] * (LAST // each - 1)]
+    each = _frame_ms(pixels)
+    frames = [*pixels, *[pixels[-1]] * (LAST_FRAME_MS // each - 1)]
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"1000/{each}"]
-    # Players want even sizes and colours at half the resolution.
+    # Most players support only even sizes and colours at half the resolution.
     coded = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
     named = ["-metadata", f"comment=mlsanm {__version__}", "-f", "mp4", str(path)]
     command = [program, "-y", "-loglevel", "error", *raw, "-i", "-", *coded, *named]
     done = subprocess.run(command, input=b"".join(one.tobytes() for one in frames), capture_output=True)
     if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
         raise RunError(
-            f"ffmpeg failed: {said[-1] if said else f'exit code {done.returncode}'}", "write a .gif"
+            f"ffmpeg failed: {lines[-1] if lines else f'exit code {done.returncode}'}", "write a .gif"
         )

@@ -25,13 +25,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Window = tuple[float, float, float, float]
 
-# A Delaunay triangle is part of the body if its circumcircle, which holds no node, is no larger than this
-# many times the distance between neighbours; larger ones lie in a hole or next to a concave side.
-_LARGEST_CIRCLE = 2.5
-# Width of the dot at a node in node spacings.
-_DOT = 0.25
-_OUTLINE = "#8c8c8c"
-_FRAME = "#D55E00"
+# A Delaunay triangle is part of the body if its circumradius is at most this multiple of the node spacing;
+# larger ones lie in a hole or beside a concave side.
+_MAX_CIRCUMRADIUS = 2.5
+# Diameter of the dot at a node, in node spacings.
+_DOT_SIZE = 0.25
+_OUTLINE_COLOUR = "#8c8c8c"
+_FRAME_COLOUR = "#D55E00"
 _PANELS_WIDTH = 9.0
 _MAX_HEIGHT = 7.0
 
@@ -40,7 +40,7 @@ _MAX_HEIGHT = 7.0
 class CloudBody:
     """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), and ``scalar`` (n,) for the colour.
 
-    ``triangles`` (t, 3) fill it; without them they are guessed from the distances between the nodes.
+    ``triangles`` (t, 3) fill it; without them Delaunay triangles are selected by the node spacing.
     """
 
     points: FloatArray
@@ -51,7 +51,7 @@ class CloudBody:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Distances to the nearest node (n,), triangles (t, 3) filling the body, outline as node pairs (k, 2)."""
+    """Distances to the nearest node (n,), triangles (t, 3) of the body, outline as node pairs (k, 2)."""
 
     spacing: FloatArray
     triangles: IntArray
@@ -69,11 +69,11 @@ def plot_cloud(
     marks: ConditionMarks | None = None,
     unit: str = "",
 ) -> None:
-    """Draw the deformed bodies coloured by the scalar, linear between neighbouring nodes.
+    """Draws the deformed bodies coloured by the scalar, linear between neighbouring nodes.
 
-    ``scale`` multiplies the displacements and is named in the picture; ``window`` (x0, x1, y0, y1) adds a
-    second panel that shows this part. ``label`` names the scalar; dots are the nodes, grey lines the outlines
-    before deformation; ``marks`` show what acts on them; ``unit`` is that of lengths. Raises ValueError for
+    ``scale`` multiplies the displacements and is shown in the title; ``window`` (x0, x1, y0, y1) adds a
+    second panel with this detail. ``label`` names the scalar; dots are the nodes, grey lines the undeformed
+    outlines; ``marks`` are supports, loads and obstacles; ``unit`` is that of lengths. Raises ValueError for
     wrong shapes, RunError if ``path`` cannot be written.
     """
     if not bodies:
@@ -101,7 +101,7 @@ def draw_cloud(
     marks: ConditionMarks | None = None,
     unit: str = "",
 ) -> None:
-    """Draw the bodies into a figure, a panel for each view, with colours between the ``limits``."""
+    """Draws the bodies into a figure with a panel for each view and colours between the ``limits``."""
     shapes = [_shape(body) for body in bodies]
     size = float(np.ptp(np.concatenate([body.points for body in bodies]), axis=0).max())
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=list(map(_width, views)))[0]
@@ -111,7 +111,7 @@ def draw_cloud(
             colours.set_clim(*limits)
             _draw_nodes(axes, body.points + scale * body.displacement, shape.spacing)
         if marks is not None:
-            # A detail is too near for arrows as long as a part of the scene.
+            # Arrows have a length relative to the scene, too long for a detail.
             shown = marks if view is views[0] else ConditionMarks(obstacles=marks.obstacles)
             draw_marks(axes, shown, size)
         _finish(axes, view, unit)
@@ -138,13 +138,13 @@ def _shape(body: CloudBody) -> _Shape:
     sides = triangles[:, [[0, 1], [1, 2], [2, 0]]]
     vectors = body.points[sides[..., 1]] - body.points[sides[..., 0]]
     lengths = np.linalg.norm(vectors, axis=2)
-    # The nearest neighbour of a node is always joined to it by a side of a Delaunay triangle.
+    # The nearest neighbour of a node is always connected to it by an edge of a Delaunay triangle.
     spacing = np.full(len(body.points), np.inf)
     for end in (0, 1):
         np.minimum.at(spacing, sides[..., end].ravel(), lengths.ravel())
-    # Circumradius = product of the sides / (4 area), compared without dividing by an area that may vanish.
+    # Circumradius = product of the edges / (4 area), compared without dividing by an area that may vanish.
     double_area = np.abs(vectors[:, 0, 0] * vectors[:, 1, 1] - vectors[:, 0, 1] * vectors[:, 1, 0])
-    largest = _LARGEST_CIRCLE * spacing[triangles].max(axis=1)
+    largest = _MAX_CIRCUMRADIUS * spacing[triangles].max(axis=1)
     guessed = lengths.prod(axis=1) <= 2.0 * double_area * largest
     kept = guessed if body.triangles is None else np.ones(len(triangles), dtype=bool)
     unique, counts = np.unique(np.sort(sides[kept].reshape(-1, 2), axis=1), axis=0, return_counts=True)
@@ -162,7 +162,9 @@ def _draw_body(axes: Axes, body: CloudBody, shape: _Shape, scale: float) -> Scal
         cmap="viridis",
         rasterized=True,
     )
-    axes.add_collection(LineCollection(list(body.points[shape.outline]), colors=_OUTLINE, linewidths=0.8))
+    axes.add_collection(
+        LineCollection(list(body.points[shape.outline]), colors=_OUTLINE_COLOUR, linewidths=0.8)
+    )
     axes.add_collection(LineCollection(list(deformed[shape.outline]), colors="black", linewidths=0.5))
     return colours
 
@@ -174,10 +176,10 @@ def _triangulation(points: FloatArray, triangles: IntArray) -> Triangulation:
 
 
 def _draw_nodes(axes: Axes, points: FloatArray, spacing: FloatArray) -> None:
-    """Dots as wide as a part of the spacing, so that they darken fine and coarse regions alike."""
+    """Draws dots with a size proportional to the spacing, which darken fine and coarse regions equally."""
     from matplotlib.collections import EllipseCollection
 
-    width = (_DOT * spacing).tolist()
+    width = (_DOT_SIZE * spacing).tolist()
     dots = EllipseCollection(
         width,
         width,
@@ -207,18 +209,18 @@ def _frame(window: Window) -> Rectangle:
     from matplotlib.patches import Rectangle
 
     corner, size = (window[0], window[2]), (window[1] - window[0], window[3] - window[2])
-    return Rectangle(corner, *size, fill=False, edgecolor=_FRAME, linewidth=1.0)
+    return Rectangle(corner, *size, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
 
 
 def range_of(bodies: Sequence[CloudBody]) -> tuple[float, float]:
-    """Range of the colours: all values, and zero."""
+    """Range of the colours, which contains all values and zero."""
     low = min(float(np.min(body.scalar, initial=0.0)) for body in bodies)
     high = max(float(np.max(body.scalar, initial=0.0)) for body in bodies)
     return low, high if high > low else low + 1.0
 
 
 def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks | None = None) -> Window:
-    """The box around reference and deformed nodes, and the signs, with a margin of 3 percent."""
+    """The box around undeformed and deformed nodes and the marks, with a margin of 3 percent."""
     deformed = [body.points + scale * body.displacement for body in bodies]
     points = np.concatenate([*deformed, *(body.points for body in bodies)])
     size = float(np.ptp(points, axis=0).max())
@@ -231,6 +233,6 @@ def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks |
 
 
 def _size(widths: Sequence[float]) -> tuple[float, float]:
-    """Figure size in inches for panels of equal height, ``widths`` times as wide as high."""
+    """Figure size in inches for panels of equal height with the aspect ratios ``widths``."""
     height = min((_PANELS_WIDTH if len(widths) > 1 else 6.0) / sum(widths), _MAX_HEIGHT)
     return max(height * sum(widths), 3.0) + 0.7 * len(widths) + 0.8, height + 0.9

@@ -1,4 +1,4 @@
-"""Common look of all pictures and how they are saved; no display needed, matplotlib comes on first use."""
+"""Common style and saving of pictures, without a display; matplotlib is imported on first use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mlsanm_cli.io.atomic import replacing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, distinguished with any common colour blindness; yellow is too pale on white.
+# The palette of Okabe and Ito for colour-blind readers, without yellow, which is too pale on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 REFERENCE_COLOUR = "#000000"
@@ -40,7 +40,7 @@ _STYLE: Any = {
     "savefig.dpi": 200,
     "svg.hashsalt": "mlsanm",
 }
-# By the name in the metadata a later run knows its own pictures; without dates equal runs give equal files.
+# A later run recognises its own pictures by this; without dates equal runs give equal files.
 _METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": f"mlsanm {__version__}"},
     ".svg": {"Creator": f"mlsanm {__version__}", "Date": None},
@@ -50,7 +50,7 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """A block whose figures have the common look."""
+    """A block whose figures have the common style."""
     from matplotlib import rc_context
 
     with rc_context(_STYLE):
@@ -59,7 +59,7 @@ def style() -> Iterator[None]:
 
 @contextmanager
 def resolution(dpi: int) -> Iterator[None]:
-    """A block whose pictures have so many dots per inch."""
+    """A block whose pictures have this resolution."""
     before = _STYLE["savefig.dpi"]
     _STYLE["savefig.dpi"] = dpi
     try:
@@ -70,15 +70,15 @@ def resolution(dpi: int) -> Iterator[None]:
 
 @contextmanager
 def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """Give an empty figure of ``width`` x ``height`` inches and save it as ``path`` at the end of the block.
+    """Yields an empty figure of ``width`` x ``height`` inches and saves it at the end of the block.
 
-    The suffix of ``path`` decides: .png, .svg or .pdf. Raises ValueError for another one, RunError if the
-    file cannot be written.
+    The suffix of ``path`` selects the format: .png, .svg or .pdf. Raises ValueError for others, RunError if
+    the file cannot be written.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.suffix!r}")
-    # Without pyplot there is no window system, no global state and no figure left open.
+    # pyplot would need a window system, and keeps figures open.
     from matplotlib.figure import Figure
 
     with style():

@@ -1,4 +1,4 @@
-"""Pictures of friction: tractions within their limits, and loops of force against displacement."""
+"""Pictures of friction: tractions with their limits, and force-displacement loops."""
 
 from __future__ import annotations
 
@@ -29,11 +29,10 @@ def plot_traction(
     traction_label: str = "traction on the slave",
     highest: float | None = None,
 ) -> None:
-    """Draw the traction at every node of one contact between its friction limits, over stick and slip zones.
+    """Draws the traction at the nodes of a contact with its friction limits, and the stick and slip zones.
 
-    ``arc``, ``traction``, ``limit`` (mu p) and ``status`` (0 open, 1 stick, 2 slip) are (m,);
-    what is far above ``highest`` is cut off. Raises
-    ValueError for wrong shapes, RunError if ``path`` cannot be written.
+    ``arc``, ``traction``, ``limit`` (mu p) and ``status`` (0 open, 1 stick, 2 slip) are (m,). Values far
+    above ``highest`` are cut off. Raises ValueError for wrong shapes, RunError if ``path`` cannot be written.
     """
     if not arc.shape == traction.shape == limit.shape == status.shape:
         raise ValueError(f"shapes differ: {arc.shape}, {traction.shape}, {limit.shape}, {status.shape}")
@@ -61,7 +60,7 @@ def plot_traction(
 
 
 def _draw_zones(axes: Any, arc: FloatArray, status: NDArray[np.int8]) -> None:
-    """Shade where nodes stick and where they slip, half-way to their neighbours."""
+    """Shades stick and slip zones, which end half-way between nodes."""
     if len(arc) < 2:
         return
     middle = 0.5 * (arc[1:] + arc[:-1])
@@ -84,7 +83,7 @@ def plot_loop(
     *,
     force_label: str = "tangential force on the master, per unit thickness",
 ) -> None:
-    """Draw the tangential force of a contact against a displacement along the load path, both (S+1,).
+    """Draws the tangential force of a contact against a displacement along the load path, both (S+1,).
 
     Raises ValueError for other shapes, RunError if ``path`` cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Signs of what acts on bodies, as drawn over them: held boundaries, loads, obstacles."""
+"""Symbols of supports, loads and obstacles, drawn over bodies."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 _HELD, _LOAD, _OBSTACLE = COLOURS[2], COLOURS[1], "#4d4d4d"
 _ARROW, _TICK = 0.09, 0.02
-"""Lengths of arrows and of ticks, in parts of the scene."""
+"""Lengths of arrows and of ticks, relative to the size of the scene."""
 
 
 @dataclass(frozen=True)
 class ConditionMarks:
-    """What is drawn over the bodies, at places before loading.
+    """Symbols drawn over the bodies, in the undeformed configuration.
 
-    ``held`` are points (k, 2) with outward normals (k, 2) of boundaries, ``nodes`` (p, 2) single points that
-    are held; ``arrows`` the points (2,) where loads act, unit directions (2,), outward normals (2,) there and
-    names; ``obstacles`` lines (k, 2) where they are.
+    ``held`` are points (k, 2) with outward normals (k, 2) of supported boundaries, ``nodes`` supported points
+    (2,); ``arrows`` points (2,) where loads act, unit directions (2,), outward normals (2,) and names;
+    ``obstacles`` lines (k, 2) in their current position.
     """
 
     held: tuple[tuple[FloatArray, FloatArray], ...] = ()
@@ -35,7 +35,7 @@ class ConditionMarks:
 
 
 def ends(marks: ConditionMarks, size: float) -> FloatArray:
-    """How far the signs reach on a scene of so large a ``size``, as points (k, 2)."""
+    """Outer ends (k, 2) of the symbols on a scene of this ``size``."""
     arrows = [
         point + (-1.0 if direction @ normal < 0.0 else 1.0) * _ARROW * size * direction
         for point, direction, normal, _ in marks.arrows
@@ -45,7 +45,7 @@ def ends(marks: ConditionMarks, size: float) -> FloatArray:
 
 
 def draw_marks(axes: Axes, marks: ConditionMarks, size: float) -> None:
-    """Draw the signs on a scene of so large a ``size``."""
+    """Draws the symbols on a scene of this ``size``."""
     from matplotlib.collections import LineCollection
 
     for line in marks.obstacles:
@@ -59,7 +59,7 @@ def draw_marks(axes: Axes, marks: ConditionMarks, size: float) -> None:
     named: set[str] = set()
     for point, direction, normal, name in marks.arrows:
         step = _ARROW * size * direction
-        # What pushes has its tip on the surface, what pulls its other end.
+        # An arrow that pushes ends on the surface, one that pulls starts there.
         tail, tip = (point - step, point) if direction @ normal < 0.0 else (point, point + step)
         look = {"arrowstyle": "-|>", "color": _LOAD, "linewidth": 1.2, "shrinkA": 0.0, "shrinkB": 0.0}
         axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=look, annotation_clip=True, zorder=4)

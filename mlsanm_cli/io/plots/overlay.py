@@ -17,8 +17,7 @@ _STYLES = ("-", "--", ":", "-.")
 
 @dataclass(frozen=True)
 class PlotCurve:
-    """Places ``x`` (k,), values ``y`` (k,), nan where there are none, and what to call them; without
-    ``joined`` single points."""
+    """Values ``y`` (k,), nan where there are none, at ``x`` (k,); ``joined`` by a line or single points."""
 
     x: FloatArray
     y: FloatArray
@@ -27,9 +26,9 @@ class PlotCurve:
 
 
 def plot_curves(path: Path, curves: Sequence[PlotCurve], x_label: str, y_label: str, title: str) -> None:
-    """Draw curves over each other, colours first and styles of lines after them.
+    """Draws curves in one picture, distinguished by colours, then by line styles.
 
-    Raises ValueError for curves whose lengths differ or for none, RunError if ``path`` cannot be written.
+    Raises ValueError for arrays of different lengths or no curve, RunError if ``path`` cannot be written.
     """
     if not curves:
         raise ValueError("no curve to draw")

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FloatArray = NDArray[np.float64]
-# Pressures below this part of the peak do not widen the range shown.
+# Pressures below this part of the peak do not extend the range shown.
 _VISIBLE = 1e-3
-# Above the largest value that matters.
-_ROOM = 1.5
+# Upper limit of the axis over the largest value of interest, if larger ones are cut off.
+_HEADROOM = 1.5
 
 
 @dataclass(frozen=True)
 class ReferenceCurve:
-    """A known pressure profile: ``arc`` (k,) increasing, ``pressure`` (k,), and what to call it."""
+    """A reference solution: ``arc`` (k,) increasing, ``pressure`` (k,), and its label."""
 
     arc: FloatArray
     pressure: FloatArray
@@ -44,12 +44,12 @@ def plot_pressure(
     suffix: str = "",
     highest: float | None = None,
 ) -> None:
-    """Draw the pressure at every node of one contact for several load levels.
+    """Draws the pressure at the nodes of a contact for several load levels.
 
-    ``arc`` (m,), ``pressure`` (levels, m), one label per level. Nodes are drawn as markers, so that an
-    oscillation from node to node shows. With ``reference``, which belongs to the last level, the difference
-    to it is drawn below in percent of its peak. Raises ValueError for wrong shapes, RunError if ``path``
-    cannot be written. ``suffix`` follows the contact in the title. What is far above ``highest`` is cut off.
+    ``arc`` (m,), ``pressure`` (levels, m), one label per level. Markers show the nodes, and thereby
+    oscillations from node to node. With ``reference``, which belongs to the last level, the difference to it
+    is drawn below in percent of its peak. ``suffix`` follows the contact in the title. Values far above
+    ``highest`` are cut off. Raises ValueError for wrong shapes, RunError if ``path`` cannot be written.
     """
     if pressure.shape != (len(level_labels), len(arc)) or not level_labels:
         raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(level_labels), len(arc))}")
@@ -96,11 +96,11 @@ def plot_path(
     title: str = "Load path",
     joined: bool = True,
 ) -> None:
-    """Draw quantities along the load path, one marker per step.
+    """Draws quantities along the load path, one marker per step.
 
     ``x`` (S+1,), for instance the position or a platen's displacement, and curves of the same length; without
-    ``joined`` only the markers, for steps between which nothing is known. Raises
-    ValueError for other lengths, RunError if ``path`` cannot be written.
+    ``joined`` markers only, for steps between which nothing is known. Raises ValueError for other lengths,
+    RunError if ``path`` cannot be written.
     """
     for label, values in curves.items():
         if values.shape != x.shape:
@@ -121,7 +121,7 @@ def plot_path(
 def _draw_difference(
     axes: Axes, arc: FloatArray, pressure: FloatArray, reference: ReferenceCurve, colour: Any
 ) -> None:
-    """The last level minus the reference, which is zero outside its own range, in percent of its peak."""
+    """Draws the last level minus the reference (zero outside its range) in percent of the peak."""
     expected = np.interp(arc, reference.arc, reference.pressure, left=0.0, right=0.0)
     peak = float(np.abs(reference.pressure).max())
     difference = 100.0 * (pressure - expected) / peak if peak > 0.0 else pressure - expected
@@ -133,14 +133,13 @@ def _draw_difference(
 def visible_range(
     arc: FloatArray, pressure: FloatArray, reference: ReferenceCurve | None
 ) -> tuple[float, float]:
-    """The part of the surface to show: where there is pressure, a quarter more on both sides."""
+    """The part of the surface to show: the loaded part, extended by a quarter on both sides."""
     peak = float(np.nanmax(pressure, initial=0.0))
     loaded = arc[(pressure > _VISIBLE * peak).any(axis=0)] if peak > 0.0 else arc
     if reference is not None:
         loaded = np.concatenate([loaded, reference.arc[reference.pressure > 0.0]])
     first, last = float(arc.min(initial=np.inf)), float(arc.max(initial=-np.inf))
     if not first < last:
-        # One node or none: no length to show.
         return (first - 0.5, first + 0.5) if len(arc) else (0.0, 1.0)
     left, right = float(loaded.min()), float(loaded.max())
     margin = 0.25 * (right - left) or 0.25 * (last - first)
@@ -148,17 +147,17 @@ def visible_range(
 
 
 def shown_up_to(axes: Axes, peak: float, highest: float | None) -> float:
-    """Up to where values with a ``peak`` are shown, if those below ``highest`` matter; the picture tells what
-    is cut off."""
+    """Upper limit of the axis for values with a ``peak``; those above ``highest`` are cut off, which the
+    picture says."""
     if highest is None or highest >= peak:
         return peak
     words = f"singular ends up to {peak:.4g} are cut off"
     axes.text(0.5, 0.98, words, transform=axes.transAxes, ha="center", va="top", fontsize=8, color="#555555")
-    return _ROOM * highest
+    return _HEADROOM * highest
 
 
 def _shades(count: int) -> list[Any]:
-    """One blue for one level; from light to dark for several, so that grey prints keep their order."""
+    """Blue for one level; from light to dark for several, which keeps their order in grey prints."""
     if count == 1:
         return [COLOURS[0]]
     from matplotlib import colormaps
@@ -167,6 +166,6 @@ def _shades(count: int) -> list[Any]:
 
 
 def _nodes(count: int) -> dict[str, Any]:
-    """Line and marker sizes that keep ``count`` nodes apart."""
+    """Line and marker sizes at which ``count`` nodes remain distinguishable."""
     size = 4.0 if count <= 40 else 2.8 if count <= 120 else 1.6
     return {"marker": "o", "markersize": size, "linewidth": 0.9, "markeredgewidth": 0.0}

@@ -1,4 +1,4 @@
-"""Work-precision diagrams: the error of methods over what it costs them."""
+"""Work-precision diagrams: the error of methods against their cost."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ _LINE: Any = {"color": REFERENCE_COLOUR, "linestyle": "--", "linewidth": 1.0}
 
 @dataclass(frozen=True)
 class WorkCurve:
-    """One method: ``error``, CPU ``seconds`` and ``factorizations`` of its points, and what to write at them,
-    (k,) each."""
+    """One method: ``error``, CPU ``seconds``, ``factorizations`` and annotations of its points, (k,) each."""
 
     label: str
     error: Sequence[float]
@@ -25,10 +24,10 @@ class WorkCurve:
 
 
 def plot_precision(path: Path, curves: Sequence[WorkCurve], exact: tuple[float, float] | None) -> None:
-    """Draw errors over CPU seconds and over factorisations, one curve per method.
+    """Draws errors against CPU seconds and against factorisations, one curve per method.
 
-    ``exact`` are seconds and factorisations of the exact law, which has no such error: a vertical line.
-    RunError if ``path`` cannot be written.
+    ``exact`` are seconds and factorisations for the exact law, shown as a vertical line: it is the reference
+    of the errors. Raises RunError if ``path`` cannot be written.
     """
     with picture(path, 8.4, 3.8) as figure:
         left, right = figure.subplots(1, 2, sharey=True)

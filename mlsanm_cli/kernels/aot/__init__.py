@@ -1,1 +1,1 @@
-"""How kernels are compiled ahead of time, kept, and called as machine code."""
+"""Ahead-of-time compilation of kernels, storage of their machine code, and calls."""

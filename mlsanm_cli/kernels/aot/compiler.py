@@ -1,4 +1,4 @@
-"""Compiling the kernels with numba, the only module that imports it; see :mod:`.jit`."""
+"""Compilation of kernels with numba; the only module that imports numba, see :mod:`.jit`."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ machine.Machine(kept.decoded(sys.stdin.buffer.read()))
 
 @functools.cache
 def _dispatcher(function: Callable[..., Any]) -> Any:
-    """Numba's compiler of a function, without its way in for Python, and not anew for every constant that
-    other functions call it with."""
+    """Numba dispatcher of a function without Python wrapper, and without specialisation for literal
+    arguments."""
     dispatcher: Any = numba.njit(**NATIVE)(function)
     template: Any = getattr(dispatcher, "get_call_template", None)
     plain: Any = numba.types.unliteral
@@ -75,7 +75,8 @@ def _bind() -> None:
 
 
 def compiled(kernels: Iterable[Kernel]) -> Code:
-    """All ``kernels`` in one object file. Raises UnloadableError where this numba's code cannot be kept."""
+    """Compile all ``kernels`` to one object file. Raises UnloadableError if this numba version does not
+    expose it."""
     _bind()
     try:
         from numba.core import intrinsics
@@ -96,7 +97,7 @@ def compiled(kernels: Iterable[Kernel]) -> Code:
 
 
 def _compiled(kernel: Kernel) -> Any:
-    """What numba has of a kernel after compilation."""
+    """Numba's compilation result of a kernel."""
     dispatcher = _dispatcher(kernel.__wrapped__)
     types = tuple(_type(argument) for argument in kernel.signature.arguments)
     dispatcher.compile(types)
@@ -106,9 +107,9 @@ def _compiled(kernel: Kernel) -> Any:
 
 
 def _check_layout(kernel: Kernel, types: tuple[Any, ...], result: Any) -> None:
-    """Raise TypeError for a kernel that returns something else than it says.
+    """Raise TypeError if a kernel returns another type than declared.
 
-    Raises UnloadableError where numba passes arguments or results in another way than we do.
+    Raises UnloadableError if numba's calling convention differs from ours.
     """
     from numba.core import registry
 
@@ -126,7 +127,7 @@ def _check_layout(kernel: Kernel, types: tuple[Any, ...], result: Any) -> None:
 
 
 def prove(code: Code) -> None:
-    """Raise UnloadableError unless a new process can load the machine code: LLVM would end this one."""
+    """Load the machine code in a new process, as LLVM aborts on failure; raises UnloadableError then."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", PROOF]
     data = kept.encoded(code)
@@ -137,7 +138,7 @@ def prove(code: Code) -> None:
 
 
 def _kinds(layout: Any) -> str:
-    """Kinds of the words, in order, that make up a value."""
+    """Kinds of the words that make up a value, in order."""
     if isinstance(layout, (tuple, list)):
         return "".join(_kinds(part) for part in layout)
     if isinstance(layout, ir.LiteralStructType):
@@ -150,9 +151,9 @@ def _kinds(layout: Any) -> str:
 
 
 def in_process(kernel: Kernel, place: Path | None = None) -> Callable[..., Any]:
-    """A kernel as numba itself calls it, for this process only, or kept by numba at a ``place``.
+    """A kernel called through numba, compiled for this process or cached by numba in ``place``.
 
-    The place belongs to these very sources: numba looks at a function's own file, not at those it calls.
+    ``place`` must depend on all sources: numba checks a function's own file only, not those it calls.
     """
     _bind()
     types = tuple(_type(one) for one in kernel.signature.arguments)
@@ -160,16 +161,15 @@ def in_process(kernel: Kernel, place: Path | None = None) -> Callable[..., Any]:
     if place is not None:
         settings: Any = numba.config
         settings.CACHE_DIR = str(place)
-        # Numba keeps no functions without a file.
+        # Numba cannot cache functions without a file.
         with suppress(RuntimeError):
             dispatcher = numba.njit(**OPTIONS, cache=True)(kernel.__wrapped__)
     dispatcher.compile(types)
-    # Arrays that may be written to are no others for a kernel that only reads them, but numba would compile
-    # it for them once more.
+    # Otherwise numba would recompile a kernel that only reads an array for writable arguments.
     dispatcher.disable_compile()
 
     def call(*values: Any) -> Any:
-        # For the check, whose message tells the argument.
+        # Check arguments for the error message.
         list(kernel.signature.words(kernel.name, values))
         return dispatcher(*values)
 

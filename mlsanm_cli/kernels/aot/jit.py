@@ -1,20 +1,18 @@
-"""How kernels are written, and how they come to run as machine code.
+"""How kernels are written, compiled and loaded.
 
-A kernel is a function of arrays and numbers with the decorator :func:`kernel`. Its annotations are types of
-:mod:`.signature`, and it can be called for nothing else: ``Float2`` is a C-contiguous array
-of two dimensions that it reads, ``FloatOut2`` one that it writes to (numba refuses to compile a kernel that
-writes to another), ``tuple[Int1, int]`` a result. Functions that only kernels call are decorated with
-:func:`inner`, take anything that numba can type, and are plain Python elsewhere. Kernels may call kernels and
-inner functions of any module here, and BLAS as :mod:`mlsanm_cli.kernels.blas` has it. A module of kernels
-needs no registration: those of this package are all found. ``f.__wrapped__`` is the Python function of a
-kernel f, and with ``NUMBA_DISABLE_JIT=1`` in the environment every kernel is; runs, which also call BLAS from
-kernels, are then refused.
+A kernel is a function of arrays and numbers decorated with :func:`kernel`. Its annotations, types of
+:mod:`.signature`, are the only ones it accepts: ``Float2`` is a C-contiguous read-only array of two
+dimensions, ``FloatOut2`` a writable one (numba refuses to compile a kernel that writes to others),
+``tuple[Int1, int]`` a result. Functions that only kernels call are decorated with :func:`inner`; they accept
+anything numba can type and are plain Python elsewhere. Kernels may call kernels and inner functions of any
+module here, and BLAS through :mod:`mlsanm_cli.kernels.blas`. All kernel modules of this package are found
+without registration. ``f.__wrapped__`` is the Python function of a kernel f; with ``NUMBA_DISABLE_JIT=1``
+every kernel is plain Python, and runs, whose kernels also call BLAS, are refused.
 
-The first process compiles all kernels with numba, proves in another process that the machine code can be
-loaded without numba, and keeps it; later ones load it and never import numba. All that takes names of
-numba's that are not public; where one of them is missing, or the proof fails, numba keeps the kernels in a
-cache of its own, and every process imports numba. Where nothing can be kept, every process compiles, and
-:class:`Loaded` says why.
+The first process compiles all kernels, proves in another process that the machine code loads without numba,
+and stores it; later ones load it and never import numba. This uses private names of numba; where one is
+missing, or the proof fails, numba stores the kernels in its own cache, and every process imports numba. Where
+nothing can be stored, every process compiles, and :class:`Loaded` gives the reason.
 """
 
 from __future__ import annotations
@@ -58,7 +56,7 @@ class Kernel:
 
 
 class Inner:
-    """A function for kernels to call."""
+    """A function that kernels may call."""
 
     __wrapped__: Callable[..., Any]
 
@@ -70,11 +68,11 @@ class Inner:
 
 
 KERNELS: dict[str, Kernel] = {}
-"""All kernels of the modules imported so far."""
+"""Kernels of all modules imported so far, by name."""
 
 
 def kernel(function: Function) -> Function:
-    """Make a kernel of ``function``; it runs without the interpreter lock and without fast-math."""
+    """Make ``function`` a kernel; it runs without the GIL and without fast-math."""
     if DISABLED:
         return function
     made: Any = Kernel(function)
@@ -83,7 +81,7 @@ def kernel(function: Function) -> Function:
 
 
 def inner(function: Function) -> Function:
-    """Let kernels call ``function``."""
+    """Make ``function`` callable from kernels."""
     if DISABLED:
         return function
     return cast(Function, Inner(function))
@@ -91,16 +89,16 @@ def inner(function: Function) -> Function:
 
 @dataclass(frozen=True)
 class Loaded:
-    """The kernels of this process: kept at a ``place``, by numba itself where there is no ``machine``, or a
-    ``note`` why they are not."""
+    """The kernels of this process: loaded as ``machine``, or through numba without it; stored in ``place``,
+    or a ``note`` why they are not."""
 
     machine: Machine | None
     place: Path | None
     note: str = ""
 
     @classmethod
-    def unkept(cls, machine: Machine | None, reason: object) -> Loaded:
-        """Such as every process has to compile."""
+    def not_stored(cls, machine: Machine | None, reason: object) -> Loaded:
+        """Kernels that every process must compile."""
         return cls(
             machine,
             None,
@@ -122,9 +120,9 @@ _loaded: list[Loaded] = []
 
 
 def is_warm() -> bool:
-    """Whether machine code is loaded, or there from an earlier run and loaded now.
+    """Whether machine code is loaded, or stored by an earlier run and loaded now.
 
-    Raises RunError where the environment forbids it.
+    Raises RunError if NUMBA_DISABLE_JIT is set.
     """
     if DISABLED:
         raise RunError("NUMBA_DISABLE_JIT is set, and a run needs its kernels compiled", "unset it")
@@ -135,7 +133,7 @@ def is_warm() -> bool:
 
 
 def load() -> Loaded:
-    """The kernels of this process, compiled if they have to be."""
+    """The kernels of this process, compiled if necessary."""
     with _lock:
         if not is_warm():
             _loaded.append(_compiled())
@@ -167,30 +165,30 @@ def _compiled() -> Loaded:
     except UnloadableError as error:
         return _left_to_numba(place, error)
     if place is None:
-        return Loaded.unkept(machine, missing)
+        return Loaded.not_stored(machine, missing)
     try:
         kept.write(place, code)
     except OSError as error:
-        return Loaded.unkept(machine, error)
+        return Loaded.not_stored(machine, error)
     return Loaded(machine, place)
 
 
 def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
-    """Kernels in numba's own cache, if there is a place for it."""
+    """Kernels in numba's own cache, if there is a directory for it."""
     if place is None:
-        return Loaded.unkept(None, reason)
+        return Loaded.not_stored(None, reason)
     try:
         kept.leave_to_numba(place, str(reason))
     except OSError as error:
-        return Loaded.unkept(None, f"{reason}; {error}")
+        return Loaded.not_stored(None, f"{reason}; {error}")
     return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start more slowly")
 
 
 def _compiled_apart(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
-    """``compiled(kernels)`` in a thread of its own, which when interrupted ends before the next kernel.
+    """``compiled(kernels)`` in a thread, which ends before the next kernel when interrupted.
 
-    An interrupt that comes while LLVM calls Python, as it often does, would be printed and lost; while we
-    wait, it is not.
+    An interrupt while LLVM calls back into Python would be printed and lost; in this waiting thread it is
+    not.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -211,7 +209,7 @@ def _compiled_apart(compiled: Callable[[Iterable[Kernel]], Code], kernels: Seque
 
 
 def every_kernel() -> list[Kernel]:
-    """Those of all modules beside this package, in an order that does not depend on what was imported."""
+    """Kernels of all modules in this package, in an order independent of imports."""
     package = __name__.rsplit(".", 2)[0]
     for module in pkgutil.iter_modules([str(Path(__file__).parents[1])]):
         importlib.import_module(f"{package}.{module.name}")

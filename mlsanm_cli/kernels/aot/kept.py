@@ -1,9 +1,9 @@
-"""Machine code on disk: one file for all kernels, known by all that went into it and by its own digest.
+"""Machine code on disk: one file for all kernels.
 
-The directory's name is a digest of the kernels' sources, the versions of numba, llvmlite, numpy and Python,
-whose bytecode numba compiles, the processor with its features, and numba's settings. The file begins with the
-SHA-256 of the rest of it, is written beside its place and then moved there, and is compiled anew where
-anything is wrong with it.
+The directory name is a digest of the kernels' sources, the versions of numba, llvmlite, numpy and Python
+(whose bytecode numba compiles), the processor with its features, and numba's settings. The file begins with
+the SHA-256 of its contents, is written under a temporary name and moved into place; a damaged file is
+compiled again.
 """
 
 from __future__ import annotations
@@ -20,34 +20,34 @@ import numpy as np
 from mlsanm_cli.kernels.aot.machine import Code, UnloadableError, numba_root
 from mlsanm_cli.system import replacing, who_else_may_write
 
-NAME = "machine-code"
+FILE_NAME = "machine-code"
 LEFT = "left-to-numba"
-"""Says why there is no machine code: numba keeps the kernels beside this file itself."""
+"""File with the reason why there is no machine code and numba's own cache is used instead."""
 SETTINGS = "NUMBA_"
-HARMLESS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
-"""Settings of numba's that change no machine code."""
+NEUTRAL_SETTINGS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
+"""Settings of numba that do not affect machine code."""
 DIGEST = 64
 
 
 def cache_root() -> Path:
-    """Where mlsanm keeps things between runs: ``MLSANM_CACHE_DIR``, else the user's cache directory."""
+    """Directory of data kept between runs: ``MLSANM_CACHE_DIR``, else the user's cache directory."""
     named = os.environ.get("MLSANM_CACHE_DIR")
     if named:
         return Path(named)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mlsanm"
 
 
-def circumstances() -> tuple[str, ...]:
-    """All but the sources that machine code depends on."""
+def build_environment() -> tuple[str, ...]:
+    """Everything but the sources that machine code depends on."""
     import llvmlite
     import llvmlite.binding as llvm
 
     try:
-        # numba's version without numba, whose import takes longer than all else here.
+        # Read numba's version from its file: importing numba takes longer than all else here.
         version = (Path(numba_root()) / "_version.py").read_text()
     except (OSError, UnloadableError) as error:
         version = str(error)
-    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in HARMLESS)
+    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in NEUTRAL_SETTINGS)
     settings = (f"{name}={os.environ[name]}" for name in sorted(names))
     features = llvm.get_host_cpu_features().flatten()
     processor = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
@@ -56,22 +56,23 @@ def circumstances() -> tuple[str, ...]:
 
 
 def directory() -> Path:
-    """Where this installation's machine code belongs. Raises RuntimeError where the user has no directory."""
-    digest = hashlib.sha256("\0".join(circumstances()).encode())
+    """Directory of this installation's machine code. Raises RuntimeError if the user has no home
+    directory."""
+    digest = hashlib.sha256("\0".join(build_environment()).encode())
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 
 
 def encoded(code: Code) -> bytes:
-    """As written to disk."""
+    """Serialise machine code for the file."""
     head = {"entries": dict(code.entries), "symbols": code.symbols, "math": code.math}
     rest = json.dumps(head).encode() + b"\n" + code.object
     return hashlib.sha256(rest).hexdigest().encode() + rest
 
 
 def decoded(data: bytes) -> Code:
-    """What :func:`encoded` wrote. Raises ValueError for anything else."""
+    """Inverse of :func:`encoded`. Raises ValueError for anything else."""
     if hashlib.sha256(data[DIGEST:]).hexdigest().encode() != data[:DIGEST]:
         raise ValueError("damaged")
     line, _, machine_code = data[DIGEST:].partition(b"\n")
@@ -80,61 +81,63 @@ def decoded(data: bytes) -> Code:
 
 
 def read(place: Path) -> Code | None:
-    """The machine code in a directory; None where there is none, it is damaged, or another user may have put
-    it there: it runs as this user, and its digest says nothing of who made it."""
+    """The machine code in a directory; None if it is missing or damaged, or if another user may have written
+    it: it runs with this user's rights, and its digest does not prove its origin."""
     try:
-        if who_else_may_write(place / NAME):
+        if who_else_may_write(place / FILE_NAME):
             return None
-        return decoded((place / NAME).read_bytes())
+        return decoded((place / FILE_NAME).read_bytes())
     except (OSError, ValueError):
         return None
 
 
 def write(place: Path, code: Code) -> None:
-    """Keep machine code; others see all of it or nothing, and may not write it. Raises OSError, also where it
-    would not be read again, as others may write to a directory above it."""
-    _make(place)
+    """Store machine code atomically, writable by its owner only.
+
+    Raises OSError, also if others may write to a parent directory, as it would not be read again.
+    """
+    _make_private_directory(place)
     reason = who_else_may_write(place)
     if reason:
         raise PermissionError(reason)
-    # Not by tempfile, whose files no other user may read: one may compile for all.
-    temporary = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
-    with replacing(place / NAME, temporary):
+    # Not tempfile, whose files other users cannot read: one user may compile for all.
+    temporary = place / f"{FILE_NAME}.{os.getpid()}.{os.urandom(8).hex()}"
+    with replacing(place / FILE_NAME, temporary):
         temporary.write_bytes(encoded(code))
-        _shut(temporary)
+        _restrict_writing(temporary)
 
 
 def left_to_numba(place: Path) -> bool:
-    """Whether an earlier process found that code cannot be kept but by numba, in a directory that is safe."""
+    """Whether an earlier process fell back to numba's cache, in a directory that is safe."""
     try:
-        # Windows judges no file, and so none that is not there either.
+        # On Windows the check accepts any path, even a missing one.
         return (place / LEFT).is_file() and not who_else_may_write(place / LEFT)
     except OSError:
         return False
 
 
 def leave_to_numba(place: Path, reason: str) -> None:
-    """Have numba keep the kernels in a directory from now on. Raises OSError where nothing can be kept there,
-    or others may write to it."""
-    _make(place)
+    """Let numba cache the kernels in a directory from now on. Raises OSError if it is not writable, or is
+    writable by others."""
+    _make_private_directory(place)
     found = who_else_may_write(place)
     if found:
         raise PermissionError(found)
     (place / LEFT).write_text(f"{reason}\n", encoding="utf-8")
-    _shut(place / LEFT)
+    _restrict_writing(place / LEFT)
 
 
-def _make(place: Path) -> None:
-    """Make a directory and what is missing above it, such that nobody else may write to them."""
+def _make_private_directory(place: Path) -> None:
+    """Create a directory and missing parents, writable by their owner only."""
     if not place.is_dir():
-        _make(place.parent)
+        _make_private_directory(place.parent)
         place.mkdir(mode=0o755, exist_ok=True)
-    # What an earlier version made with a lenient umask. Others' directories stay as they are.
+    # Tighten directories of earlier versions; leave those of other programs alone.
     if place.name == "kernels" or place.parent.name == "kernels":
         with suppress(OSError):
-            _shut(place)
+            _restrict_writing(place)
 
 
-def _shut(path: Path) -> None:
-    """Let nobody else write to a path."""
+def _restrict_writing(path: Path) -> None:
+    """Remove write permission for group and others."""
     path.chmod(path.stat().st_mode & ~0o022)

@@ -1,8 +1,8 @@
 """Machine code of all kernels in one object file, loaded by LLVM alone and called as C functions.
 
-The code is numba's, with numba's convention: a pointer to where the result goes, one to where an exception
-goes, the arguments, arrays taken apart; what comes back is a status. It allocates through numba's runtime, a
-small extension module that is loaded by its path, since importing numba itself takes longer than most runs.
+It follows numba's calling convention: pointers to the result and to the exception, then the arguments with
+arrays unpacked; the return value is a status. It allocates through numba's runtime, a small extension module
+loaded by path, since importing numba takes longer than most runs.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from mlsanm_cli.kernels.blas import EXTERNALS
 
 WORDS = {"p": ctypes.c_void_p, "i": ctypes.c_int64, "d": ctypes.c_double}
 DONE = (0, -2)
-"""Statuses of success: with a result, and with None."""
+"""Status codes of success: with a result, and with None."""
 
 
 @dataclass(frozen=True)
 class Code:
-    """An ``object`` file with the kernels' ``entries``: names of its symbols by those of the kernels.
+    """An ``object`` file and its ``entries``: symbol names by kernel names.
 
-    ``symbols`` are the functions of others that it calls, ``math`` those that are to be the mathematical ones
-    that numba binds.
+    ``symbols`` are the external functions it calls, ``math`` those of them that numba binds to mathematical
+    functions.
     """
 
     object: bytes
@@ -47,7 +47,8 @@ class UnloadableError(Exception):
 
 
 class _Exception(ctypes.Structure):
-    """How numba describes an exception: pickled class, arguments and place; ``dynamic`` arguments apart."""
+    """Numba's description of an exception: pickled class, arguments and location; ``dynamic`` arguments
+    apart."""
 
     _fields_ = (
         ("pickled", ctypes.c_void_p),
@@ -59,7 +60,7 @@ class _Exception(ctypes.Structure):
 
 
 class _Owner:
-    """Memory of an array that a kernel returned, given back when the last view of it is gone."""
+    """Memory of an array returned by a kernel, released with the last view of it."""
 
     def __init__(self, owner: int, release: Callable[[int], None], interface: Mapping[str, Any]) -> None:
         self._owner, self._release = owner, release
@@ -70,7 +71,7 @@ class _Owner:
 
 
 def numba_root() -> str:
-    """Where numba is installed. Raises UnloadableError if it is not; does not import it."""
+    """Installation directory of numba, without importing it. Raises UnloadableError if there is none."""
     spec = importlib.util.find_spec("numba")
     if spec is None or not spec.submodule_search_locations:
         raise UnloadableError("numba is not installed")
@@ -78,7 +79,7 @@ def numba_root() -> str:
 
 
 def _extension(name: str) -> ModuleType:
-    """An extension module of numba's, without numba."""
+    """An extension module of numba, loaded without numba."""
     if f"numba.{name}" in sys.modules:
         return sys.modules[f"numba.{name}"]
     stem = os.path.join(numba_root(), *name.split("."))
@@ -95,7 +96,7 @@ def _extension(name: str) -> ModuleType:
 
 
 class Machine:
-    """Loaded machine code. Raises UnloadableError where something it calls is not there."""
+    """Loaded machine code. Raises UnloadableError if an external function is missing."""
 
     def __init__(self, code: Code) -> None:
         import llvmlite.binding as llvm
@@ -103,7 +104,7 @@ class Machine:
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
-        # First, since only then LLVM knows the functions of the process.
+        # First: LLVM knows the functions of the process only after this.
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
         runtime = _extension("core.runtime._nrt_python").c_helpers
         helpers = _extension("_helperlib").c_helpers
@@ -124,7 +125,7 @@ class Machine:
         self._release: Callable[[int], None] = release(runtime["MemInfo_release"])
 
     def function(self, name: str, signature: Signature) -> Callable[..., Any]:
-        """A kernel as a Python function. Its arguments are checked, the interpreter lock is let go."""
+        """A kernel as a Python function that checks its arguments and releases the GIL."""
         kinds = "".join(argument.kinds for argument in signature.arguments)
         prototype = ctypes.CFUNCTYPE(ctypes.c_int32, *(WORDS[kind] for kind in "pp" + kinds))
         address = self._engine.get_function_address(self._entries[name])
@@ -141,7 +142,7 @@ class Machine:
         return kernel
 
     def _results(self, signature: Signature, words: Any) -> Any:
-        """What a kernel has left where its result goes."""
+        """Unpack the result of a kernel."""
         values, at = [], 0
         for result in signature.results:
             size = len(result.kinds)
@@ -165,13 +166,13 @@ class Machine:
             "strides": tuple(words[shape + result.ndim : shape + 2 * result.ndim]),
         }
         if not owner:
-            # A part of an argument, which may be gone before its result.
+            # A view of an argument: copied, as the argument may be freed before it.
             return np.array(_Owner(owner, lambda _: None, interface))
         return np.asarray(_Owner(owner, self._release, interface))
 
 
 def _exception(name: str, status: int, address: int | None) -> Exception:
-    """The exception with which a kernel has ended."""
+    """The exception raised by a kernel."""
     if status < 1 or address is None:
         return SystemError(f"{name} ended with status {status}")
     fault = _Exception.from_address(address)

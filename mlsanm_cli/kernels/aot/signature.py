@@ -1,9 +1,9 @@
-"""What a kernel takes and returns, read from its annotations.
+"""Argument and result types of a kernel, read from its annotations.
 
-``Float1``, ``Int2``, ``Index1`` (32 bits), ``Bool3`` and their like are C-contiguous arrays of that many
-dimensions which the kernel only reads, ``FloatOut1`` and its like such as it writes to. Scalars are ``float``
-and ``int``, a result is None, one of all these or a tuple of them. mypy sees plain arrays: the dimensions are
-for the compiler and for the check of every argument before machine code sees it.
+``Float1``, ``Int2``, ``Index1`` (32 bits), ``Bool2`` and so on are C-contiguous arrays of that many
+dimensions which the kernel only reads; ``FloatOut1`` and so on are written to. Scalars are ``float`` and
+``int``; a result is None, one of these or a tuple of them. mypy sees plain arrays: the dimensions serve the
+compiler and the check of every argument before a call.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ WORD = 2**63
 
 @dataclass(frozen=True)
 class Value:
-    """An argument or a part of a result: a scalar if it has no dimensions."""
+    """An argument or part of a result; a scalar if ``ndim`` is 0."""
 
     name: str
     dtype: np.dtype[Any]
@@ -53,7 +53,7 @@ class Value:
 
     @classmethod
     def of(cls, name: str, annotation: str) -> Value:
-        """As an ``annotation`` tells. Raises TypeError for one that kernels do not know."""
+        """Parse an ``annotation``. Raises TypeError for unsupported types."""
         if annotation in ("float", "int"):
             return cls(name, DTYPES[annotation.capitalize()])
         found = ARRAY.fullmatch(annotation)
@@ -62,9 +62,9 @@ class Value:
         return cls(name, DTYPES[found[1]], int(found[3]), found[2] is not None)
 
     def words(self, value: Any) -> tuple[Any, ...]:
-        """The value as machine code takes it: a number, or a description of the array and its address.
+        """The words passed to machine code: a number, or an array's descriptor.
 
-        Raises TypeError for a value that is not what the kernel was compiled for, OverflowError for an
+        Raises TypeError for a value of another type than the kernel was compiled for, OverflowError for an
         integer of more than 64 bits.
         """
         if self.ndim == 0:
@@ -78,7 +78,7 @@ class Value:
         ):
             raise TypeError(self._refusal(value))
         address = value.__array_interface__["data"][0]
-        # No owner: what kernels are given belongs to Python and outlives the call.
+        # No owner: arguments are Python objects that outlive the call.
         return (None, None, value.size, value.itemsize, address, *value.shape, *value.strides)
 
     def _scalar(self, value: Any) -> float | int:
@@ -102,7 +102,7 @@ class Value:
 
     @property
     def kinds(self) -> str:
-        """Its words' kinds: p for pointers, i for integers, d for floating-point numbers."""
+        """Kinds of its words: p for pointers, i for integers, d for doubles."""
         if self.ndim == 0:
             return "d" if self.dtype.kind == "f" else "i"
         return "ppiip" + 2 * self.ndim * "i"
@@ -110,7 +110,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Signature:
-    """Arguments and parts of the result; ``single`` where the result is no tuple."""
+    """Arguments and results of a kernel; ``single`` unless the result is a tuple."""
 
     arguments: tuple[Value, ...]
     results: tuple[Value, ...]
@@ -118,7 +118,8 @@ class Signature:
 
     @classmethod
     def of(cls, name: str, function: Callable[..., Any]) -> Signature:
-        """That of a ``function`` called ``name``. Raises TypeError for types that kernels do not know."""
+        """The signature of ``function``, with ``name`` for messages. Raises TypeError for unsupported
+        types."""
         annotations = dict(function.__annotations__)
         result = annotations.pop("return")
         if not all(isinstance(annotation, str) for annotation in (result, *annotations.values())):
@@ -133,7 +134,7 @@ class Signature:
         )
 
     def words(self, name: str, values: tuple[Any, ...]) -> Iterator[Any]:
-        """All arguments as machine code takes them."""
+        """All arguments as words for machine code."""
         if len(values) != len(self.arguments):
             raise TypeError(f"{name} takes {len(self.arguments)} arguments, not {len(values)}")
         for argument, value in zip(self.arguments, values, strict=True):

@@ -1,15 +1,15 @@
-"""A body at finite strain: what is left of its equations in a state, order by order, and their derivative.
+"""A body at finite strain: its equations, rows and derivatives.
 
-Total Lagrangian: all derivatives are those of the reference cloud. Rows are those of the linear body, with
-the first Piola-Kirchhoff stress P in place of the Cauchy stress::
+Total Lagrangian: all derivatives are taken on the reference cloud. Rows are those of the linear body with the
+first Piola-Kirchhoff stress P in place of the Cauchy stress::
 
     Div P + b = 0  at every node        P N = t  on free sides        u = g  on held ones
     sum over the faces of a piece of P N + int t + int b = 0          forces
     sum of (x - x_P) x (P N) + int (x - x_P) x t + ... = 0            moments about deformed places
 
-x = X + u is the deformed place, x_P that of the piece, the mean of its nodes. Moments are balanced
-about deformed places: about those of the reference a body would lack its forces times its deflection.
-Springs keep their directions: t = -k u, per length before loading.
+x = X + u is the deformed position, x_P that of the piece, the mean of its nodes. Moments are taken in the
+deformed configuration: in the reference one, forces times deflections would be missing. Springs keep their
+directions: t = -k u, per reference length.
 
 Equations (16) and (22) of docs/method.md.
 """
@@ -35,8 +35,8 @@ from mlsanm_cli.mechanics.finite.loads import Applied, Loads
 
 @dataclass(frozen=True)
 class FiniteBody:
-    """An ``elastic`` body, whose cloud, rows and pieces it takes over, with its ``law`` and ``loads``. The
-    last ``pins`` of its single held nodes are held along directions that have turned by an ``angle``."""
+    """An ``elastic`` body, whose cloud, rows and pieces are used, with its ``law`` and ``loads``. The last
+    ``pins`` of its single held nodes are held along directions rotated by ``angle``."""
 
     elastic: ElasticBody
     law: Law
@@ -56,17 +56,17 @@ class FiniteBody:
 
     @property
     def rule(self) -> Rule:
-        """The quadrature rule of faces and held sides."""
+        """Quadrature rule of faces and held sides."""
         return rule_of(self.elastic.model)
 
     @cached_property
     def stressed(self) -> tuple[FacePoints, FacePoints]:
-        """The points that carry stress: inner faces, held sides."""
+        """Quadrature points with stress: inner faces, held sides."""
         return inner_points(self.elastic), held_points(self.elastic)
 
     @cached_property
     def applied(self) -> Applied:
-        """The loads where the pieces take them."""
+        """The loads at the quadrature points of the pieces."""
         return Applied.on(self.elastic, self.loads)
 
     @cached_property
@@ -84,17 +84,17 @@ class FiniteBody:
 
     @property
     def pinned(self) -> sparse.csr_array:
-        """Those (p, 2N) of the pins."""
+        """Rows (p, 2N) of the pins."""
         return self.single[self.single.shape[0] - self.pins :]
 
     def turn(self, displacement: FloatArray) -> float:
-        """The angle by which a ``displacement`` (2N,) turns the body on the whole."""
+        """Mean rotation of the body under a ``displacement`` (2N,)."""
         xx, xy, yx, yy = self.gradient(displacement) @ self.elastic.model.cloud.areas
         return float(np.arctan2(yx - xy, 2.0 * self.elastic.model.cloud.areas.sum() + xx + yy))
 
     @cached_property
     def table(self) -> RowTable:
-        """Where the nodes' rows are."""
+        """Positions of the nodes' rows."""
         elastic = self.elastic
         single = len(elastic.held_nodes)
         total = elastic.rows - 3 * self.count - single
@@ -103,7 +103,7 @@ class FiniteBody:
 
     @cached_property
     def pulls(self) -> sparse.csr_array:
-        """What springs add to the rows of the nodes (r - 3k, 2N)."""
+        """Contribution (r - 3k, 2N) of springs to the nodes' rows."""
         model = self.elastic.model
         return spring_rows(model.cloud, self.table, len(model.nodes))
 
@@ -113,18 +113,19 @@ class FiniteBody:
         return [one.at(places) for one in self.loads.warming]
 
     def stretch(self, factors: FloatArray) -> FloatArray | None:
-        """Free stretches (n,) at the nodes at load ``factors`` (L,); None for bodies that are never warm."""
+        """Thermal stretches (n,) at the nodes at load ``factors`` (L,); None for bodies without temperature
+        change."""
         jets = self.stretch_jets(factors, 0)
         return None if jets is None else np.asarray(jets[0])
 
     def stretch_at(self, points: FloatArray, factors: FloatArray) -> FloatArray | None:
-        """The same (e,) at ``points`` (e, 2)."""
+        """Thermal stretches (e,) at ``points`` (e, 2)."""
         if not self.loads.warming:
             return None
         return np.asarray(1.0 + sum(factors[one.number] * one.at(points) for one in self.loads.warming))
 
     def stretch_jets(self, factors: FloatArray, order: int) -> FloatArray | None:
-        """The coefficient of ``order`` of the free stretches, a jet (3, n), by that of the factors (L,)."""
+        """Coefficient of ``order`` of the thermal stretches, a jet (3, n), from that of the factors (L,)."""
         if not self.loads.warming:
             return None
         stencils = self.elastic.model.stencils
@@ -134,7 +135,7 @@ class FiniteBody:
         return np.asarray(found)
 
     def face_stretch(self, factors: FloatArray, order: int = 0) -> FloatArray | None:
-        """The same (q,), values alone, at the points that carry stress."""
+        """The same, values only (q,), at the quadrature points with stress."""
         if not self.loads.warming:
             return None
         parts = zip(self.loads.warming, self._face_expansion, strict=True)
@@ -147,7 +148,7 @@ class FiniteBody:
 
     @cached_property
     def of_force(self) -> FloatArray:
-        """Force and moment (3k, L) of the body force on the pieces before they deform."""
+        """Force and moment (3k, L) of body forces on the pieces in the reference configuration."""
         if self.loads.known is not None:
             return self.loads.known
         found = np.zeros((3 * self.count, self.loads.count))
@@ -158,8 +159,8 @@ class FiniteBody:
 
     @cached_property
     def turning(self) -> list[sparse.csr_array]:
-        """For every load, rows (k, 2N) of the moments, over the pieces' size, that its body force has because
-        the body has moved under it; none without body forces."""
+        """For every load, rows (k, 2N) of the moments over size that its body force gains by displacements;
+        empty without body forces."""
         force = self.loads.force
         if force is None:
             return []
@@ -167,28 +168,28 @@ class FiniteBody:
 
     @cached_property
     def conditions(self) -> list[tuple[str, IntArray, FloatArray, tuple[bool, bool]]]:
-        """Of every surface its name, nodes (b,), normals (b, 2) and whether x and y are held."""
+        """Name, nodes (b,), normals (b, 2) and held components of every surface."""
         return [
             (name, surface.index, surface.normal, self.elastic.held.get(name, (False, False)))
             for name, surface in self.elastic.model.cloud.surfaces.items()
         ]
 
     def gradient(self, displacement: FloatArray) -> FloatArray:
-        """The displacement gradient (4, n) at the nodes, components 11, 12, 21, 22."""
+        """Displacement gradient (4, n) at the nodes, components 11, 12, 21, 22."""
         found = self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
         return np.stack([found[:, 1, 0], found[:, 2, 0], found[:, 1, 1], found[:, 2, 1]])
 
     def ellipticity(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-        """How far (n,) the nodes are from losing waves (:meth:`Law.ellipticity`)."""
+        """Ellipticity (n,) at the nodes (:meth:`Law.ellipticity`)."""
         return self.law.ellipticity(self.gradient(displacement), self.stretch(factors))
 
     def face_gradient(self, displacement: FloatArray) -> FloatArray:
-        """The same (4, q) at the points that carry stress between the pieces."""
+        """Displacement gradient (4, q) at the quadrature points with stress."""
         parts = [_gradient(one, displacement.reshape(-1, 2)) for one in self.stressed]
         return np.concatenate(parts, axis=1)
 
     def least_volume(self, displacement: FloatArray) -> float:
-        """The least det F in the plane, over nodes and faces."""
+        """Smallest in-plane det F over nodes and faces."""
         parts = (self.gradient(displacement), self.face_gradient(displacement))
         return 1.0 + min(float(determinant(one).min(initial=np.inf)) for one in parts)
 

@@ -1,4 +1,4 @@
-"""What is left of the equations of a body at finite strain along a path, order by order."""
+"""Residuals of a body's equations at finite strain along a path, order by order."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 
 SECOND = ((3, 4), (4, 5))
-"""Where the derivatives by X and Y of d/dX and of d/dY are among those of a stencil."""
+"""Positions of the derivatives by X and Y of d/dX and of d/dY among those of a stencil."""
 
 
 class BodySeries:
-    """What is left of a body's equations along u(a), factors(a), filled order by order.
+    """Residuals of a body's equations along u(a), factors(a), filled order by order.
 
-    Order k of what is left needs the orders up to k of displacement and factors; one that is not known yet
-    may be put as None first, and then for good.
+    Order k of the residual needs the orders up to k of displacement and factors; an unknown one is first put
+    as None, then with its value.
     """
 
     def __init__(self, body: FiniteBody, orders: int) -> None:
@@ -43,7 +43,7 @@ class BodySeries:
         self._pairs()
 
     def _pairs(self) -> None:
-        """Which point acts on which piece, with which sign."""
+        """Assign points to pieces, with signs."""
         point, owner, sign = [], [], []
         for one, first in zip((*self.body.stressed, self._loaded), self._ends, strict=False):
             each = one.places.shape[1]
@@ -85,7 +85,7 @@ class BodySeries:
         self._forces(order)
 
     def _forces(self, order: int) -> None:
-        """Forces at all points, in components that count."""
+        """Forces at all points, in the components that count."""
         applied, end = self.body.applied, int(self._ends[2])
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
         self._force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
@@ -101,7 +101,7 @@ class BodySeries:
         self._force[order] *= self._kept
 
     def rows(self, order: int) -> FloatArray:
-        """The coefficient (r,) of ``order`` of what is left of all rows: of the nodes, and of the pieces."""
+        """Coefficient (r,) of ``order`` of the residual of all rows: of the nodes, then of the pieces."""
         body, elastic, applied = self.body, self.body.elastic, self.body.applied
         left = -(body.loads.sources @ self._factors[order])
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
@@ -134,7 +134,7 @@ class BodySeries:
         return np.asarray(left)
 
     def _pieces(self, order: int) -> FloatArray:
-        """Forces x, y and moments (3k,) that pieces lack."""
+        """Force x, y and moment imbalance (3k,) of the pieces."""
         count, owner, point = self.body.count, self._owner, self._point
         force = self._sign * self._force[: order + 1][:, :, point]
         arm = self._place[: order + 1][:, :, point] - self._middle[: order + 1][:, :, owner]
@@ -152,32 +152,32 @@ class BodySeries:
         return lack
 
     def outline_forces(self) -> tuple[FloatArray, FloatArray]:
-        """Forces (2, g), at order 0, at the points of the held sides and of those with given tractions."""
+        """Forces (2, g), at order 0, at the points of held sides and of those with prescribed tractions."""
         first, last = int(self._ends[1]), int(self._ends[2])
         return self._force[0, :, first:last], self._force[0, :, last:]
 
     def held_forces(self) -> FloatArray:
-        """Forces (2, g), at order 0, at the points of the held sides."""
+        """Forces (2, g), at order 0, at the points of held sides."""
         return self._force[0, :, int(self._ends[1]) : int(self._ends[2])]
 
     def spring_forces(self, surface: str) -> FloatArray:
-        """Forces (2,), at order 0, of the springs along a surface that give way."""
+        """Force (2,), at order 0, of the soft springs along a surface."""
         applied = self.body.applied
         here = applied.along[surface]
         return np.asarray(-(applied.pulling[:, here] * self._moved[0, :, here]).sum(axis=1))
 
     def resultant(self) -> FloatArray:
-        """Forces x and y (2, k), at order 0, by which the rows of the pieces count those on their faces."""
+        """Sum (2, k), at order 0, of the forces on the faces of each piece, as in its rows."""
         force = self._sign * self._force[0][:, self._point]
         return np.stack([np.bincount(self._owner, one, self.body.count) for one in force])
 
     def state(self) -> tuple[FloatArray, ...]:
-        """At order 0: forces (2, q), places (2, q) and middles (2, k), as the derivative takes them."""
+        """At order 0: forces (2, q), positions (2, q) and centres of pieces (2, k), for the derivative."""
         return self._force[0], self._place[0], self._middle[0]
 
 
 def _turn(turn: FloatArray, angle: FloatArray, order: int) -> None:
-    """Fill in the coefficients of ``order`` of cosine and sine (2, K + 1) of an ``angle`` (order + 1,)."""
+    """Compute coefficient ``order`` of cosine and sine (2, K + 1) of an ``angle`` (order + 1,)."""
     if not order:
         turn[:, 0] = np.cos(angle[0]), np.sin(angle[0])
         return
@@ -187,7 +187,7 @@ def _turn(turn: FloatArray, angle: FloatArray, order: int) -> None:
 
 
 def _jets(derivatives: FloatArray) -> FloatArray:
-    """Jets (4, 3, n) of the displacement gradient by ``derivatives`` (n, 6, 2) of the displacement."""
+    """Jets (4, 3, n) of the displacement gradient from ``derivatives`` (n, 6, 2) of the displacement."""
     found = np.empty((4, 3, len(derivatives)))
     for component in (0, 1):
         for axis in (0, 1):

@@ -1,4 +1,4 @@
-"""Moments of body forces on the pieces of a body that has moved under them."""
+"""Moments that body forces gain on the pieces of a body by displacements."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from mlsanm_cli.operators.rows import pair_rows
 
 
 def moments_of_force(body: ElasticBody, centers: sparse.csr_array, force: FloatArray) -> sparse.csr_array:
-    """Rows (k, 2N) of int (u - u_P) x b over every piece, over its size: the ``force`` b per volume, known
-    by its nodal values (n, 2), and u are parabolas in the cell of every node, u_P is the mean of the piece's
-    nodes, told by ``centers`` (k, N)."""
+    """Rows (k, 2N) of int (u - u_P) x b over every piece, over its size.
+
+    The ``force`` b per volume, with nodal values (n, 2), and u are quadratic in the cell of every node; u_P
+    is the mean of the piece's nodes, with rows ``centers`` (k, N).
+    """
     model, pieces = body.model, body.pieces
     cloud, labels, count = model.cloud, pieces.labels, len(model.cloud.points)
     node, points, area, _ = cell_quadrature(cloud.points, cloud.triangles)

@@ -1,14 +1,14 @@
-"""How much of a body's energy its equations do not account for at finite strain.
+"""Residual-based error estimate of a body's energy at finite strain.
 
-Residuals of equilibrium inside and of tractions on free sides, weighted by the spacing h and the modulus M of
-a uniaxial strain, estimate the error of the energy (Babuska and Rheinboldt 1978,
+Residuals of equilibrium inside and of tractions on free sides, weighted with the spacing h and the
+uniaxial-strain modulus M, estimate the error of the energy (Babuska and Rheinboldt 1978,
 doi:10.1002/nme.1620121010; Ainsworth and Oden 2000, section 2.2)::
 
     eta = (sum of A h^2 |Div P + b|^2 + sum of w h |P N - t|^2) / M
 
-It is compared with the integral of S : E = P : (F - F^-T) / 2, which is twice the strain energy at small
-strain whatever the rotation. Fits of the next degree do not see what a crushed corner lacks: least squares
-make the state smooth there.
+relative to the integral of S : E = P : (F - F^-T) / 2, which is twice the strain energy at small strain for
+any rotation. Fits of the next degree do not reveal the error at a crushed corner: least squares makes the
+state smooth there.
 
 Equation (29) of docs/method.md.
 """
@@ -23,13 +23,13 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.law import determinant
 
-STRAIN = 1e-8
-"""Strains below are of round-off: bodies that only move have no energy to be wrong by."""
+MIN_STRAIN = 1e-8
+"""Strains below this are round-off: bodies in rigid motion have no energy to compare with."""
 
 
 def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-    """What the nodes add to the estimate eta (n,), per thickness, in a state of ``displacement`` (2N,) and
-    load ``factors`` (L,)."""
+    """Contribution of the nodes to the estimate eta (n,), per thickness, at ``displacement`` (2N,) and load
+    ``factors`` (L,)."""
     elastic, model = body.elastic, body.elastic.model
     cloud, count = model.cloud, len(model.cloud.points)
     series = BodySeries(body, 0)
@@ -45,7 +45,7 @@ def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray)
 
 
 def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> float:
-    """What the estimate counts by, per thickness, in the same state."""
+    """Reference energy of the estimate, per thickness, in the same state."""
     gradient, warm = body.gradient(displacement), body.stretch(factors)
     stress = body.law.stress(gradient, warm)
     xx, xy, yx, yy = gradient + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
@@ -54,16 +54,16 @@ def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> f
         turned *= warm**2
     strain = 0.5 * (np.stack([xx, xy, yx, yy]) - turned)
     areas = body.elastic.model.cloud.areas
-    least = STRAIN**2 * body.elastic.model.material.modulus * areas.sum()
+    least = MIN_STRAIN**2 * body.elastic.model.material.modulus * areas.sum()
     return float(areas @ (stress * strain).sum(axis=0) + least)
 
 
 def missing_work(body: FiniteBody, displacement: FloatArray, factors: FloatArray, way: FloatArray) -> float:
-    """What the stress of a state of ``displacement`` (2N,) and load ``factors`` (L,) does on a small ``way``
-    (2N,) less what all forces do, per thickness.
+    """Virtual work of the stress at ``displacement`` (2N,) and load ``factors`` (L,) on a small displacement
+    ``way`` (2N,), minus that of all forces, per thickness.
 
-    Forces of what is held are known as stresses next to singular corners, or not at all: a smooth field with
-    the ``way`` of what is held is taken off, so that they do nothing. Equation (30) of docs/method.md.
+    Reactions are known as stresses next to singular corners, or not at all: a smooth field with the ``way``
+    of held parts is subtracted, so that they do no work. Equation (30) of docs/method.md.
     """
     elastic, moved = body.elastic, way.reshape(-1, 2)
     cloud = elastic.model.cloud

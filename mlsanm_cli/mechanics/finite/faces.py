@@ -1,8 +1,8 @@
-"""Where a body's pieces take and give forces: points on their faces, with the rows of displacement there.
+"""Quadrature points on the faces of a body's pieces, with the rows of displacement there.
 
-Points come in fits: all that separates two nodes' cells (inner faces of the division), or one point of the
-outline. Inner points and those of held sides carry the first Piola-Kirchhoff stress, the others given
-tractions. Every fit acts on one or two pieces.
+Points are grouped in fits: the boundary between two nodes' cells (inner faces of the division), or one point
+of the outline. Inner points and those of held sides carry the first Piola-Kirchhoff stress, the others
+prescribed tractions. Every fit acts on one or two pieces.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.rows import pair_rows
-from mlsanm_cli.operators.stencils import Stencils, build_gradients
+from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencils import build_gradients
 
 
 @dataclass(frozen=True)
 class FacePoints:
-    """Fits e of t points each: ``places`` (e, t, 2), ``normals`` (e, t, 2) times the lengths they stand for,
+    """Fits e of t points each: ``places`` (e, t, 2), ``normals`` (e, t, 2) times quadrature weights,
     ``stencils`` with the weights (nnz, 3 t) of value, d/dX and d/dY at each point.
 
-    ``fit``, ``owner`` and ``sign`` (m,) tell which fits act on which pieces: the row of a piece is the sum of
-    ``sign`` times the forces, of which the components ``kept`` (e, 2) count.
+    ``fit``, ``owner`` and ``sign`` (m,) assign fits to pieces: the row of a piece is the sum of ``sign``
+    times the forces in the components ``kept`` (e, 2).
     """
 
     places: FloatArray
@@ -41,7 +42,7 @@ class FacePoints:
 
     @property
     def count(self) -> int:
-        """How many points there are (q), all fits together."""
+        """Number of points (q) of all fits."""
         return int(self.places.shape[0] * self.places.shape[1])
 
     def seen(self, displacement: FloatArray) -> FloatArray:
@@ -53,15 +54,15 @@ class FacePoints:
         )
 
     def weights(self, point: int) -> FloatArray:
-        """The weights (nnz, 3) of value, d/dX and d/dY at the point number ``point`` of every fit."""
+        """Weights (nnz, 3) of value, d/dX and d/dY at point number ``point`` of every fit."""
         return self.stencils.weights[:, 3 * point : 3 * point + 3]
 
     def entries(self) -> IntArray:
-        """The fit (nnz,) that each entry of the stencils belongs to."""
+        """Fit (nnz,) of each stencil entry."""
         return np.repeat(np.arange(len(self.places)), np.diff(self.stencils.indptr))
 
     def rows(self, values: FloatArray) -> sparse.csr_array:
-        """Rows (e, 2N) of ``values`` (nnz, 2)."""
+        """Rows (e, 2N) with ``values`` (nnz, 2)."""
         return pair_rows(self.stencils, values)
 
 
@@ -78,7 +79,7 @@ def inner_points(body: ElasticBody) -> FacePoints:
 
 
 def held_points(body: ElasticBody) -> FacePoints:
-    """The sides with held components, in which they carry stress."""
+    """Points of the sides with held components, which carry stress."""
     model = body.model
     chosen = [name for name, components in body.gripped.items() if any(components)]
     found = [_along(body, name, rule_of(model)) for name in chosen]
@@ -90,7 +91,7 @@ def held_points(body: ElasticBody) -> FacePoints:
 
 
 def loaded_points(body: ElasticBody, surfaces: Collection[str]) -> FacePoints:
-    """The ``surfaces`` with given tractions, at the FINE points of their halves, where these are not held."""
+    """FINE points of the ``surfaces`` with prescribed tractions, in components that are not held."""
     found = [_along(body, name, FINE) for name in surfaces]
     kept = [
         np.tile(1.0 - np.array(body.gripped.get(name, FREE), dtype=float), (len(f[0]), 1))
@@ -125,7 +126,7 @@ def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Sten
 
 
 def rule_of(model: BodyModel) -> Rule:
-    """As many of Gauss's points as integrate the moments of stresses of the degree exactly."""
+    """Gauss rule that integrates moments of stresses of the polynomial degree exactly."""
     return GAUSS[model.settings.degree // 2 + 1]
 
 

@@ -1,4 +1,4 @@
-"""What acts on a body in a state: forces of loads by number, of held sides by name, and their balance."""
+"""Forces on a body in a state: of loads by number, of held sides by name, and their balance."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 @dataclass(frozen=True)
 class Forces:
     """Forces on a body in one state: ``loads`` (L, 2) of tractions, pressures and body forces, ``reactions``
-    (2,) of held sides by surface. ``size`` is the largest of what they add up to without their directions."""
+    (2,) of held sides by surface. ``size`` is the largest sum of their magnitudes."""
 
     loads: FloatArray
     reactions: dict[str, FloatArray]
@@ -25,7 +25,7 @@ class Forces:
 
     @classmethod
     def of(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> Forces:
-        """In the state of ``displacement`` (2N,) and load ``factors`` (L,)."""
+        """Forces at ``displacement`` (2N,) and load ``factors`` (L,)."""
         series = BodySeries(body, 0)
         series.put(0, displacement, factors)
         loads, reactions = _of_loads(body, displacement, factors), _reactions(body, series)
@@ -33,17 +33,17 @@ class Forces:
         return cls(loads, reactions, max([*sizes, *np.hypot(*loads.T).tolist()], default=0.0))
 
     def held(self, surfaces: Iterable[str]) -> FloatArray:
-        """The force (2,) of some surfaces together."""
+        """Total force (2,) of some surfaces."""
         return np.asarray(sum((self.reactions.get(name, np.zeros(2)) for name in surfaces), np.zeros(2)))
 
     @property
     def total(self) -> FloatArray:
-        """What all forces add up to (2,); those of single held nodes are not among them."""
+        """Sum of all forces (2,), without those of single held nodes."""
         return np.asarray(np.array([*self.loads, *self.reactions.values()]).reshape(-1, 2).sum(axis=0))
 
     @property
     def rest(self) -> float:
-        """What all forces together leave; forces of single held nodes are not among them."""
+        """Force imbalance, without forces of single held nodes."""
         return float(np.abs(self.total).max())
 
 
@@ -62,7 +62,7 @@ def _of_loads(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -
 
 
 def _reactions(body: FiniteBody, series: BodySeries) -> dict[str, FloatArray]:
-    """By surface, in the order of the held points, and of springs that give way."""
+    """Reactions by surface, in the order of the held points, and of soft springs."""
     found = {name: series.spring_forces(name) for name in body.elastic.soft_springs}
     first = 0
     force = series.held_forces()

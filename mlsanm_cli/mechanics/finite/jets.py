@@ -1,8 +1,7 @@
-"""Power series of fields with their derivatives in space, multiplied order by order.
+"""Power series of fields with spatial derivatives (jets), multiplied order by order.
 
-A series is an array (K + 1, j, n): coefficients of the orders 0 to K at n points, of which j = 1 holds the
-value alone and j = 3 value, d/dX and d/dY. Within one order these make an algebra of their own: products
-follow Leibniz' rule.
+A series is an array (K + 1, j, n): coefficients of orders 0 to K at n points; j = 1 for values only, j = 3
+for value, d/dX and d/dY. Products within one order follow Leibniz' rule.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from mlsanm_cli.arrays import FloatArray
 def cauchy(
     one: FloatArray, other: FloatArray, order: int, first: int = 0, last: int | None = None
 ) -> FloatArray:
-    """What the orders ``first`` to ``last`` (by default all) of ``one`` (K + 1, j, n) add to the coefficient
-    of ``order`` of the product with ``other`` (K + 1, j, n): (j, n)."""
+    """Contribution (j, n) of the orders ``first`` to ``last`` (default all) of ``one`` (K + 1, j, n) to the
+    coefficient of ``order`` of its product with ``other`` (K + 1, j, n)."""
     end = order if last is None else last
     low = one[first : end + 1]
     high = other[order - end : order - first + 1][::-1]
@@ -24,7 +23,7 @@ def cauchy(
 
 
 def added_products(low: FloatArray, high: FloatArray) -> FloatArray:
-    """The sum over the first axis of products of jets ``low`` and ``high`` (k, j, n): (j, n)."""
+    """Sum over the first axis of products of jets ``low`` and ``high`` (k, j, n): (j, n)."""
     result = np.empty(low.shape[1:])
     result[0] = np.einsum("kn,kn->n", low[:, 0], high[:, 0])
     if low.shape[1] > 1:
@@ -34,12 +33,12 @@ def added_products(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def times(one: FloatArray, other: FloatArray) -> FloatArray:
-    """The product of two jets (j, n)."""
+    """Product of two jets (j, n)."""
     return added_products(one[None], other[None])
 
 
 def inverse(one: FloatArray) -> FloatArray:
-    """1 over a jet (j, n)."""
+    """Reciprocal of a jet (j, n)."""
     result = np.empty_like(one)
     result[0] = 1.0 / one[0]
     result[1:] = -one[1:] * result[0] ** 2
@@ -47,6 +46,5 @@ def inverse(one: FloatArray) -> FloatArray:
 
 
 def weighted(series: FloatArray, order: int) -> FloatArray:
-    """The ``series`` (K + 1, j, n) up to ``order``, every coefficient times its own order: a times the
-    derivative by the parameter a."""
+    """The ``series`` (K + 1, j, n) up to ``order``, each coefficient times its order: a d/da."""
     return series[: order + 1] * np.arange(order + 1.0)[:, None, None]

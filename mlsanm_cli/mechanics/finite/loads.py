@@ -1,7 +1,7 @@
-"""What acts on a body at finite strain: given displacements, dead and following loads, by load factors.
+"""Loads on a body at finite strain: prescribed displacements, dead and follower loads, by load factors.
 
-Dead loads keep their direction and their amount per reference length or volume. A pressure that follows is
-per current length along the current normal: its nominal traction is - p cof(F) N, linear in F in the plane.
+Dead loads keep their direction and their amount per reference length or volume. A follower pressure acts per
+current length along the current normal: its nominal traction is - p cof(F) N, linear in F in the plane.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from mlsanm_cli.mechanics.finite.faces import FacePoints, loaded_points
 
 @dataclass(frozen=True)
 class FollowerPressure:
-    """A pressure that follows: ``nodal`` (b,) at a surface's nodes and ``between`` (g,) them, at the FINE
-    points of its halves, for load ``number`` at factor 1."""
+    """A follower pressure: ``nodal`` (b,) at a surface's nodes and ``between`` (g,) them, at the FINE points,
+    for load ``number`` at factor 1."""
 
     number: int
     surface: str
@@ -30,8 +30,8 @@ class FollowerPressure:
 
 @dataclass(frozen=True)
 class Warming:
-    """What a change of temperature stretches a free body by beyond 1, for load ``number`` at factor 1:
-    ``nodal`` (n,) at the cloud's points, and ``at`` others (e, 2)."""
+    """Thermal stretch beyond 1 for load ``number`` at factor 1: ``nodal`` (n,) at the cloud's points, and
+    ``at`` other points (e, 2)."""
 
     number: int
     nodal: FloatArray
@@ -40,8 +40,8 @@ class Warming:
 
 @dataclass(frozen=True)
 class Turning:
-    """A rigid plate that turns by ``rate`` (L,) per load factor: nodes that it holds in the ``rows`` (b,), of
-    a displacement in x (0) or y (1), ``component``, are at ``arms`` (b, 2) from where it turns about."""
+    """A rigid plate that rotates by ``rate`` (L,) per load factor: nodes with the ``rows`` (b,) of a
+    displacement ``component`` x (0) or y (1) have ``arms`` (b, 2) from its centre."""
 
     rate: FloatArray
     component: int
@@ -49,20 +49,21 @@ class Turning:
     arms: FloatArray
 
     def moved(self, cos: float, sin: float) -> FloatArray:
-        """Displacements (b,) of places whose arms are multiplied by cos and, a quarter turn ahead, by sin."""
+        """Displacements (b,) of points whose arms are multiplied by a rotation matrix of entries cos and
+        sin."""
         x, y = self.arms.T
         return np.asarray(cos * x - sin * y if self.component == 0 else sin * x + cos * y)
 
 
 @dataclass(frozen=True)
 class Loads:
-    """All loads on a body, of ``count`` load factors (L).
+    """All loads on a body, with ``count`` load factors (L).
 
     ``sources`` (r, L) are right-hand sides of the nodes' rows: displacements, tractions, minus forces per
-    volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface's halves, ``force``
-    (n, 2, L) is per volume, linear between the nodes unless its force and moment on the pieces before they
-    deform are ``known`` (3k, L); ``pressing`` is what follows, ``warming`` what expands, ``turning`` are
-    plates that turn by any angle.
+    volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface, ``force`` (n, 2,
+    L) is per volume, linear between nodes unless its force and moment on the undeformed pieces are ``known``
+    (3k, L); ``pressing`` are follower pressures, ``warming`` thermal stretches, ``turning`` plates with
+    finite rotation.
     """
 
     count: int
@@ -76,16 +77,15 @@ class Loads:
 
     @property
     def surfaces(self) -> tuple[str, ...]:
-        """The surfaces with given tractions."""
+        """The surfaces with prescribed tractions."""
         return tuple(dict.fromkeys([*self.tractions, *(one.surface for one in self.pressing)]))
 
 
 @dataclass(frozen=True)
 class Applied:
-    """Loads at the points where a ``body``'s pieces take them: ``dead`` (2, q, L) forces, ``pressure``
-    (q, L) of what follows; at its nodes ``pressed`` (r, L) for every row of a traction, which is 0 for
-    others. Springs that give way pull back with ``pulling`` (2, q) times the displacement; ``along`` has the
-    points of every surface."""
+    """Loads at the quadrature points of a ``body``'s pieces: ``dead`` (2, q, L) forces, follower ``pressure``
+    (q, L); at its nodes ``pressed`` (r, L) for every traction row, 0 for others. Soft springs have the
+    stiffness ``pulling`` (2, q); ``along`` are the ranges of points of every surface."""
 
     points: FacePoints
     dead: FloatArray
@@ -96,7 +96,7 @@ class Applied:
 
     @classmethod
     def on(cls, body: ElasticBody, loads: Loads) -> Applied:
-        """Find the points, and what acts there."""
+        """Locate the points and evaluate the loads there."""
         surfaces = tuple(dict.fromkeys([*loads.surfaces, *body.soft_springs]))
         points = loaded_points(body, surfaces)
         dead = np.zeros((2, points.count, loads.count))
@@ -126,11 +126,11 @@ class Applied:
 
     @property
     def follows(self) -> bool:
-        """Whether any load follows the body."""
+        """Whether there are follower loads."""
         return bool(self.pressure.any() or self.pressed.any())
 
 
 def cofactor_normal(gradient: FloatArray, normal: FloatArray) -> FloatArray:
-    """cof(F) N (2, n) by the components 11, 12, 21, 22 of F (4, n) and N (n, 2); linear in F."""
+    """cof(F) N (2, n) from the components 11, 12, 21, 22 of F (4, n) and N (n, 2); linear in F."""
     xx, xy, yx, yy = gradient
     return np.stack([yy * normal[:, 0] - yx * normal[:, 1], -xy * normal[:, 0] + xx * normal[:, 1]])

@@ -1,4 +1,4 @@
-"""A stage of a body's path at finite strain, as the continuation methods take it."""
+"""A stage of a body's path at finite strain, for the continuation methods."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
 
 @dataclass(frozen=True)
 class FiniteProblem:
-    """R(u, lam) = 0 for the nodal displacement u (2N,), load factors going from ``start`` to ``end`` (L,).
+    """R(u, lam) = 0 for the nodal displacement u (2N,), with load factors from ``start`` to ``end`` (L,).
 
-    A residual is the displacement that would mend the state at the projector's station, over ``length``, the
-    typical displacement.
+    The residual is the displacement that would correct the state at the projector's station, over ``length``,
+    the typical displacement.
     """
 
     body: FiniteBody
@@ -34,29 +34,29 @@ class FiniteProblem:
 
     @property
     def scale(self) -> FloatArray:
-        """The typical displacement (2N,)."""
+        """Typical displacement (2N,)."""
         return np.full(self.size, self.length)
 
     def factors(self, lam: float) -> FloatArray:
-        """Load factors (L,) at a part of the stage."""
+        """Load factors (L,) at path parameter ``lam``."""
         return np.asarray((1.0 - lam) * self.start + lam * self.end)
 
     def left(self, x: FloatArray, lam: float) -> FloatArray:
-        """What is left of the rows (r,) beyond what the projector's are to keep."""
+        """Residual of the rows (r,) minus the projector's ``rest``."""
         series = BodySeries(self.body, 0)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             series.put(0, x, self.factors(lam))
             return series.rows(0) - self.projector.rest
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        """What would mend the state, (2N,), over the typical displacement; nan where det F <= 0."""
+        """Correcting displacement (2N,) over the typical displacement; nan where det F <= 0."""
         left = self.left(x, lam)
         if not np.isfinite(left).all():
             return np.full(self.size, np.nan)
         return self.projector.displaced(left) / self.length
 
     def tangent(self, x: FloatArray, lam: float) -> FiniteTangent:
-        """The factorised derivative; LinAlgError where it is singular."""
+        """The factorised derivative; raises LinAlgError if singular."""
         try:
             factorised = self.projector.factorised(x, self.factors(lam))
         except NumericalError as error:
@@ -68,7 +68,7 @@ class FiniteProblem:
         return self.projector.displaced(self._loaded(x, lam).rows(1)) / self.length
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
-        """Minus the coefficient (2N,) of the next order, by those of the lower ones."""
+        """Minus the coefficient (2N,) of the next order, from those of lower orders."""
         series = self._series(x, lam, len(x))
         series.put(len(x), None, np.zeros(len(self.start)))
         return -self.projector.displaced(series.rows(len(x))) / self.length
@@ -90,7 +90,7 @@ class FiniteProblem:
         return series
 
     def _part(self, lam: FloatArray, order: int) -> FloatArray:
-        """The coefficient (L,) of the load factors."""
+        """Coefficient (L,) of the load factors."""
         return self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
 
 
@@ -102,13 +102,13 @@ class FiniteTangent:
     factorised: Factorised
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        """The displacement (2N,) that changes the residual by ``rhs`` (2N,)."""
+        """Displacement (2N,) that changes the residual by ``rhs`` (2N,)."""
         return self.factorised.solve(self.problem.projector.image(self.problem.length * rhs))
 
     def orders(
         self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
     ) -> None:
-        """Fill the coefficients of the orders from 2 on of ``x`` (N + 1, 2N) and ``lam`` (N + 1,)."""
+        """Compute the coefficients of orders from 2 on of ``x`` (N + 1, 2N) and ``lam`` (N + 1,)."""
         problem, last = self.problem, len(lam) - 1
         series = problem._series(x[:2], lam[:2], last)
         nothing = np.zeros(len(problem.start))

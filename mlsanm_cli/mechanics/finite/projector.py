@@ -1,14 +1,14 @@
 """The equations of a body at finite strain, and their factorised derivative.
 
-Least squares of nonlinear rows R would ask for J(u)^T W^2 R(u) = 0, whose own derivative is not at hand:
-Gauss-Newton iterations converge slowly, and series jump from step to step. So the rows J_0 of one state, the
-station, make the equations of a path, a smooth square system::
+Nonlinear least squares for rows R would solve J(u)^T W^2 R(u) = 0, whose own derivative is not available:
+Gauss-Newton iterations converge slowly, and series jump from step to step. Therefore the rows J_0 of one
+state, the station, define the equations of a path, a smooth square system::
 
     J_0^T W^2 R(u) = 0        derivative  J_0^T W^2 J(u)
 
-W weighs the rows as in the linear body and its pieces as strongly as there. Right at the station that is the
-linear least-squares problem, and what it makes of R is the measure of how far a state is from a solution: the
-displacement that would mend it.
+W are the weights of the linear body, with pieces as strong as there. At the station this is the linear
+least-squares problem, whose solution for R measures the error of a state: the displacement that would correct
+it.
 
 Equation (17) of docs/method.md.
 """
@@ -31,32 +31,32 @@ from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 
-DIAGONAL = 1e-3
-"""Pivots are diagonal entries down to this part of their columns' largest. Block under a cylinder, 0.3 R
-deep, 487 nodes: with 0.1 the factor takes 2.2 times as long and solutions twice, at the same accuracy, as
-other pivots undo the nested dissection."""
-REFINEMENTS, REFINED = 8, 1e-7
-"""Most refinements of a solution, and the part of it by which the last one that matters changes it: the next
-would change it by this part of that, at most. A bar on springs of 1e-5 of its modulus takes four."""
+PIVOT_THRESHOLD = 1e-3
+"""A diagonal entry is accepted as pivot down to this fraction of the largest in its column. Block under a
+cylinder, 0.3 R deep, 487 nodes: with 0.1 the factor takes 2.2 times as long and solutions twice, at the same
+accuracy, as other pivots destroy the nested dissection."""
+MAX_REFINEMENTS, REFINEMENT_TOLERANCE = 8, 1e-7
+"""Largest number of refinements of a solution, and relative change below which the last one is sufficient:
+the next one would change it by this fraction of that. A bar on springs of 1e-5 of its modulus takes four."""
 
 NO_ROWS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights (r - 3k,) of the nodes' rows and scales (3k,) of the pieces', 0 where they say nothing."""
+    """Weights (r - 3k,) of the nodes' rows and scales (3k,) of the pieces', 0 where unknown."""
 
     nodes: FloatArray
     pieces: FloatArray
 
     @classmethod
     def of(cls, body: FiniteBody, left_out: IntArray = NO_ROWS) -> Weights:
-        """As the linear body has them, but for rows (m,) ``left_out``."""
+        """Weights of the linear body, zero for rows (m,) ``left_out``."""
         elastic = body.elastic
         model, pieces = elastic.model, elastic.pieces
         nodes = row_weights(model, elastic.held, elastic.held_nodes, body.table, elastic.gripped)
         nodes[left_out] = 0.0
-        # Pins only say where a body is: they take no force from its pieces.
+        # Pins only fix the position: they take no force from pieces.
         bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
         known: BoolArray = pieces.rows_known(list(bearing))
         scale = np.tile(pieces.strength / (model.material.modulus * pieces.size), 3)
@@ -65,9 +65,11 @@ class Weights:
 
 @dataclass(frozen=True)
 class Projector:
-    """The rows of a ``station`` (2N,), a displacement, as they are weighted, with their factorised
-    least-squares problem; ``places`` (k, 2) are the means of the pieces' nodes. Equations are of what rows
-    are left with beyond the ``rest`` (r,), which is 0 but where the station is to solve them itself."""
+    """The weighted rows at a ``station`` (2N,), a displacement, with their factorised least-squares problem.
+
+    ``places`` (k, 2) are the means of the pieces' nodes. The equations are for the residual minus ``rest``
+    (r,), which is 0 unless the station is to be a solution itself.
+    """
 
     body: FiniteBody
     weights: Weights
@@ -86,8 +88,8 @@ class Projector:
         solver: DirectSolver,
         keeps: bool = False,
     ) -> Projector:
-        """Those of a state of ``displacement`` (2N,) and load ``factors`` (L,), which solves them itself if
-        it ``keeps`` what its nodes' rows are left with; NumericalError for a singular one."""
+        """The projector at ``displacement`` (2N,) and load ``factors`` (L,); with ``keeps`` that state solves
+        the nodes' rows by definition. Raises NumericalError if singular."""
         nodes, pieces = body.elastic.model.nodes, body.elastic.pieces
         rows, strong_rows = weighted_rows(body, weights, displacement, factors)
         count = 3 * pieces.count
@@ -108,15 +110,15 @@ class Projector:
         return cls(body, weights, displacement, system, places, rest)
 
     def displaced(self, left: FloatArray) -> FloatArray:
-        """The displacement (2N,) that what is ``left`` (r,) of the rows stands for, at the station."""
+        """Displacement (2N,) that corresponds to a residual ``left`` (r,) of the rows, at the station."""
         return self.system.solve(sparse.csc_array(left[:, None]))[:, 0]
 
     def scaled(self, left: FloatArray) -> FloatArray:
-        """What is ``left`` (r,) of the rows as they are weighted."""
+        """Weighted residual (r,)."""
         return np.asarray(left * np.concatenate([self.weights.nodes, self.weights.pieces]))
 
     def image(self, displacement: FloatArray) -> FloatArray:
-        """The station's weighted rows (r,) of a ``displacement`` (2N,)."""
+        """The station's weighted rows (r,) applied to a ``displacement`` (2N,)."""
         return np.concatenate([self.system.rows @ displacement, self.system.strong.rows @ displacement])
 
     @cached_property
@@ -124,19 +126,20 @@ class Projector:
         return sparse.csr_array(self.system.rows.T)
 
     def gathered(self, scaled: FloatArray) -> FloatArray:
-        """The equations' right-hand side (2N,) by weighted rows (r,), those of the pieces left out."""
+        """Right-hand side (2N,) of the equations for weighted rows (r,), without those of the pieces."""
         return np.asarray(self._turned @ scaled[: len(self.weights.nodes)])
 
     def scaled_columns(self, left: sparse.csr_array) -> FloatArray:
-        """The same of several (r, c), as an array."""
+        """The same for several columns (r, c), as an array."""
         scale = np.concatenate([self.weights.nodes, self.weights.pieces])
         return np.asarray((sparse.diags_array(scale) @ left).toarray())
 
     def factorised(
         self, displacement: FloatArray, factors: FloatArray, turning: sparse.csr_array | None = None
     ) -> Factorised:
-        """The derivative of the equations in a state of ``displacement`` (2N,) and load ``factors`` (L,), the
-        rows ``turning`` (r, 2N) of other loads that turn added; NumericalError where it is singular."""
+        """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,), with rows
+        ``turning`` (r, 2N) of other configuration-dependent loads added. Raises NumericalError if
+        singular."""
         if np.array_equal(displacement, self.station) and (turning is None or not turning.nnz):
             return Factorised(self, self.system.rows, self.system.strong.rows, None)
         rows, strong = weighted_rows(self.body, self.weights, displacement, factors)
@@ -150,12 +153,12 @@ class Projector:
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
         matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
-        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), DIAGONAL)
+        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), PIVOT_THRESHOLD)
         return Factorised(self, rows, strong, factor)
 
     @cached_property
     def _multipliers(self) -> sparse.csr_array:
-        """Where the pieces' rows have their multipliers (4k, 3k): two vertices of two for every piece."""
+        """Positions of the pieces' multipliers (4k, 3k): two vertices of two for every piece."""
         count = self.body.count
         number = np.arange(3 * count)
         line = 4 * (number % count) + number // count
@@ -168,8 +171,8 @@ class Projector:
 
 @dataclass(frozen=True)
 class Factorised:
-    """The factorised derivative of a projector's equations in a state, whose weighted rows are ``rows`` and
-    ``strong``; at the station it is the projector's own, and there is no other ``factor``."""
+    """The factorised derivative of a projector's equations in a state with weighted ``rows`` and ``strong``;
+    at the station ``factor`` is None, as the projector has one."""
 
     projector: Projector
     rows: sparse.csr_array
@@ -177,22 +180,22 @@ class Factorised:
     factor: Factor | None
 
     def solve(self, scaled: FloatArray) -> FloatArray:
-        """The displacement (2N,) whose rows in this state are the ``scaled`` (r,), as far as the equations
-        see, refined on the rows themselves: once, or as often as soft springs of a stiff body ask for."""
+        """Displacement (2N,) whose rows in this state are ``scaled`` (r,) in the sense of the equations, with
+        as many refinements as needed."""
         solution = self.solve_unrefined(scaled)
-        for _ in range(REFINEMENTS):
+        for _ in range(MAX_REFINEMENTS):
             change = self.solve_unrefined(scaled - self.image(solution))
             solution = solution + change
-            if not np.abs(change).max() > REFINED * np.abs(solution).max():
+            if not np.abs(change).max() > REFINEMENT_TOLERANCE * np.abs(solution).max():
                 break
         return solution
 
     def image(self, displacement: FloatArray) -> FloatArray:
-        """The weighted rows (r,) of a ``displacement`` (2N,) in this state."""
+        """The weighted rows (r,) of this state applied to a ``displacement`` (2N,)."""
         return np.concatenate([self.rows @ displacement, self.strong @ displacement])
 
     def solve_unrefined(self, scaled: FloatArray) -> FloatArray:
-        """The same by the factor alone, of one (r,) or several (r, c)."""
+        """The same by the factor alone, for one (r,) or several (r, c)."""
         projector = self.projector
         count = len(projector.weights.nodes)
         if self.factor is None:
@@ -207,7 +210,7 @@ class Factorised:
 def weighted_rows(
     body: FiniteBody, weights: Weights, displacement: FloatArray, factors: FloatArray
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces in a state, weighted."""
+    """Weighted rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces in a state."""
     rows = derivative_rows(body, displacement, factors)
     rows.data *= np.repeat(weights.nodes, np.diff(rows.indptr))
     strong = derivative_pieces(body, displacement, factors)

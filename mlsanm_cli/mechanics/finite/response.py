@@ -1,4 +1,5 @@
-"""Series of F and P at points, filled order by order: what laws answer to deformation and to free stretches.
+"""Series of F and P at points, filled order by order: responses of the laws to deformation and thermal
+stretch.
 
 Equations (23) and (24) of docs/method.md.
 """
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from mlsanm_cli.mechanics.finite.law import Law
 
 COFACTOR = ((3, 1.0), (2, -1.0), (1, -1.0), (0, 1.0))
-"""Which component of F, with which sign, is each one of det(F) F^-T in the plane."""
+"""Component of F and sign for each component of det(F) F^-T in the plane."""
 ITERATIONS = 60
 
 
@@ -29,19 +30,19 @@ class Response:
         self.stress = np.zeros((4, *shape))
 
     def put(self, order: int, gradient: FloatArray | None, stretch: FloatArray | None = None) -> None:
-        """Set ``order`` of the displacement gradient (4, j, n), None for nothing yet, and of the free
-        ``stretch`` (j, n) of what is warm, and find P there."""
+        """Set ``order`` of the displacement gradient (4, j, n), None if unknown, and of the thermal
+        ``stretch`` (j, n) if any, and compute P."""
         self.gradient[:, order] = 0.0 if gradient is None else gradient
         if not order:
             self.gradient[[0, 3], 0, 0] += 1.0
         self._respond(order, stretch)
 
     def thin(self, order: int, warm: Logarithm) -> None:
-        """Take over ``order`` of the elastic stretch across the plane, 1 over that of what is ``warm``."""
+        """Set ``order`` of the out-of-plane elastic stretch, the reciprocal of the thermal one (``warm``)."""
         raise NotImplementedError
 
     def across(self) -> FloatArray:
-        """In plane stress the stretch (n,) across the plane."""
+        """Out-of-plane stretch (n,) in plane stress."""
         raise NotImplementedError
 
     def _respond(self, order: int, stretch: FloatArray | None) -> None:
@@ -49,7 +50,7 @@ class Response:
 
 
 class Logarithm:
-    """A series of positive ``values`` with 1 ``over`` them and their ``log``, all (K + 1, j, n)."""
+    """A series of positive ``values`` with their reciprocal ``over`` and their ``log``, all (K + 1, j, n)."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.values, self.over, self.log = (np.zeros(shape) for _ in range(3))
@@ -69,7 +70,7 @@ class Logarithm:
 
 
 class Warm(Response):
-    """What a ``cold`` law answers to the deformation beyond a free stretch."""
+    """The response of a ``cold`` law to the deformation relative to a thermal stretch."""
 
     def __init__(self, cold: Response, shape: tuple[int, ...]) -> None:
         super().__init__(cold.law, shape)
@@ -89,12 +90,12 @@ class Warm(Response):
             self.stress[place, order] = cauchy(self._square, one, order)
 
     def across(self) -> FloatArray:
-        """In plane stress the stretch (n,) across the plane."""
+        """Out-of-plane stretch (n,) in plane stress."""
         return np.asarray(self._warm.values[0, 0] * self._cold.across())
 
 
 class Kirchhoff(Response):
-    """Saint Venant-Kirchhoff's law."""
+    """The Saint Venant-Kirchhoff law."""
 
     def __init__(self, law: Law, shape: tuple[int, ...]) -> None:
         super().__init__(law, shape)
@@ -102,13 +103,13 @@ class Kirchhoff(Response):
         self._lam = law.lam if law.plane == "strain" else 2.0 * law.lam * law.mu / (law.lam + 2.0 * law.mu)
 
     def thin(self, order: int, warm: Logarithm) -> None:
-        """Green's strain across the plane."""
+        """Set the out-of-plane Green-Lagrange strain."""
         self._thin[order] = 0.5 * cauchy(warm.over, warm.over, order)
         if not order:
             self._thin[0, 0] -= 0.5
 
     def across(self) -> FloatArray:
-        """In plane stress the stretch (n,) across the plane."""
+        """Out-of-plane stretch (n,) in plane stress."""
         law, (xx, xy, yx, yy) = self.law, self.gradient[:, 0, 0]
         strain = 0.5 * (xx**2 + xy**2 + yx**2 + yy**2) - 1.0
         square = 1.0 - 2.0 * law.lam / (law.lam + 2.0 * law.mu) * strain
@@ -139,11 +140,11 @@ class Neo(Response):
         self._factor, self._theta, self._theta_log, self._thin = (np.zeros(shape) for _ in range(4))
 
     def thin(self, order: int, warm: Logarithm) -> None:
-        """Its logarithm is part of that of the volume."""
+        """Set the logarithm of the out-of-plane stretch, part of that of the volume."""
         self._thin[order] = -warm.log[order]
 
     def across(self) -> FloatArray:
-        """In plane stress the stretch (n,) across the plane."""
+        """Out-of-plane stretch (n,) in plane stress."""
         return np.asarray(np.sqrt(self._theta[0, 0]))
 
     def _respond(self, order: int, _: FloatArray | None) -> None:
@@ -162,8 +163,8 @@ class Neo(Response):
             )
 
     def _stretch(self, order: int) -> None:
-        """The square of the stretch across the plane, and its logarithm M: mu (theta - 1) + lam (L + M/2) = 0
-        and a theta' = theta a M'."""
+        """Squared out-of-plane stretch theta and its logarithm M: mu (theta - 1) + lam (L + M/2) = 0 and
+        a theta' = theta a M'."""
         lam, mu, theta, log = self.law.lam, self.law.mu, self._theta, self._theta_log
         volume = self._volume.log
         if not order:

@@ -1,4 +1,4 @@
-"""The derivative of a body's rows by the nodal displacements, in a state of finite strain."""
+"""Derivative of a body's rows by the nodal displacements, in a state of finite strain."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import SECOND, BodySeries
 from mlsanm_cli.mechanics.finite.faces import FacePoints
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows
-from mlsanm_cli.operators.stencils import Stencils
+from mlsanm_cli.operators.stencil_weights import Stencils
 
 
 def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
-    """Rows (r - 3k, 2N) of the nodes in a state of ``displacement`` (2N,) and load ``factors`` (L,)."""
+    """Rows (r - 3k, 2N) of the nodes at ``displacement`` (2N,) and load ``factors`` (L,)."""
     elastic = body.elastic
     model, stencils = elastic.model, elastic.model.stencils
     stress, divergence = _coefficients(body, displacement, factors)
@@ -44,8 +44,8 @@ def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatAr
 def _coefficients(
     body: FiniteBody, displacement: FloatArray, factors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """At the nodes, what derivatives of the displacement add to P (4, 2, 2, n), by d/dX and d/dY of u_x and
-    u_y, and to Div P (2, 5, 2, n), by all five derivatives."""
+    """Derivatives at the nodes of P (4, 2, 2, n) by d/dX and d/dY of u_x and u_y, and of Div P (2, 5, 2, n)
+    by all five derivatives."""
     derivatives = body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
     count = len(derivatives)
     series = BodyJets.of(body, derivatives, factors)
@@ -61,7 +61,7 @@ def _coefficients(
 
 
 class BodyJets:
-    """The law at the nodes of a state, and its answer to unit derivatives."""
+    """The law at the nodes of a state, and its response to unit derivatives."""
 
     def __init__(self, body: FiniteBody, gradient: FloatArray, factors: FloatArray) -> None:
         stretch = body.stretch_jets(factors, 0)
@@ -70,7 +70,7 @@ class BodyJets:
 
     @classmethod
     def of(cls, body: FiniteBody, derivatives: FloatArray, factors: FloatArray) -> BodyJets:
-        """By the ``derivatives`` (n, 6, 2) of the displacement and load ``factors`` (L,)."""
+        """From ``derivatives`` (n, 6, 2) of the displacement and load ``factors`` (L,)."""
         gradient = np.zeros((4, 3, len(derivatives)))
         for component in (0, 1):
             for axis in (0, 1):
@@ -80,7 +80,8 @@ class BodyJets:
         return cls(body, gradient, factors)
 
     def moved(self, kind: int, component: int) -> FloatArray:
-        """P (4, 3, n), a jet, by the derivative number ``kind`` of one displacement ``component``."""
+        """Change of P (4, 3, n), a jet, by the derivative number ``kind`` of one displacement
+        ``component``."""
         unit = np.zeros_like(self._series.gradient[:, 1])
         if kind < 2:
             unit[2 * component + kind, 0] = 1.0
@@ -102,7 +103,7 @@ def _rows(stencils: Stencils, kinds: range, coefficients: FloatArray) -> sparse.
 
 
 def _cofactor(normal: FloatArray) -> FloatArray:
-    """d cof(F) N / dF (2, 2, 2, n): by component of the result, derivative and displacement component."""
+    """d cof(F) N / dF (2, 2, 2, n): component of the result, derivative, displacement component."""
     found = np.zeros((2, 2, 2, len(normal)))
     x, y = normal.T
     found[0, 1, 1], found[0, 0, 1] = x, -y
@@ -111,7 +112,7 @@ def _cofactor(normal: FloatArray) -> FloatArray:
 
 
 def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
-    """Rows (3k, 2N) of the pieces in a state of ``displacement`` (2N,) and load ``factors`` (L,)."""
+    """Rows (3k, 2N) of the pieces at ``displacement`` (2N,) and load ``factors`` (L,)."""
     state = BodySeries(body, 0)
     state.put(0, displacement, factors)
     force, place, middle = state.state()
@@ -142,8 +143,8 @@ def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: Float
 
 
 def _moduli(body: FiniteBody, points: FacePoints, u: FloatArray, stretch: FloatArray | None) -> FloatArray:
-    """Derivatives (2, 2, 2, e, t) of P N at points that carry stress: component of the force, derivative,
-    component of the displacement ``u`` (N, 2)."""
+    """Derivatives (2, 2, 2, e, t) of P N at points with stress: component of the force, derivative, component
+    of the displacement ``u`` (N, 2)."""
     _, by_x, by_y = points.seen(u)
     gradient = np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
     whole = body.law.moduli(gradient, stretch).reshape(2, 2, 2, 2, *points.places.shape[:2])
@@ -153,7 +154,8 @@ def _moduli(body: FiniteBody, points: FacePoints, u: FloatArray, stretch: FloatA
 def held_force(
     body: FiniteBody, displacement: FloatArray, factors: FloatArray, names: Collection[str], about: FloatArray
 ) -> tuple[FloatArray, sparse.csr_array]:
-    """Force x, y and moment (3,) about a place (2,) on some held sides, and rows (3, 2N) of how they move."""
+    """Force x, y and moment (3,) about a point (2,) of some held sides, and rows (3, 2N) of their
+    derivatives."""
     inner, held = body.stressed
     series, u, stretch = BodySeries(body, 0), displacement.reshape(-1, 2), body.face_stretch(factors)
     series.put(0, displacement, factors)
@@ -185,9 +187,9 @@ def _spread(
     place: FloatArray,
     middle: FloatArray,
 ) -> sparse.csr_array:
-    """What points add: ``moduli`` (2, 2, 2, e, t) of their forces, by which springs are ``pulling``,
-    ``force`` and ``place`` (2, e, t), pieces' ``middle`` (2, k). Moments of a fit are taken about its own
-    middle, and there moved to the pieces."""
+    """Contribution of points with ``moduli`` (2, 2, 2, e, t) of their forces, spring stiffness ``pulling``,
+    ``force`` and ``place`` (2, e, t), to pieces with centres ``middle`` (2, k). Moments of a fit are taken
+    about its own centre and then transferred to the pieces."""
     entry, center = points.entries(), place.mean(axis=2)
     x, y, moment = (np.zeros((len(entry), 2)) for _ in range(3))
     for point in range(place.shape[2]):
@@ -211,7 +213,8 @@ def _spread(
 def _onto(
     body: FiniteBody, fit: IntArray, owner: IntArray, sign: FloatArray, center: FloatArray, middle: FloatArray
 ) -> sparse.csr_array:
-    """What adds forces x, forces y and moments about the ``center`` (2, e) of fits, (3e,), up to (3k,)."""
+    """Matrix (3k, 3e) that sums forces x, forces y and moments about the ``center`` (2, e) of fits on the
+    pieces."""
     count, fits, size = body.count, center.shape[1], body.elastic.pieces.size
     arm = (center[:, fit] - middle[:, owner]) / size[owner]
     line = [owner, count + owner, *[2 * count + owner] * 3]
@@ -224,8 +227,8 @@ def _onto(
 def load_columns(
     body: FiniteBody, displacement: FloatArray, factors: FloatArray, some: slice
 ) -> sparse.csr_array:
-    """Derivatives (r, l) of all rows by the factors of ``some`` loads, dead tractions and motions, in a state
-    of ``displacement`` (2N,) and load ``factors`` (L,)."""
+    """Derivatives (r, l) of all rows by the factors of ``some`` loads, dead tractions and motions, at
+    ``displacement`` (2N,) and load ``factors`` (L,)."""
     points, dead = body.applied.points, body.applied.dead[:, :, some]
     u = displacement.reshape(-1, 2)
     place = points.places.reshape(-1, 2).T + points.seen(u)[0].T
@@ -241,8 +244,8 @@ def load_columns(
 
 
 def _turned(body: FiniteBody, state: BodySeries, factors: FloatArray) -> sparse.csr_array:
-    """What the moments change by as the pieces' middles move (3k, 2N), to be taken off; with the body force
-    also by how its nodes do."""
+    """Derivative (3k, 2N) of the moments by the pieces' centres, to be subtracted; with body forces also by
+    their nodes."""
     count, nodes, size = body.count, len(body.elastic.model.nodes), body.elastic.pieces.size
     force = state.resultant()
     centers = body.centers.tocoo()

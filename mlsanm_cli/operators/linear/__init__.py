@@ -1,1 +1,1 @@
-"""Sparse symmetric positive definite systems behind one small interface."""
+"""Direct solvers for sparse symmetric definite systems behind one interface."""

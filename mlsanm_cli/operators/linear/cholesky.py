@@ -1,4 +1,4 @@
-"""Multifrontal factorisation over the fronts of the nested dissection, BLAS and LAPACK for the rest.
+"""Multifrontal factorisation with nested-dissection fronts, on top of BLAS and LAPACK.
 
 Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004).
 """
@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.domains import count_links, domains, fill_links
-from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise
+from mlsanm_cli.kernels.multifrontal import BLOCK_COLUMNS, borders, factorise
 from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
 from mlsanm_cli.operators.linear.fallback import verified_or_superlu
@@ -21,20 +21,20 @@ from mlsanm_cli.operators.linear.progress import watched
 from mlsanm_cli.operators.linear.scratch import MappedArray
 from mlsanm_cli.operators.structure import structure
 
-DOMAIN = 512
-"""Nodes of the largest domains. At 66k nodes they make the factor 25 % smaller and solutions no slower; with
-twice as many it is 29 %, and blocks of solutions take 5 % longer."""
+DOMAIN_NODES = 512
+"""Largest number of nodes of a domain. With 66k nodes domains make the factor 25 % smaller and solutions no
+slower; with twice this size it is 29 %, and blocks of solutions take 5 % longer."""
 
 
 @dataclass(frozen=True)
 class Fronts:
-    """Which unknowns are eliminated together, as the kernels want it.
+    """The elimination tree, in the format of the kernels.
 
-    ``order`` (n,) of the nodes, ``place`` (n,) of each in it; ``start`` (f + 1,) of the fronts, how many of
-    their last nodes are ``negative`` (f,), and their ``parent`` (f,); ``begin`` (f + 1,) of their borders in
-    ``border``, and how many nodes of each are ``kept`` (f,); ``panel`` (f + 1,), where each one's part of the
-    factor is; ``waiting``, the most numbers
-    that wait for their fronts. ``unit`` (u + 1,) are the domains, and the fronts above them.
+    ``order`` (n,) of the nodes, ``place`` (n,) its inverse; ``start`` (f + 1,) of the fronts, the number
+    ``negative`` (f,) of their last nodes with negative pivots, their ``parent`` (f,); ``begin`` (f + 1,)
+    offsets of their borders in ``border``, of which the first ``kept`` (f,) nodes are stored; ``panel`` (f +
+    1,) offsets in the factor; ``waiting``, peak size of pending updates; ``unit`` (u + 1,) offsets of the
+    domains and of the fronts above them.
     """
 
     order: IntArray
@@ -51,8 +51,8 @@ class Fronts:
 
     @classmethod
     def of(cls, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> Fronts:
-        """Those of the nested dissection of ``points`` (n, 2); pairs with a block are neighbours. The last
-        ``negative`` ones, no neighbours of each other, come last in their fronts."""
+        """Fronts of the nested dissection of ``points`` (n, 2) with adjacency ``graph``. The last
+        ``negative`` vertices, not adjacent to each other, come last in their fronts."""
         count = len(points) - negative
         tree = nested_dissection(points[:count], _leading(graph, count) if negative else graph)
         of_front = np.zeros(len(tree.parent), dtype=np.int64)
@@ -61,19 +61,21 @@ class Fronts:
         order, place = tree.order, np.empty_like(tree.order)
         place[order] = np.arange(len(points))
         begin, border, waiting = borders(tree.start, tree.parent, *structure(graph), order, place)
-        kept, unit = domains(tree.start, tree.parent, begin, border, DOMAIN)
+        kept, unit = domains(tree.start, tree.parent, begin, border, DOMAIN_NODES)
         pivots, height = 2 * np.diff(tree.start), 2 * np.diff(tree.start) + 2 * kept
-        whole = pivots // BLOCK
-        rest = pivots - BLOCK * whole
-        size = BLOCK * (whole * height - BLOCK * (whole * (whole - 1) // 2)) + rest * (height - BLOCK * whole)
+        whole = pivots // BLOCK_COLUMNS
+        rest = pivots - BLOCK_COLUMNS * whole
+        size = BLOCK_COLUMNS * (whole * height - BLOCK_COLUMNS * (whole * (whole - 1) // 2)) + rest * (
+            height - BLOCK_COLUMNS * whole
+        )
         panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
         return cls(order, place, tree.start, of_front, tree.parent, begin, border, kept, panel, waiting, unit)
 
     def links(self, blocks: sparse.bsr_array) -> Links:
-        """What joins the nodes of domains with those around: where each node's begin (n + 1,), which nodes
-        they go to (m,), and the ``blocks`` (m, 2, 2) of the matrix that do."""
+        """Links between domains and their borders: offsets (n + 1,) per node, target nodes (m,), and the
+        ``blocks`` (m, 2, 2) of the matrix."""
         count = len(self.order)
-        # Fronts above the domains have none: their panels keep all rows.
+        # Fronts above the domains store all rows and have no links.
         root, last = self.unit[1:] - 1, self.start[self.unit[1:]]
         bare = self.kept[root] < np.diff(self.begin)[root]
         end = np.repeat(np.where(bare, last, count), np.diff(self.start[self.unit]))
@@ -86,10 +88,10 @@ class Fronts:
 
 
 def _leading(graph: sparse.bsr_array, count: int) -> sparse.bsr_array:
-    """The first ``count`` rows and columns of a ``graph`` in blocks of two."""
+    """The leading ``count`` rows and columns of a ``graph`` in 2 x 2 blocks."""
     kept = graph.indices[: graph.indptr[count]] < count
     begin = np.concatenate([[0], np.cumsum(kept)])[graph.indptr[: count + 1]]
-    # Only the pattern counts.
+    # Only the pattern is used.
     blocks = np.broadcast_to(np.zeros((2, 2)), (begin[-1], 2, 2))
     entries = (blocks, graph.indices[: graph.indptr[count]][kept], begin)
     return sparse.bsr_array(entries, shape=(2 * count, 2 * count))
@@ -97,8 +99,7 @@ def _leading(graph: sparse.bsr_array, count: int) -> sparse.bsr_array:
 
 @dataclass(frozen=True)
 class CholeskyFactor:
-    """``panels`` of the factor; ``order`` (2n,) is the order of elimination; ``links``
-    join domains to their borders."""
+    """``panels`` of the factor, elimination ``order`` (2n,), and ``links`` of the domains."""
 
     fronts: Fronts
     order: IntArray
@@ -113,13 +114,13 @@ class CholeskyFactor:
 
     @property
     def arrays(self) -> tuple[*Tree, IntArray, *Links]:
-        """What both kernels of substitution take first."""
+        """Leading arguments of both substitution kernels."""
         shape = self.fronts
         tree = (shape.start, shape.negative, shape.begin, shape.border, shape.kept, shape.panel)
         return (*tree, self.values, shape.unit, *self.links)
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
-        """Solution for (n,) or (n, c) right-hand sides; the matrix is its own transpose.
+        """Solution for (n,) or (n, c) right-hand sides; the matrix is symmetric.
 
         Raises ValueError for another n.
         """
@@ -134,7 +135,7 @@ class CholeskyFactor:
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c), by half of each solution only."""
+        """``left`` (g, n) times the solutions for ``right`` (n, c), by forward substitution only."""
         both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[self.order]
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
         columns = (indptr, indices, both.data, left.shape[0], both.shape[1])
@@ -142,14 +143,15 @@ class CholeskyFactor:
 
 
 class CholeskySolver:
-    """Our own method for definite and quasi-definite matrices, SuperLU for what it cannot do."""
+    """Own solver for definite and quasi-definite matrices, with SuperLU as fallback."""
 
     name = "cholesky"
 
     def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
-        """Factorise; SuperLU does it, with a note, if a pivot has the wrong sign or the factor is useless.
+        """Factorise; falls back to SuperLU, with a note, if a pivot has the wrong sign or the factor is
+        inaccurate.
 
-        Raises NumericalError where neither has a factor that solves.
+        Raises NumericalError if that is inaccurate too.
         """
         blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
         fronts = Fronts.of(points, blocks, negative)

@@ -11,18 +11,17 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.operators.structure import structure
 
-LEAF = 16
-"""Parts that are not cut any more: twice as many make the factor 5 % larger, half as many nothing smaller."""
+LEAF_SIZE = 16
+"""Largest part that is not cut: with 32 the factor is 5 % larger, with 8 no smaller."""
 DIRECTIONS = 8
 
 
 @dataclass(frozen=True)
 class Dissection:
-    """Elimination ``order`` (n,) of the vertices, and the tree of fronts they are eliminated in.
+    """Elimination ``order`` (n,) of the vertices, and the tree of fronts.
 
-    Front k of f eliminates those from ``start[k]`` to ``start[k + 1]``, and touches of the later ones no
-    others than those of its ancestors: ``parent`` (f,) and on, -1 after the last. Descendants come right
-    before their ancestor.
+    Front k of f eliminates vertices ``start[k]`` to ``start[k + 1]``, which are adjacent to later ones of its
+    ancestors only: ``parent`` (f,), -1 for the root. Descendants come right before their ancestor.
     """
 
     order: IntArray
@@ -31,12 +30,12 @@ class Dissection:
 
 
 def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Dissection:
-    """Both halves of the vertices first, the separator between them last.
+    """Nested dissection: both halves of the vertices first, the separator between them last.
 
-    ``points`` (n, 2); of the ``graph``, in compressed rows or blocks, the symmetric pattern counts. A part is
-    cut at its median along the one of DIRECTIONS directions that leaves the smallest separator: the vertices
-    of one half that touch the other. Graded clouds are far from boxes; one direction by their extent left up
-    to half as much fill again. Raises ValueError for a graph of another number of vertices.
+    ``points`` (n, 2); ``graph`` is a symmetric pattern in rows or blocks. A part is bisected at its median
+    along the one of DIRECTIONS directions with the smallest separator: the vertices of one half that touch
+    the other. For graded clouds a single direction by extent gave up to 50 % more fill. Raises ValueError for
+    a graph of another number of vertices.
     """
     if graph.shape[0] != graph.shape[1] or len(graph.indptr) != len(points) + 1:
         raise ValueError(f"a graph of {len(graph.indptr) - 1} vertices for {len(points)} points")
@@ -45,8 +44,8 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     ranked = np.argsort(heights.T, axis=1, kind="stable").astype(np.int32)
     order = np.empty(len(points), dtype=np.int64)
     begins, parents = np.empty((2, 2 * len(points) + 1), dtype=np.int64)
-    count = dissect(*structure(graph), ranked, LEAF, order, begins, parents)
-    # Fronts were found from the last to the first, and their parents counted the same way.
+    count = dissect(*structure(graph), ranked, LEAF_SIZE, order, begins, parents)
+    # The kernel numbers fronts, and parents, from last to first.
     parent = parents[:count][::-1]
     return Dissection(
         order,
@@ -56,11 +55,11 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
 
 
 def with_multipliers(tree: Dissection, graph: sparse.bsr_array, count: int) -> tuple[Dissection, IntArray]:
-    """The ``tree`` of the vertices before the last ``count`` ones of a ``graph``, with these in it, and how
-    many of them each front has (f,), its last ones.
+    """Insert the last ``count`` vertices of a ``graph`` into the ``tree`` of the others; also returns their
+    number per front (f,), in which they come last.
 
-    They go where their neighbours' fronts meet. Cut like all others they would pull all vertices that they
-    touch into separators: factors were a third larger.
+    They join the front where their neighbours' fronts meet. In the dissection they would pull all adjacent
+    vertices into separators: factors were a third larger.
     """
     first, found = len(tree.order), np.empty(count, dtype=np.int64)
     front = np.empty(first, dtype=np.int64)

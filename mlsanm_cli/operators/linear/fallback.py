@@ -1,4 +1,4 @@
-"""What happens where a method for positive definite matrices does not give a factor that solves."""
+"""Verification of factors of positive definite matrices, with SuperLU as fallback."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 
-SOUND = 1e-11
-"""Largest backward error of a factor that is believed; what is expected is round-off."""
-LOST, CORRECTED = 1e-9, 1e-14
-"""Or so large a one that becomes so small with one correction, as all solutions get: equations of nearly
-incompressible bodies lose digits in any factor without pivoting, 1e-11 and more, and a correction brings them
-back (1e-17)."""
+MAX_BACKWARD_ERROR = 1e-11
+"""Accepted backward error of a factor; round-off is expected."""
+MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-14
+"""Or: accepted backward error if one correction, as all solutions get, reduces it to MAX_CORRECTED_ERROR.
+Equations of nearly incompressible bodies lose digits in any factor without pivoting (1e-11 and more), which a
+correction restores (1e-17)."""
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
-    """The ``factor`` of a ``matrix`` (2n, 2n) if there is one and it solves, else SuperLU's, with a note.
+    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note.
 
-    Raises NumericalError where that does not solve either.
+    Raises NumericalError if that is inaccurate too.
     """
-    if factor is not None and _sound(matrix, factor):
+    if factor is not None and _accurate(matrix, factor):
         return factor
     plain = sparse.csc_array(matrix)
     other = factor_in_order(plain, elimination_order(plain, points))
-    if not _sound(matrix, other):
+    if not _accurate(matrix, other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",
             "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
@@ -39,9 +39,12 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
     )
 
 
-def _sound(matrix: Matrix, factor: Factor) -> bool:
-    """Whether a factor solves, with the corrections that solutions get."""
+def _accurate(matrix: Matrix, factor: Factor) -> bool:
+    """Whether a factor is accurate, with the corrections that solutions get."""
     error = backward_error(matrix, factor)
-    if error <= SOUND:
+    if error <= MAX_BACKWARD_ERROR:
         return True
-    return error <= LOST and backward_error(matrix, factor, corrections=1) <= CORRECTED
+    return (
+        error <= MAX_UNCORRECTED_ERROR
+        and backward_error(matrix, factor, corrections=1) <= MAX_CORRECTED_ERROR
+    )

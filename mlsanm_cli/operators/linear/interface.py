@@ -1,4 +1,4 @@
-"""The interface every sparse direct solver is used through: factor, solve many."""
+"""Interface of sparse direct solvers: factorise once, solve many times."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 
 Matrix: TypeAlias = "sparse.csc_array | sparse.bsr_array"
-"""A symmetric matrix, in columns or in blocks."""
+"""A symmetric matrix, in CSC or block form."""
 BLOCK = 64
-"""Columns solved together."""
+"""Columns solved at once."""
 
 
 class Factor(Protocol):
@@ -20,15 +20,15 @@ class Factor(Protocol):
 
     @property
     def note(self) -> str:
-        """What users should know of how it came about, usually nothing."""
+        """Remark on the factorisation for users; usually ""."""
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
-        """Solution for one right-hand side (n,) or several (n, c), on request with the transposed matrix."""
+        """Solution for right-hand sides (n,) or (n, c), with the transposed matrix if ``transposed``."""
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c), as a matrix (g, c).
+        """``left`` (g, n) times the solutions for ``right`` (n, c): (g, c).
 
-        By halves of solutions where the method has them, else by :func:`products_of_solutions`.
+        By forward substitution only where the method allows it, else by :func:`products_of_solutions`.
         """
 
 
@@ -38,12 +38,12 @@ class DirectSolver(Protocol):
     name: str
 
     def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
-        """Factorise a symmetric matrix (2n, 2n), positive definite in all but its last ``negative`` points'
-        unknowns and negative definite in these; NumericalError for a singular one."""
+        """Factorise a symmetric matrix (2n, 2n), positive definite except for the unknowns of the last
+        ``negative`` points, in which it is negative definite. Raises NumericalError if it is singular."""
 
 
 def products_of_solutions(factor: Factor, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-    """``left`` (g, n) times whole solutions for ``right`` (n, c), a block of columns at a time: (g, c)."""
+    """``left`` (g, n) times full solutions for ``right`` (n, c), in blocks of columns: (g, c)."""
     result = np.empty((left.shape[0], right.shape[1]))
     for first in range(0, right.shape[1], BLOCK):
         columns = slice(first, first + BLOCK)
@@ -52,12 +52,11 @@ def products_of_solutions(factor: Factor, left: sparse.csr_array, right: sparse.
 
 
 def backward_error(matrix: Matrix, factor: Factor, corrections: int = 0) -> float:
-    """What a solution of a symmetric ``matrix`` (n, n) leaves of its right-hand side, relatively.
+    """Backward error of a factor of a symmetric ``matrix`` (n, n).
 
-    With D its diagonal: max_i |b - A x|_i / (|b|_i + sqrt(D_i) sum_j sqrt(D_j) |x_j|), whatever the units of
-    the unknowns. For the last ones, which are negative, D_i is at least max_j A_ij^2 / D_j over the positive
-    ones. The right-hand side is random, but always the same. The solution is corrected by its residual so
-    often.
+    With D its diagonal: max_i |b - A x|_i / (|b|_i + sqrt(D_i) sum_j sqrt(D_j) |x_j|), independent of the
+    units of the unknowns. For the last, negative ones D_i is at least max_j A_ij^2 / D_j over the positive
+    ones. The right-hand side is random with fixed seed; the solution gets ``corrections`` refinement steps.
     """
     rhs = np.random.default_rng(0).normal(size=matrix.shape[0])
     solution = factor.solve(rhs)
@@ -76,7 +75,7 @@ def backward_error(matrix: Matrix, factor: Factor, corrections: int = 0) -> floa
 
 
 def _last_columns(matrix: Matrix, first: int) -> sparse.csc_array:
-    """The columns of a symmetric ``matrix`` (n, n) from the ``first`` on, which begins a block."""
+    """Columns of a symmetric ``matrix`` (n, n) from ``first`` on, which starts a block."""
     if not isinstance(matrix, sparse.bsr_array):
         return sparse.csc_array(matrix[:, first:])
     row, shape = first // 2, (matrix.shape[0] - first, matrix.shape[1])

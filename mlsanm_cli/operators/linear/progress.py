@@ -1,4 +1,4 @@
-"""How far a factorisation is: compiled code counts its fronts, and whoever shows progress looks at that."""
+"""Progress of a factorisation: compiled code counts finished fronts, the console reads the count."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 
-EARLY = 0.02
-"""Before this part of the work is done nothing is said of the rest."""
+MIN_PROGRESS = 0.02
+"""No remaining time is shown before this fraction of the work is done."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Watched:
-    """Fronts ``done`` (1,), the ``work`` (f + 1,) behind that many of them in parts of all, and the start."""
+    """Number of fronts ``done`` (1,), cumulative relative ``work`` (f + 1,), and the start time."""
 
     done: IntArray
     work: FloatArray
@@ -29,9 +29,9 @@ _now: list[_Watched] = []
 
 @contextmanager
 def watched(pivots: IntArray, height: IntArray) -> Iterator[IntArray]:
-    """A block that counts finished fronts, of so many ``pivots`` (f,) and such ``height`` (f,), in the array
-    (1,) it is given."""
-    # What an elimination of p columns of height h takes, but for a factor.
+    """Context with an array (1,) to count finished fronts of ``pivots`` (f,) columns and ``height`` (f,)
+    rows."""
+    # Work of eliminating p columns of height h, up to a factor.
     work = np.concatenate([[0.0], np.cumsum(pivots * height.astype(float) ** 2)])
     one = _Watched(np.zeros(1, dtype=np.int64), work / (work[-1] or 1.0), time.monotonic())
     _now.append(one)
@@ -42,13 +42,13 @@ def watched(pivots: IntArray, height: IntArray) -> Iterator[IntArray]:
 
 
 def progress_text() -> str:
-    """How far the factorisation at work is, "" where there is none."""
+    """Progress of the running factorisation, "" for none."""
     if not _now:
         return ""
     one = _now[-1]
     count, part = int(one.done[0]), float(one.work[int(one.done[0])])
     text = f"fronts {count} of {len(one.work) - 1}, {100.0 * part:.0f} %"
-    if not EARLY < part < 1.0:
+    if not MIN_PROGRESS < part < 1.0:
         return text
     left = (time.monotonic() - one.begun) * (1.0 - part) / part
     return f"{text}, {left:.0f} s left"

@@ -1,8 +1,7 @@
-"""Large arrays that lie in files, of which only the one used last takes part of the process's memory.
+"""Large arrays mapped to files, of which only the last used one occupies memory.
 
-Bodies are factorised, condensed and solved one after the other. What the system keeps of files in memory it
-writes to disk and gives away when others need the room, so that scenes of many bodies may be larger than
-memory.
+Bodies are factorised, condensed and solved one after the other. The system writes mapped pages to disk and
+releases them when memory is needed, so that scenes of many bodies may be larger than memory.
 """
 
 from __future__ import annotations
@@ -17,26 +16,26 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 
-LARGE = 2**26
-"""Bytes from which an array lies in a file: then it costs less than 1 % of what is done with it."""
-DISK = "/var/tmp"
-"""Where files go unless TMPDIR says it: what is under /tmp often is in memory itself."""
+MAPPED_SIZE = 2**26
+"""Bytes from which an array is mapped to a file: it then costs less than 1 % of the work on it."""
+DEFAULT_DIRECTORY = "/var/tmp"
+"""Directory of the files unless TMPDIR is set: /tmp is often in memory itself."""
 
 
 class MappedArray:
-    """An array of ``size`` numbers, at first anything, in a file without a name if it is large.
+    """An uninitialised array of ``size`` doubles, mapped to an anonymous file if it is large.
 
-    It is in memory where the system cannot give files' memory away or the disk has no room for it.
+    In memory where the system cannot release mapped pages or the disk is full.
     """
 
     def __init__(self, size: int) -> None:
-        mapped = _mapped(8 * size) if 8 * size >= LARGE else None
+        mapped = _mapped(8 * size) if 8 * size >= MAPPED_SIZE else None
         self._mapped = mapped
         self._values: FloatArray = np.empty(size) if mapped is None else np.frombuffer(mapped, dtype=float)
 
     @property
     def values(self) -> FloatArray:
-        """The array. What others have of theirs in memory is left to the system."""
+        """The array; the pages of other mapped arrays may be released."""
         if self._mapped is not None:
             last = _last[0]() if _last else None
             if last is not self:
@@ -47,21 +46,21 @@ class MappedArray:
 
     def _release(self) -> None:
         assert self._mapped is not None
-        # The file has all that was written, on disk or not; reading finds it again.
+        # Written pages are kept in the file, on disk or not.
         self._mapped.madvise(mmap.MADV_DONTNEED)
 
 
 _last: list[weakref.ref[MappedArray]] = []
-"""The one used last, if any."""
+"""The array used last, if any."""
 
 
 def _mapped(size: int) -> mmap.mmap | None:
-    """A file of ``size`` bytes in memory, None where there can be none."""
+    """A mapped file of ``size`` bytes; None if not available."""
     if not hasattr(mmap, "MADV_DONTNEED") or not hasattr(os, "posix_fallocate"):
         return None
-    place = DISK if "TMPDIR" not in os.environ and os.path.isdir(DISK) else None
+    place = DEFAULT_DIRECTORY if "TMPDIR" not in os.environ and os.path.isdir(DEFAULT_DIRECTORY) else None
     with contextlib.suppress(OSError), tempfile.TemporaryFile(dir=place) as file:
-        # With all its room, since a full disk would be noticed by a signal that ends the process.
+        # Allocated in full: writing to a full disk would end the process by a signal.
         os.posix_fallocate(file.fileno(), 0, size)
         return mmap.mmap(file.fileno(), size)
     return None

@@ -1,4 +1,4 @@
-"""SuperLU (Li 2005, doi:10.1145/1089014.1089017), symmetric mode, geometric nested dissection."""
+"""SuperLU (Li 2005, doi:10.1145/1089014.1089017) in symmetric mode with geometric nested dissection."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
 THRESHOLD = 0.1
-"""A diagonal entry is kept as pivot unless another in its column is 1/THRESHOLD times larger."""
+"""A diagonal entry is accepted as pivot unless another in its column is 1/THRESHOLD times larger."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class SuperLUFactor:
         """Solution for (n,) or (n, c) right-hand sides."""
         solution = np.empty_like(rhs)
         if transposed:
-            # The stubs know no transposed solve.
+            # The type stubs lack the transposed solve.
             solution[self.order] = self.factor.solve(rhs[self.order], "T")  # type: ignore[call-overload]
         else:
             solution[self.order] = self.factor.solve(rhs[self.order])
@@ -49,33 +49,33 @@ class SuperLUSolver:
     name = "superlu"
 
     def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
-        """Order and factorise; NumericalError for a singular matrix."""
+        """Order and factorise. Raises NumericalError if the matrix is singular."""
         plain = sparse.csc_array(matrix)
         return factor_in_order(plain, elimination_order(plain, points))
 
 
 def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
-    """Elimination order (2n,) of the unknowns of a ``matrix`` (2n, 2n) with a symmetric pattern, by nested
-    dissection of the nodes ``points`` (n, 2); both unknowns of a node stay together."""
+    """Elimination order (2n,) for a ``matrix`` (2n, 2n) of symmetric pattern by nested dissection of the
+    nodes ``points`` (n, 2); both unknowns of a node stay together."""
     nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
     return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
 
 
 def factor_in_order(matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
-    """Factorise in an ``order`` (n,) without pivoting, which a quasi-definite matrix does not need;
-    NumericalError for a singular one."""
+    """Factorise in ``order`` (n,) without pivoting, as for quasi-definite matrices. Raises NumericalError if
+    the matrix is singular."""
     return _factor(matrix, order, 0.0)
 
 
 def factor_unsymmetric(
     matrix: sparse.csc_array, order: IntArray, threshold: float = THRESHOLD
 ) -> SuperLUFactor:
-    """Factorise any square matrix with threshold pivoting; NumericalError for a singular one."""
+    """Factorise a square matrix with threshold pivoting. Raises NumericalError if it is singular."""
     return _factor(matrix, order, threshold)
 
 
 def _factor(matrix: sparse.csc_array, order: IntArray, threshold: float) -> SuperLUFactor:
-    # The eigenvalue solvers that come along are not worth it where Cholesky's factor will do.
+    # Imported here: it loads the eigenvalue solvers, not needed when the own Cholesky factor suffices.
     from scipy.sparse.linalg import splu
 
     if np.array_equal(order, np.arange(len(order))):

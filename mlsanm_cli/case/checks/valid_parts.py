@@ -1,4 +1,4 @@
-"""The valid parts of a case: relations between them are checked even if other parts have errors."""
+"""The valid parts of a case: their relations are checked even if other parts have errors."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from mlsanm_cli.case.model.loads import AnyLoad
 from mlsanm_cli.case.model.shapes import edge_names
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.report import Report
-from mlsanm_cli.case.schema_errors import UNKNOWN, findings, report_findings
+from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, findings, report_findings
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
 REMOVABLE = ("name", "material", "spacing", "seed", "refine")
 """Keys of a body that can be removed or replaced so that its other keys can be checked."""
 UNNAMED = {"name": "unnamed", "material": "unnamed"}
-STAND_INS: Mapping[str, Any] = {"format": 1, "material": {}, "body": (), "model": {"plane": "stress"}}
+PLACEHOLDERS: Mapping[str, Any] = {"format": 1, "material": {}, "body": (), "model": {"plane": "stress"}}
 """Replacements of required tables; plane stress has the fewest restrictions on materials."""
-ROUNDS = 10
+MAX_ROUNDS = 10
 
 
 @dataclass(frozen=True)
-class Sound:
+class ValidParts:
     """The valid part of the content ``data`` of a file as a ``case``.
 
-    ``places`` are the numbers that the items of lists have in the file, ``incomplete`` the tables and lists
-    from which something was removed, ``geometries`` those of valid shapes by the number of the body.
+    ``places`` are the numbers of the list items in the file, ``incomplete`` the tables and lists from which
+    something was removed, ``geometries`` those of valid shapes by the number of the body.
     """
 
     case: Case
@@ -68,7 +68,7 @@ class Sound:
 
     @cached_property
     def stages(self) -> dict[int, Mapping[str, float]]:
-        """Stages by their number, as they stand in the file."""
+        """Stages by their number, as written in the file."""
         return {number: self.data["stage"][number] for number in self.places["stage"]}
 
     @cached_property
@@ -81,12 +81,12 @@ class Sound:
         return self.texts(section, "name")
 
     def texts(self, section: str, key: str) -> list[tuple[int, str]]:
-        """Number and value of a key in every item of a list where it is a text."""
+        """Number and value of a key in all items of a list where it is a text."""
         values = [(number, row.get(key)) for number, row in self._rows(section)]
         return [(number, value) for number, value in values if isinstance(value, str)]
 
     def boundaries(self, section: str, key: str) -> list[tuple[KeyPath, str]]:
-        """Paths and names of a key that names one boundary or several, in every item of a list."""
+        """Path and name of every boundary named by a key, in all items of a list."""
         found: list[tuple[KeyPath, Any]] = []
         for number, row in self._rows(section):
             value, path = row.get(key), (section, number, key)
@@ -97,7 +97,7 @@ class Sound:
         return [(path, name) for path, name in found if isinstance(name, str)]
 
     def count(self, section: str) -> int:
-        """Number of items of a list in the file, with invalid ones."""
+        """Number of items of a list in the file, invalid ones included."""
         items = self.data.get(section)
         return len(items) if isinstance(items, tuple) else 0
 
@@ -121,30 +121,30 @@ class Sound:
         return [(number, row) for number, row in enumerate(rows) if isinstance(row, Mapping)]
 
 
-def validate(data: Mapping[str, Any], report: Report, covered: frozenset[KeyPath]) -> Sound | None:
-    """The valid parts of the content of a file; None if they do not make a case.
+def validate(data: Mapping[str, Any], report: Report, covered: frozenset[KeyPath]) -> ValidParts | None:
+    """The valid parts of the content of a file; None if no case can be made of them.
 
-    Adds all errors of pydantic to the report, except at or below the paths ``covered`` already.
+    Adds all validation errors to the report, except at or below ``covered`` paths, which have been reported.
     """
     places = {section: tuple(range(len(_items(data, section)))) for section in LISTS}
     incomplete: set[str] = set()
     rest = dict(data)
-    for round_ in range(ROUNDS):
+    for round_ in range(MAX_ROUNDS):
         try:
-            return Sound(Case.model_validate(rest), data, places, frozenset(incomplete))
+            return ValidParts(Case.model_validate(rest), data, places, frozenset(incomplete))
         except ValidationError as error:
             found = list(findings(rest, error))
         if round_ == 0:
             report_findings(report, found, covered)
-        incomplete |= {str(path[0]) for path, detail in found if detail["type"] != UNKNOWN}
-        covers = {_cover(path, detail["type"] == UNKNOWN) for path, detail in found}
-        # Back to front, so that the numbers of items stay valid.
+        incomplete |= {str(path[0]) for path, detail in found if detail["type"] != UNKNOWN_KEY}
+        covers = {_cover(path, detail["type"] == UNKNOWN_KEY) for path, detail in found}
+        # In descending order, so that the numbers of remaining items stay valid.
         for cover in sorted(covers, key=lambda path: [str(step).zfill(9) for step in path], reverse=True):
             if len(cover) == 2 and cover[0] in places and isinstance(cover[1], int):
                 section, at = str(cover[0]), cover[1]
                 places[section] = (*places[section][:at], *places[section][at + 1 :])
             rest = _without(rest, cover)
-        rest |= {key: value for key, value in STAND_INS.items() if key not in rest}
+        rest |= {key: value for key, value in PLACEHOLDERS.items() if key not in rest}
         rest["body"] = tuple(UNNAMED | dict(one) if isinstance(one, Mapping) else one for one in rest["body"])
     return None
 
@@ -155,7 +155,7 @@ def _items(data: Mapping[str, Any], section: str) -> tuple[Any, ...]:
 
 
 def _cover(path: KeyPath, unknown: bool) -> KeyPath:
-    """The part to remove for an error: the unknown key, else the item of the list or the table around it."""
+    """The part to remove for an error: the unknown key, else the enclosing list item or table."""
     if unknown:
         return path
     if path[:1] == ("body",) and path[2:3] and path[2] in REMOVABLE:
@@ -164,7 +164,7 @@ def _cover(path: KeyPath, unknown: bool) -> KeyPath:
 
 
 def _without(value: Any, path: KeyPath) -> Any:
-    """A copy of tables and lists without the item at a path."""
+    """A copy of nested tables and lists without the item at a path."""
     head, rest = path[0], path[1:]
     if isinstance(value, tuple) and isinstance(head, int) and head < len(value):
         return (*value[:head], *((_without(value[head], rest),) if rest else ()), *value[head + 1 :])

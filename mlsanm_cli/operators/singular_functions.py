@@ -1,15 +1,15 @@
-"""Sharp inward corners, which fits around them know.
+"""Singular functions at reentrant corners, which enrich the local fits around them.
 
 Between free faces displacements grow with powers of the distance from the tip below 1 (Williams 1952,
-doi:10.1115/1.4010553). No polynomial follows them: what fits leave out near a corner would make a whole frame
-too stiff. The strengths of these displacements v_m are found by one fit around the tip, of polynomials and of
-them, s = S u; all fits around the tip are then those of polynomials to the rest of the displacement, u - s v,
-and the derivatives of s v are known. So stencils are no larger than elsewhere (as in singular function
-methods: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5).
+doi:10.1115/1.4010553), which no polynomial represents: the truncation error near one corner would make a
+whole frame too stiff. The coefficients of the singular functions v_m are found by one fit around the tip with
+polynomials and singular functions, s = S u; all fits around the tip are then polynomial fits to the regular
+part u - s v, and the derivatives of s v are known in closed form. Stencils are no larger than elsewhere
+(singular function method: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5).
 
-Fits are those of one component: the components of an opening and of a shearing v along the axis and across
-it, 2 functions each, have strengths of their own. With all of r^power cos(power theta) and so on, twice as
-many, brackets with four nodes across scattered by three times as much.
+Each displacement component is fitted by itself: the components along and across the axis of an opening and of
+a shearing mode, 2 functions each, have independent coefficients. With all of r^power cos(power theta) and so
+on, twice as many, results for brackets with four nodes across scattered by three times as much.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,40 +25,41 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
-from mlsanm_cli.operators.neighbors import SPARE, TIE, distances, neighbors_of
+from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances, neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.startup import cKDTree
 
-if TYPE_CHECKING:
-    from mlsanm_cli.operators.stencils import Stencils
-
-REACH = 2.0
-"""Fits whose middle is within so many radii of the fit around the tip know its functions. Anything from 1 to
-3 is as good."""
-ALONE = 3.6
-"""Corners nearer to each other than so many radii of the fit around them, or than half as many across the
-material, are none: fits that know of one of them see the fields of both. At 3 a slit with two corners at
-its root opened by up to 31 % less than it should, with polynomials by 1 % (degree 2; 29 and 0.2 % at 4)."""
-TOLD = 1e-3
-"""What polynomials leave over of the functions counts down to this part of them; 1e-4 is as good, 1e-2 loses
-1 % at degree 4."""
+ENRICHMENT_RADIUS = 2.0
+"""Fits with their centre within this many radii of the fit around the tip are enriched; 1 to 3 are as
+good."""
+MIN_SEPARATION = 3.6
+"""Least distance of enriched corners in radii of the fit around them, half of that across the material:
+closer corners see each other's singular fields. With 3 a slit with two corners at its root opened by up to 31
+% too little, with polynomials by 1 % (degree 2; 29 and 0.2 % at degree 4)."""
+RANK_TOLERANCE = 1e-3
+"""Singular values of the functions' part orthogonal to polynomials are dropped below this fraction; 1e-4 is
+as good, 1e-2 loses 1 % at degree 4."""
 PER_COEFFICIENT = 2.5
-"""Neighbours for each coefficient, as everywhere."""
-ASIDE = 0.2
-"""Nodes farther than this angle (radian) beyond a corner's faces are across a void: fits to them do not know
-the corner."""
-AT = 1e-9
-"""Places nearer to a tip than this part of a fit's radius are the tip."""
+"""Neighbours per coefficient, as in all fits."""
+VOID_ANGLE = 0.2
+"""Nodes farther than this angle (radians) beyond a corner's faces lie across a void: stencils with such nodes
+are not enriched."""
+TIP_TOLERANCE = 1e-9
+"""Points closer to a tip than this fraction of a fit's radius coincide with it."""
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class SharpCorner:
-    """A corner at ``place``, its ``axis`` into the material, which takes up the angle ``half`` on either
-    side, with the ``modes`` of its displacements and the constant ``kappa`` of its material. The fit around
-    it has a ``radius``; the ``strengths`` (m, k) say by the nodes ``indices`` (k,) how strong its functions
-    are."""
+class SingularCorner:
+    """Singular functions of a corner at ``place``.
+
+    The material fills the angle ``half`` on either side of the ``axis``; ``modes`` are the exponents and
+    kinds of its displacements, ``kappa`` is Muskhelishvili's constant. The fit around the corner has a
+    ``radius``; the ``strengths`` (m, k) give the coefficients of its functions from the values at nodes
+    ``indices`` (k,).
+    """
 
     place: complex
     axis: complex
@@ -69,27 +70,27 @@ class SharpCorner:
     indices: IntArray
     strengths: FloatArray
 
-    def _seen(self, where: FloatArray) -> ComplexArray:
-        """Places (..., 2) from the tip, the axis real, in units of the radius."""
+    def _local(self, where: FloatArray) -> ComplexArray:
+        """Local coordinates (...) of points (..., 2): origin at the tip, axis real, unit radius."""
         away = (where[..., 0] + 1j * where[..., 1] - self.place) * np.conj(self.axis)
         return np.asarray(away / self.radius, dtype=np.complex128)
 
     def near(self, centers: FloatArray) -> BoolArray:
-        """Which fits at ``centers`` (e, 2) are near the corner."""
-        return np.asarray(np.abs(self._seen(centers)) <= REACH)
+        """Mask (e,) of fits at ``centers`` (e, 2) that are near the corner."""
+        return np.asarray(np.abs(self._local(centers)) <= ENRICHMENT_RADIUS)
 
     def beyond(self, points: FloatArray) -> BoolArray:
-        """Which of the ``points`` (n, 2) are beyond the corner's faces."""
-        seen = self._seen(points)
-        return np.asarray((np.abs(np.angle(seen)) > self.half + ASIDE) & (np.abs(seen) > AT))
+        """Mask (n,) of ``points`` (n, 2) beyond the corner's faces."""
+        seen = self._local(points)
+        return np.asarray((np.abs(np.angle(seen)) > self.half + VOID_ANGLE) & (np.abs(seen) > TIP_TOLERANCE))
 
     def derivatives(self, where: FloatArray, orders: tuple[int, int]) -> FloatArray:
-        """Derivatives (..., kinds, m) of its functions at places (..., 2); 0 at the tip, where they have no
-        bound."""
-        seen = self._seen(where)
-        kinds = _kinds(orders)
+        """Derivatives (..., kinds, m) of the functions at points (..., 2); 0 at the tip, where they are
+        singular."""
+        seen = self._local(where)
+        kinds = _derivative_orders(orders)
         found = np.zeros((*seen.shape, len(kinds), 2 * len(self.modes)))
-        off = np.abs(seen) > AT
+        off = np.abs(seen) > TIP_TOLERANCE
         size, angle = np.abs(seen[off]), np.angle(seen[off])
         for number, (power, opens) in enumerate(self.modes):
             # kappa a z^p - p conj(a) z conj(z)^(p - 1) - c conj(a) conj(z)^p leaves both faces free.
@@ -97,46 +98,45 @@ class SharpCorner:
             c = (-1.0 if opens else 1.0) * math.cos(turn) - power * math.cos(2.0 * self.half)
             a = 1.0 if opens else 1j
             for kind, times in enumerate(kinds):
-                first = _differentiated(size, angle, (power, 0.0), times, self.axis)
-                second = _differentiated(size, angle, (1.0, power - 1.0), times, self.axis)
+                first = _derivatives_of_powers(size, angle, (power, 0.0), times, self.axis)
+                second = _derivatives_of_powers(size, angle, (1.0, power - 1.0), times, self.axis)
                 total = self.kappa * a * first - np.conj(a) * (power * second + c * np.conj(first))
                 total *= self.radius ** -sum(times)
                 found[off, kind, 2 * number], found[off, kind, 2 * number + 1] = total.real, total.imag
         return found
 
 
-def sharp_corners(
+def singular_corners(
     points: FloatArray,
     tree: cKDTree,
     settings: MlsSettings,
     sight: VisibilityCriterion | None,
     tips: Tips | None,
-) -> list[SharpCorner]:
-    """The ``tips`` that the nodes ``points`` (n, 2) carry."""
+) -> list[SingularCorner]:
+    """Singular functions of those ``tips`` that the nodes ``points`` (n, 2) resolve."""
     found = []
     for number in range(0 if tips is None else len(tips.place)):
         assert tips is not None
         place, size = tips.place[number : number + 1], _nodes_around(settings, tips, number)
-        numbers = neighbors_of(points, tree, place, min(size + SPARE, tree.n), sight)[1]
-        # All that are as far as the last: images of corners are images then.
+        numbers = neighbors_of(points, tree, place, min(size + EXTRA_NODES, tree.n), sight)[1]
+        # With all nodes as far as the last one, mirror images of corners have mirrored fits.
         away = distances(points, place, numbers)[0]
-        around = numbers[0][away <= (1.0 + TIE) * np.sort(away)[min(size, len(away)) - 1]]
-        corner = _sharp_corner(points[around], around, settings, tips, number)
+        around = numbers[0][away <= (1.0 + TIE_TOLERANCE) * np.sort(away)[min(size, len(away)) - 1]]
+        corner = _singular_corner(points[around], around, settings, tips, number)
         if corner is not None:
             found.append(corner)
     return found
 
 
-def with_corners(
+def enriched(
     plain: Stencils,
-    corners: Sequence[SharpCorner],
+    corners: Sequence[SingularCorner],
     points: FloatArray,
     centers: FloatArray,
     targets: FloatArray,
     orders: tuple[int, int],
 ) -> Stencils:
-    """The stencils at ``centers`` (e, 2) with those near corners in terms of what the displacements of these
-    leave over."""
+    """The stencils at ``centers`` (e, 2) with those near corners replaced by fits to the regular part."""
     rows, nodes, values = [], [], []
     kinds = plain.weights.shape[1]
     for corner in corners:
@@ -171,61 +171,61 @@ def with_corners(
 
 
 def _nodes_around(settings: MlsSettings, tips: Tips, number: int) -> int:
-    """How many nodes the fit around a corner has."""
+    """Number of nodes of the fit around a corner."""
     return math.ceil(PER_COEFFICIENT * (settings.coefficients + 2 * len(tips.modes[number])))
 
 
-def far_apart(settings: MlsSettings, tips: Tips) -> Tips | None:
-    """Those of the ``tips`` that have no other one near; None without any."""
+def isolated_tips(settings: MlsSettings, tips: Tips) -> Tips | None:
+    """Those of the ``tips`` that are isolated; None without any."""
     count = np.array([_nodes_around(settings, tips, number) for number in range(len(tips.place))])
-    # A sector of the radius R, in edges, has half R^2 nodes.
-    kept = tips.apart >= ALONE * np.sqrt(count / tips.half)
+    # A sector of radius R, in edges, contains half R^2 nodes.
+    kept = tips.apart >= MIN_SEPARATION * np.sqrt(count / tips.half)
     if not kept.any():
         return None
     return Tips(tips.place[kept], tips.axis[kept], tips.half[kept], tips.apart[kept], tips.kappa)
 
 
-def _sharp_corner(
+def _singular_corner(
     nodes: FloatArray, indices: IntArray, settings: MlsSettings, tips: Tips, number: int
-) -> SharpCorner | None:
-    """One of the ``tips``, by a fit to the ``nodes`` (k, 2) around it, of the numbers ``indices`` (k,); None
-    where these do not carry it."""
+) -> SingularCorner | None:
+    """Singular functions of one of the ``tips``, from a fit to the ``nodes`` (k, 2) with numbers ``indices``
+    (k,) around it; None if the nodes do not determine it."""
     away = nodes - tips.place[number]
     radius = float(np.hypot(*away.T).max())
     tip, empty = tips.place[number], np.zeros((0, len(nodes)))
     known = (complex(*tip), complex(*tips.axis[number]), float(tips.half[number]), tips.modes[number])
-    corner = SharpCorner(*known, tips.kappa, radius, indices, empty)
+    corner = SingularCorner(*known, tips.kappa, radius, indices, empty)
     gauss = np.exp(-settings.sharpness * (away**2).sum(axis=1) / radius**2)[:, None]
     q, r = np.linalg.qr(gauss * _monomials(away / radius, settings.degree))
     diagonal = np.abs(np.diagonal(r))
     if corner.beyond(nodes).any() or diagonal.min() < settings.rank_tolerance * diagonal.max():
         return None
     singular = gauss * corner.derivatives(nodes, (0, 0))[:, 0]
-    # What polynomials leave over, orthogonal to them to round-off.
+    # Part orthogonal to the polynomials, reorthogonalised to round-off.
     rest = singular - q @ (q.T @ singular)
     rest -= q @ (q.T @ rest)
     u, sigma, v = np.linalg.svd(rest, full_matrices=False)
-    kept = sigma > TOLD * np.linalg.norm(singular, axis=0).max()
+    kept = sigma > RANK_TOLERANCE * np.linalg.norm(singular, axis=0).max()
     strengths = (v[kept].T / sigma[kept]) @ (gauss * u[:, kept]).T
     return replace(corner, strengths=strengths)
 
 
-def _kinds(orders: tuple[int, int]) -> list[tuple[int, int]]:
-    """The derivatives of the least to the highest of ``orders``, each as how often by x and by y."""
+def _derivative_orders(orders: tuple[int, int]) -> list[tuple[int, int]]:
+    """Numbers of derivatives by x and y for all orders from ``orders[0]`` to ``orders[1]``."""
     return [(order - dy, dy) for order in range(orders[0], orders[1] + 1) for dy in range(order + 1)]
 
 
 def _monomials(x: FloatArray, degree: int) -> FloatArray:
-    """All x^i y^j (k, c) up to a ``degree`` at places ``x`` (k, 2)."""
+    """All x^i y^j (k, c) up to ``degree`` at points ``x`` (k, 2)."""
     powers = [(total - j, j) for total in range(degree + 1) for j in range(total + 1)]
     return np.stack([x[:, 0] ** i * x[:, 1] ** j for i, j in powers], axis=1)
 
 
-def _differentiated(
+def _derivatives_of_powers(
     size: FloatArray, angle: FloatArray, powers: tuple[float, float], times: tuple[int, int], axis: complex
 ) -> ComplexArray:
-    """Derivatives (n,) of z^a conj(z)^b, so many times by x and by y, at places given by ``size`` and
-    ``angle`` (n,) to the ``axis``: d/dx = d/dz + d/dz*, d/dy = i (d/dz - d/dz*)."""
+    """Derivatives (n,) of z^a conj(z)^b, ``times`` by x and y, at polar coordinates ``size``, ``angle`` (n,)
+    relative to ``axis``, using d/dx = d/dz + d/dz*, d/dy = i (d/dz - d/dz*)."""
     (a, b), (dx, dy) = powers, times
     total = np.zeros(len(size), dtype=np.complex128)
     for i in range(dx + 1):
