@@ -41,7 +41,7 @@ def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
 
 
 def test_rows_at_the_ends_need_their_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(corners, "REGULAR", -np.inf)
+    monkeypatch.setattr(corners, "MAX_MIXED_ANGLE", -np.inf)
     with pytest.raises(AssertionError):
         assert under_plate(tmp_path) == pytest.approx(1.0, abs=0.1)
 
