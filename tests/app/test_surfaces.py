@@ -280,6 +280,10 @@ def test_a_part_of_a_mesh_ends_at_nodes(tmp_path: Path) -> None:
     found = solve(text, tmp_path / "part")
     assert found["forces"]["pull"][0] == pytest.approx(100.0 * middle.length)
     assert 3.0 < middle.length < 5.0
+    assert any("load.pull acts on a length of" in text for text in found["warnings"])
+    jumping = text.replace(load, 'traction = ["100.0 if abs(y) < 2 else 0", 0.0]').split("from = ")
+    whole = jumping[0] + jumping[1].split("\n", 2)[2]
+    assert solve(whole, tmp_path / "jump")["forces"]["pull"][0] == pytest.approx(400.0, rel=2e-3)
 
 
 def test_a_pressure_and_a_contact_share_a_surface(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.app.scene.fields import AmountField, amounts_at
+from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.surfaces import SurfacePart, parts_at, surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
@@ -29,6 +30,8 @@ from mlsanm_cli.mechanics.heat import Heating
 
 END_OFFSET = 1e-9
 """Distance from the ends of a surface, relative to its length, at which tractions are evaluated there."""
+SAMPLES_PER_POINT = 32
+"""Samples for each quadrature point if tractions are discontinuous between nodes."""
 TABLE_TOLERANCE = 1e-6
 """Part of a boundary's length that a table may leave uncovered at each end."""
 
@@ -82,8 +85,7 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                         # Tractions may be discontinuous at the end of a surface.
                         just = np.array([END_OFFSET, 1.0 - END_OFFSET]) * surface.curve.length
                         values[[0, -1]] = _on_surface(load, part, just, surface.curve.points(just))
-                    arc = Halves.of(surface, FINE).arc
-                    between = None if held else _on_surface(load, part, arc, surface.curve.points(arc))
+                    between = None if isinstance(load, Displacement) else _between(case, load, part)
                     own = mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
                     surface_loads.append(own)
         except ExpressionError as error:
@@ -95,6 +97,24 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
     if problems:
         raise CaseError(tuple(problems))
     return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case))
+
+
+def _between(case: Case, load: Traction | Pressure, part: SurfacePart) -> FloatArray:
+    """Values (g, 2) at the FINE points of a surface's halves. Where nodes came with the body, and tractions
+    jump between them, means over what every point stands for."""
+    surface, halves = part.surface, Halves.of(part.surface, FINE)
+    body = next(one for one in case.body if one.name == load.owner)
+    if not body.has_nodes or not any(one.jumps for one in profiles(body.shape, load)):
+        return _on_surface(load, part, halves.arc, surface.curve.points(halves.arc))
+    order = np.argsort(halves.arc)
+    length = halves.length[order]
+    share = (np.arange(SAMPLES_PER_POINT) + 0.5) / SAMPLES_PER_POINT
+    arc = ((np.cumsum(length) - length)[:, None] + share * length[:, None]).ravel()
+    values = np.zeros((len(order), 2))
+    values[order] = (
+        _on_surface(load, part, arc, surface.curve.points(arc)).reshape(-1, SAMPLES_PER_POINT, 2).mean(axis=1)
+    )
+    return values
 
 
 def _on_surface(
