@@ -14,8 +14,24 @@ from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones
 from mlsanm_cli.case.reading.read import parse_case
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, rectangle
+from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet
-from tests.case_text import body, box, contact, disk, head, item, load, material, pin, pushed, support, table
+from tests.case_text import (
+    body,
+    box,
+    contact,
+    disk,
+    head,
+    item,
+    load,
+    material,
+    pin,
+    plane,
+    polygon,
+    pushed,
+    support,
+    table,
+)
 
 AROUND = np.linspace(0.0, 2.0 * np.pi, 61)
 ECCENTRIC = (
@@ -155,3 +171,21 @@ def test_a_post_pushed_aside_leans_as_it_is_clamped(tmp_path: Path) -> None:
     # 1,218 nodes of degree 4, 0.02 long at both corners; 1,797 of degree 2 say 0.05957. Without finer nodes
     # it leaned by 0.7 % more.
     assert summary["probes"]["top"]["displacement"][0] == pytest.approx(-0.05952, rel=3e-3)
+
+
+def test_pressures_beside_an_oblique_corner_on_a_plane(tmp_path: Path) -> None:
+    corners = [[6.937, 0.0], [40.0, 0.0], [40.0, 50.0], [17.565, 50.0]]
+    text = (
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("jaw", "steel", None, polygon(corners, "foot wall top face"))
+        + support("jaw.wall", ux=0.0)
+        + contact("floor", "jaw.foot", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+        + load("press", "jaw.top", "pressure", pressure=20.0, from_=[17.565, 50.0], to=[28.0, 50.0])
+    )
+    solved(text, tmp_path)
+    floor = read_run(tmp_path / "run").contacts["floor"]
+    found = np.interp([7.437, 8.0, 9.0, 10.0, 12.0], floor.points[:, 0], floor.pressure[-1])
+    # Nodes 0.04 apart with pressures at nodes say 2.3, 3.04, 3.83, 4.38, 5.15; nodes 0.01 apart at the
+    # corner, with a grid, these. With spacings as elsewhere they were 2.96, 3.09, 3.61, 4.09, 4.97.
+    assert found == pytest.approx(np.array([2.04, 3.046, 3.91, 4.39, 5.13]), rel=0.025)

@@ -27,6 +27,7 @@ from mlsanm_cli.app.scene.load_spacing import load_zones
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
+from mlsanm_cli.app.scene.sharp_ends import sharp_ends
 from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
@@ -99,6 +100,8 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
                 yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
                 if case.model.strain == "finite":
                     yield nodal_zone(own, far)
+                elif obstacle is not None:
+                    yield from sharp_ends(rest, own, obstacle, far)
 
 
 def _far(case: Case, name: str) -> float:
