@@ -265,8 +265,8 @@ def passed_beyond(
 
 
 def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequence[ExactState]) -> FloatArray:
-    """Places (e,) of possible overlaps in a state away from its contact: summits of a profile between the
-    nodes of a grid."""
+    """Places (e,) of overlaps in a state away from its contact: summits of a profile between the nodes of a
+    grid; within the grid, where halving decides, also places of possible overlaps."""
     pairing = condensed.pairing_of(name)
     assert pairing.grid is not None
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
@@ -292,7 +292,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
         # Between distant nodes a rotating body moves along a curve.
         between = np.clip(np.searchsorted(at[order], places) - 1, 0, len(way) - 2)
         unsure = _bends(at[order], way)[between]
-        overlap = drawn + np.interp(places, at[order], way) < -shallow + unsure
+        overlap = drawn + np.interp(places, at[order], way) < np.where(beyond, -unsure, unsure) - shallow
         chosen |= overlap & (apart[interval] | beyond)
     return places[chosen]
 

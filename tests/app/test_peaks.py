@@ -6,13 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 
 from benchmarks.formulas.kirsch import KirschHole
-from mlsanm_cli.app.assessment.peaks import traction_error
+from benchmarks.formulas.lekhnitskii import AnisotropicHole
+from mlsanm_cli.app.assessment.peaks import along_over_across, traction_error
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import build_cloud
+from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
+from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.material import orthotropic
 from tests.app.scenes import Quiet
 from tests.app.test_foreign import PULLED, polar_plate, write, write_gmsh
 from tests.case_text import body, box, contact, disk, head, item, load, material, support
@@ -99,6 +105,26 @@ def test_traction_errors_are_what_is_missing_of_the_tractions(degree: int) -> No
     missing, right = traction_error(body_of, exact, source), body_of.model.cloud.surfaces["right"].index
     assert missing[right] == pytest.approx(5.0)
     assert np.delete(missing, right).max() <= 1e-9 * STEEL.modulus
+
+
+@pytest.mark.parametrize("angle", [0.5, 0.5 * np.pi])
+def test_errors_along_fibres_are_larger_than_those_of_tractions(angle: float) -> None:
+    ply = orthotropic([140e3, 10e3, 10e3], [0.3, 0.3, 0.3], 5e3, angle, "stress")
+    hole, exact = Arc((0.0, 0.0), 1.0, 0.5 * np.pi, -2.0 * np.pi), AnisotropicHole(ply.stiffness, 1.0, 1.0)
+    plate = rectangle((-3.0, 3.0), (-3.0, 3.0))
+    outline = Outline((*plate.names, "hole"), (*plate.curves, hole), (0, 4))
+    cloud = build_cloud(outline, Spacing(0.3, (Zone(hole, 2.0 * np.pi / 180.0, 0.0, 0.2),)), 0)
+    body_of = build(cloud, {}, 4, ply)
+    source = boundary_values(body_of, lambda at: 0.0 * at, exact.stress)
+    found = body_of.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
+    rim, lack = cloud.surfaces["hole"].index, traction_error(body_of, found, source)
+    wrong = body_of.model.stress(found)[rim] - exact.stress(cloud.points[rim])
+    error = von_mises(wrong, np.zeros(len(rim))).max()
+    told = (along_over_across(body_of) * lack)[rim].max()
+    assert error / 3.0 <= told <= 3.0 * error
+    assert lack[rim].max() <= error / 5.0
+    even = build(cloud, {}, 2, STEEL)
+    assert along_over_across(even)[rim] == pytest.approx(1.0)
 
 
 def test_round_off_has_no_peak(tmp_path: Path) -> None:
