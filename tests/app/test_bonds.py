@@ -163,6 +163,27 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
     assert across - along == pytest.approx((k + 1.0) / k, rel=1e-2)
 
 
+def test_few_nodes_around_a_fibre_bond_it_and_are_told(tmp_path: Path) -> None:
+    # Three knots around, three spacings apart, had left it half of its load, without a word.
+    text = HEAD.format("strain") + material("glass", 3.0) + material("resin", 1.0)
+    text += '[[body]]\nname = "fibre"\nmaterial = "glass"\nspacing = 0.6\n'
+    text += '[body.shape]\nkind = "disk"\ncenter = [0.0, 0.0]\nradius = 1.0\n'
+    text += '[[body]]\nname = "matrix"\nmaterial = "resin"\nspacing = 0.6\n[body.shape]\nkind = "polygon"\n'
+    text += "points = [[-8.0, -8.0], [8.0, -8.0], [8.0, 8.0], [-8.0, 8.0]]\n"
+    text += 'names = ["b", "r", "t", "l"]\nholes = [{ center = [0.0, 0.0], radius = 1.0, name = "hole" }]\n'
+    text += '[[support]]\nboundary = "matrix.l"\nux = 0.0\n' + PINNED.format("matrix", -8.0, 0.0, "uy = 0.0")
+    text += bond("grip", "fibre.arc", "matrix.hole")
+    text += load("right", "matrix.r", "traction", "traction = [0.01, 0.0]")
+    text += '[[probe]]\nname = "middle"\nbody = "fibre"\npoint = [0.0, 0.0]\n'
+    summary = solve(text, tmp_path / "run")
+    # Eshelby's formulas in an infinite plate.
+    outer, inner, k = 1.0 / 2.6, 3.0 / 2.6, 3.0 - 4.0 * 0.3
+    mean = inner * (k + 1.0) / (2.0 * inner + outer * (k - 1.0))
+    shear = inner * (k + 1.0) / (outer + k * inner)
+    assert summary["probes"]["middle"]["stress"][0] == pytest.approx(0.005 * (mean + shear), rel=0.05)
+    assert any("from node to node" in text for text in summary["warnings"])
+
+
 def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
     # Two posts, one above the other, each held by nothing but its bond, pulled aside: a cantilever.
     def post(split: bool) -> str:

@@ -201,9 +201,9 @@ def test_a_sheared_block_with_friction_up_to_its_corners(tmp_path: Path) -> None
 
 
 def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
-    """A loose trapezoid between plates with friction up to its corners, a sixth down. It was refused for its
-    stability, as if what sticks could slide. With one to four times as many nodes the force is 0.508 to
-    0.546: the crushed corners converge slowly."""
+    """A loose trapezoid between plates with friction up to its corners, a sixth down, against nine-node
+    finite elements: 0.4827 with 12 x 12 graded ones, falling. Seen from its pins alone it was 13 % too
+    stiff, stiffer than bonded."""
     points = [[-1.0, 0.0], [1.0, 0.0], [0.7, 0.6], [-0.7, 0.6]]
     shape = {"kind": "polygon", "points": points, "names": ["bottom", "right", "top", "left"]}
     text = (
@@ -218,8 +218,8 @@ def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
     assert summary["status"] == "done"
     assert summary["stability"] > 0.5
     lateral, down = summary["forces"]["down"]
-    assert down == pytest.approx(-0.53, rel=0.045)
-    assert abs(lateral) <= 0.008 * abs(down)
+    assert down == pytest.approx(-0.481, rel=0.015)
+    assert abs(lateral) <= 0.004 * abs(down)
 
 
 def test_plate_makes_an_even_state(tmp_path: Path) -> None:

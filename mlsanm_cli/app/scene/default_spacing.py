@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from mlsanm_cli.app.scene.roots import ACROSS_ROOTS, PER_ROOT, across_roots, roots_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import Joined, part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.cloud.tips import MIN_REENTRANT_ANGLE
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
 PER_SIZE, PER_THICKNESS = 20.0, 6.0
@@ -33,9 +33,6 @@ GROWTH = 0.15
 """Increase of the spacing per unit length. At 0.25 the wide, flat stencils where the spacing grows hardly
 resist displacements that alternate from node to node: pressures at the lip of a keyway were three times too
 high, and frames with sharp corners 0.7 % too soft (0.15), for as much CPU time."""
-PER_ROOT = 20.0
-"""Spacings along sides between two re-entrant corners: fits then represent the fields of both. A hub on a
-keyed shaft is within 0.7 %, with 13 it was 4 % off; a slit within 0.7 %, with 8 it was 1.3 %."""
 MIN_SIDE_RATIO, MIN_ROOT_RATIO = 1.0 / 64.0, 1.0 / 256.0
 """Least spacing at short sides over the coarse one, and at such roots: with 1/64 a slit opened by 4 to 8 %
 too little."""
@@ -130,7 +127,7 @@ def _extent(outline: Outline) -> float:
 def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone]:
     """Zones along arcs of small radius and where curves turn, with a further factor ``finer``, in hollows
     with its square; and at short sides, whose ends are nodes, above all at roots of slits."""
-    roots = _roots(outline)
+    roots = roots_of(outline)
     for number, curve in enumerate(outline.curves):
         if isinstance(curve, Segment):
             parts, least = (PER_ROOT, MIN_ROOT_RATIO) if number in roots else (1.0, MIN_SIDE_RATIO)
@@ -142,20 +139,9 @@ def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone
                 yield Zone(curve, fine, 0.0, GROWTH)
         else:
             yield from _turning_zones(curve, far, finer)
-
-
-def _roots(outline: Outline) -> set[int]:
-    """Numbers of the curves between two re-entrant corners."""
-    found = set()
-    for loop in outline.loops:
-        numbers = range(len(outline.curves))[loop]
-        ends = [outline.curves[k].normals(np.array([0.0, outline.curves[k].length])) for k in numbers]
-        crossed = [
-            a[1, 0] * b[0, 1] - a[1, 1] * b[0, 0] for a, b in zip(ends, ends[1:] + ends[:1], strict=True)
-        ]
-        inward = [turn < -MIN_REENTRANT_ANGLE for turn in crossed]
-        found |= {number for k, number in enumerate(numbers) if inward[k] and inward[k - 1]}
-    return found
+    for (x, y), apart in across_roots(outline):
+        if apart < ACROSS_ROOTS * far:
+            yield Zone.around((x, y), apart / ACROSS_ROOTS, 0.0, GROWTH)
 
 
 def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:

@@ -15,24 +15,32 @@ Equation (21) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.finite.near_field import exact_compliance
 from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
+from mlsanm_cli.mechanics.rigid import free_motions
+from mlsanm_cli.startup import cKDTree
 
 CORNER_NODES = 2
 """Number of nodes from a corner without the near-field correction; from twice as many on it is complete:
 closer fields would have to include the corner."""
 HALF_WINDOW = 4
 """Half-width of the windows of the fits, in nodes: waves shorter than about six are not represented."""
+
+
+DEEP = 0.5
+"""Nodes at this part of the largest depth are far from all sides."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +62,12 @@ class Answer:
         both = np.repeat(share, 2)
         fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
         own = fit @ moved[(2 * side.nodes[:, None] + np.arange(2)).ravel()]
-        exact = exact_compliance(side, body, center, np.flatnonzero(share))
-        return cls(fit, _uneven(side, both[:, None] * (exact - own) * both, share))
+        deep, free = _deep(projector.body)
+        exact, inside = exact_compliance(side, body, center, np.flatnonzero(share), deep)
+        # The motion of a loose body on the whole is that of the cloud.
+        apart = inside - moved[(2 * deep[:, None] + np.arange(2)).ravel()]
+        offset = free(side.places) @ np.linalg.lstsq(free(body.model.nodes[deep]), apart)[0]
+        return cls(fit, _uneven(side, both[:, None] * (exact - own - offset) * both, share))
 
     @classmethod
     def plain(cls, side: ContactSide) -> Answer:
@@ -103,6 +115,23 @@ class Closer:
         """How these go with changes (2s, ...) of the cloud's."""
         smooth = self.smooth @ displacement
         return np.asarray(smooth + self.by_turning @ smooth)
+
+
+def _deep(body: FiniteBody) -> tuple[IntArray, Callable[[FloatArray], FloatArray]]:
+    """Nodes (m,) of a loose body far from its sides, at which it moves on the whole, and its free motions
+    (2n, d) of places (n, 2); none of others.
+
+    What clouds answer is seen from pins, and there it is as wrong as next to the sides: as a motion of one
+    side against all others that would be a spring. A pad between rough plates was 11 % too stiff.
+    """
+    elastic = body.elastic
+    cloud, bearing = elastic.model.cloud, elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
+    free = free_motions(cloud, elastic.held, bearing, elastic.springs)
+    if not body.pins:
+        return np.zeros(0, dtype=np.int64), lambda places: np.zeros((2 * len(places), 0))
+    outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
+    depth = nearest(cKDTree(cloud.points[outer]), cloud.points)[0]
+    return np.flatnonzero(depth >= DEEP * depth.max()), free.patterns
 
 
 def _turned(part: FloatArray, turn: ComplexArray) -> FloatArray:

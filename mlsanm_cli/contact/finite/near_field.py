@@ -35,24 +35,29 @@ BLOCK_SIZE = 64
 
 
 def exact_compliance(
-    side: ContactSide, body: ElasticBody, center: complex | None, nodes: IntArray
-) -> FloatArray:
+    side: ContactSide, body: ElasticBody, center: complex | None, nodes: IntArray, deep: IntArray
+) -> tuple[FloatArray, FloatArray]:
     """Displacements (2c, 2c), x and y of every node in turn, by unit tractions at some ``nodes`` (k,) of a
-    side of an undeformed body; fields end at a ``center`` in hollows. Nothing for other nodes."""
+    side of an undeformed body, and those (2m, 2c) of nodes ``deep`` (m,) inside; fields end at a ``center``
+    in hollows. Nothing for other nodes."""
     near, rows = _Near(side, body, center), (2 * nodes[:, None] + np.arange(2)).ravel()
-    own = (2 * side.nodes[nodes][:, None] + np.arange(2)).ravel()
+    count = len(rows)
+    own = (2 * np.concatenate([side.nodes[nodes], deep])[:, None] + np.arange(2)).ravel()
     shape = (len(own), body.model.unknowns)
     seen = sparse.csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=shape)
-    total = np.zeros((2 * side.count,) * 2)
+    total, inside = np.zeros((2 * side.count,) * 2), np.zeros((2 * len(deep), 2 * side.count))
     if not len(nodes):
-        return total
+        return total, inside
     total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
     for first in range(0, len(nodes), BLOCK_SIZE):
         some = nodes[first : first + BLOCK_SIZE]
         smooth = body.system.functionals(seen, sparse.csc_array(near.remainders(some)))
         columns = rows[2 * first : 2 * (first + len(some))]
-        total[np.ix_(rows, columns)] += smooth * np.repeat(side.weight[some], 2)
-    return total
+        moved = smooth * np.repeat(side.weight[some], 2)
+        total[np.ix_(rows, columns)] += moved[:count]
+        field = near.displaced(some, as_complex(body.model.nodes[deep]))
+        inside[:, columns] = moved[count:] + field * np.repeat(side.weight[some], 2)
+    return total, inside
 
 
 @dataclass(frozen=True)
@@ -99,22 +104,36 @@ class _Near:
     def remainders(self, nodes: IntArray) -> FloatArray:
         """Right-hand sides (r, 2k) of the remainders of unit forces at some ``nodes`` (k,) of the side, x and
         y of every node in turn."""
+        return self._summed(nodes, lambda forces: remainder_sources(self.body, forces), self.body.rows)
+
+    def displaced(self, nodes: IntArray, seen: ComplexArray) -> FloatArray:
+        """Displacements (2m, 2k) by the fields of the same forces at places ``seen`` (m,) inside the body."""
+
+        def moved(forces: Forces) -> FloatArray:
+            found = forces.displacement(seen).transpose(0, 2, 3, 1)
+            return found.reshape(2 * len(seen), 2 * len(forces.place))
+
+        return self._summed(nodes, moved, 2 * len(seen))
+
+    def _summed(self, nodes: IntArray, of: Callable[[Forces], FloatArray], rows: int) -> FloatArray:
+        """What (rows, 2k) is ``of`` the fields of unit forces at some ``nodes`` (k,), x and y in turn."""
         kernel, count = self.body.model.kernel, len(nodes)
         place, inward = self._places[nodes], -as_complex(self.side.outward[nodes])
-        total = np.zeros((self.body.rows, 2, count))
+        total = np.zeros((rows, 2, count))
         near = np.array([some[nodes] for _, some in self._corners]).reshape(-1, count)
         for which in np.unique(near, axis=1).T:
             some = (near == which[:, None]).all(axis=0)
             plain = SurfaceForces(kernel, place[some], inward[some], self.center)
             corners = tuple(one for (one, _), yes in zip(self._corners, which, strict=True) if yes)
             forces: Forces = CorneredForces(plain, corners) if corners else plain
-            total[:, :, some] = remainder_sources(self.body, forces).reshape(len(total), 2, -1)
-        own = total.reshape(len(total), -1)
+            total[:, :, some] = of(forces).reshape(rows, 2, some.sum())
+        own = total.reshape(rows, 2 * count)
         for arc, axis, sign in self._mirrored:
             center = self._center(arc, axis)
             images = SurfaceForces(kernel, self._image(place, arc, axis), _flipped(inward, axis), center)
-            own = own + remainder_sources(self.body, images) * np.repeat(sign, count)
-        return np.ascontiguousarray(own.reshape(len(own), 2, count).transpose(0, 2, 1)).reshape(len(own), -1)
+            own = own + of(images) * np.repeat(sign, count)
+        turned = own.reshape(rows, 2, count).transpose(0, 2, 1)
+        return np.ascontiguousarray(turned).reshape(rows, 2 * count)
 
     def _center(self, arc: float, axis: int) -> complex | None:
         if self.center is None:
