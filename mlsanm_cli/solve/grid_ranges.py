@@ -265,9 +265,8 @@ def passed_beyond(
 
 
 def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequence[ExactState]) -> FloatArray:
-    """Places (e,) where surfaces overlap in a state away from all that touches there: summits of a profile
-    that neither means over wide hats nor the nodes beyond them see. Within the grid, where halving it tells,
-    also those that may overlap."""
+    """Places (e,) of overlaps in a state away from its contact: summits of a profile between the nodes of a
+    grid; within the grid, where halving decides, also places of possible overlaps."""
     pairing = condensed.pairing_of(name)
     assert pairing.grid is not None
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)

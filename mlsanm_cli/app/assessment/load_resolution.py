@@ -18,11 +18,11 @@ MAX_INTERPOLATION_ERROR = 0.08
 hot spot were 20 % off with an error of 12 %, and 1 % with 5 %, as automatic spacings may leave."""
 
 LENGTH_TOLERANCE = 0.01
-"""Largest relative deviation of the length of a loaded part."""
+"""Largest relative error of the length of a loaded part."""
 
 
 def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Warnings of loads that vary between nodes, or act on parts of other lengths than given."""
+    """Warnings of loads that the nodes do not resolve, and of loaded parts with another length."""
     yield from _part_warnings(case, clouds)
     for load in case.load:
         if isinstance(load, Temperature | BodyForce):
@@ -44,7 +44,7 @@ def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
 
 
 def _part_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Warnings of loaded parts shorter or longer than given, because they end at nodes of a file."""
+    """Warnings of loaded parts with another length than given, as the nodes are from a file."""
     for load in case.load:
         if not isinstance(load, Pressure | Traction) or load.ends is None:
             continue

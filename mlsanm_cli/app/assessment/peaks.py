@@ -4,8 +4,8 @@ Least squares satisfies traction conditions at boundary nodes approximately, so 
 sigma n and the prescribed traction is an error of the stress there, known without another solution. On ten
 plates, bars and rings with holes, notches and fillets of 12 to 90 nodes per turn, degrees 2 and 4, three
 clouds each, it was a third to three times the error of the peak if that was above 3 %. Corrections by fits of
-the next degree gave a fifth of it on coarse notches, where their own stress is as poor.
-Strains along a fibre are off by as much as those across it, and stresses by many times as much as tractions.
+the next degree gave a fifth of it on coarse notches, where their own stress is as poor. Strains along
+a fibre have errors as large as those across, and stresses accordingly larger ones than tractions.
 
 Omitted are places with unbounded stress or another check: surfaces in contact, ends of held and bonded
 surfaces, single nodes, re-entrant corners, and nodes with tractions larger than the stress. Only local maxima

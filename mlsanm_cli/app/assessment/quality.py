@@ -39,8 +39,9 @@ MAX_SPACING_RATIO = 2.0
 MAX_STIFFNESS_RATIO = 3.0
 """A slave stiffer than its master by more does not resist oscillations of the pressure."""
 MAX_BOND_TURN = 0.25
-"""Turn (radian) of bonded surfaces from node to node above which a run warns, as nothing else estimates their
-error: a stiff fibre bore 2 % too little with even nodes that far apart, and 5 to 20 % in growing spacings."""
+"""Rotation (radian) of a bonded surface from node to node above which a run warns, as errors of bonds are not
+estimated: a stiff fibre carried 2 % too little with uniform nodes at that distance, and 5 to 20 % in growing
+spacings."""
 MAX_FRICTION = 4.0
 """Coefficient of friction above which it is probably a percentage: rubber has up to 4."""
 ROUND_OFF = 1e-6
@@ -135,7 +136,7 @@ def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing]) -> list[st
 
 
 def _bond_warnings(pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Where nodes are too few along the curve of a bond."""
+    """Warnings of bonded curves with too few nodes."""
     for body, surface in zip(pairing.bodies, (pairing.slave, pairing.master), strict=True):
         assert surface is not None, "nothing is bonded to an obstacle"
         bend = np.abs(surface.curve.curvature(surface.arc_length))

@@ -25,8 +25,8 @@ PER_CONTACT_DEPTH = 5.0
 """Spacings between a contact and the nearest other boundary."""
 PER_RADIUS, PER_CONCAVE_RADIUS = 5.0, 14.0
 """Spacings over the radius of an arc; stresses concentrate around holes and in hollows: their peaks were 2 to
-4 % low with 10, and are 1 % low. In orthotropic bodies more by the ratio of the scales on which stresses
-change: at a hole in plates of E1/E2 = 4 to 14 peaks were 2 to 9 % low with its root, and are 1 % low."""
+4 % low with 10, and are 1 % low. In orthotropic bodies concave arcs have more by the ratio of decay lengths:
+at a hole in plates of E1/E2 = 4 to 14 peaks were 2 to 9 % low with its root, and are 1 % low."""
 CONFORMING_RATIO, PER_CONFORMING_RADIUS = 1.5, 16.0
 """Ratio of radii below which one arc in another is conforming, and spacings over these radii."""
 GROWTH = 0.15
@@ -125,8 +125,8 @@ def _extent(outline: Outline) -> float:
 
 
 def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone]:
-    """Zones along arcs of small radius and where curves turn, with a further factor ``finer``, in hollows its
-    square; and at short sides, whose ends are nodes, above all at roots of slits."""
+    """Zones along arcs of small radius and where curves turn, with a further factor ``finer``, in hollows
+    with its square; and at short sides, whose ends are nodes, above all at roots of slits."""
     roots = roots_of(outline)
     for number, curve in enumerate(outline.curves):
         if isinstance(curve, Segment):

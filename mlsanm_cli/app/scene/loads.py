@@ -31,7 +31,7 @@ from mlsanm_cli.mechanics.heat import Heating
 END_OFFSET = 1e-9
 """Distance from the ends of a surface, relative to its length, at which tractions are evaluated there."""
 SAMPLES_PER_POINT = 32
-"""Samples per quadrature point where tractions are discontinuous between nodes."""
+"""Samples for each quadrature point if tractions are discontinuous between nodes."""
 TABLE_TOLERANCE = 1e-6
 """Part of a boundary's length that a table may leave uncovered at each end."""
 
