@@ -83,7 +83,7 @@ def assemble(
         choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
         factorise = partial(square.factorise, rows, choice, model.nodes)
     else:
-        weight = row_weights(model, held, single, table, grips)
+        weight = row_weights(model, held, single, table, grips, touching)
         known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
         strong = partial(_strong, model, pieces, grips, loads, pulls, known)
         sums = pieces.sums(known)
@@ -215,11 +215,13 @@ def row_weights(
     held_nodes: Sequence[tuple[int, int]],
     table: RowTable,
     grips: Held,
+    touching: Collection[str] = (),
 ) -> FloatArray:
-    """Weights (r,) of the rows in the least-squares sum; stresses are singular near ``grips``."""
+    """Weights (r,) of the rows in the least-squares sum; stresses are singular where ``grips`` end, but next
+    to surfaces ``touching``."""
     cloud = model.cloud
     corners = _unenriched_corners(model, grips)
-    factor = corner_weight(cloud, grips, table.springs) * reentrant_weight(cloud, corners)
+    factor = corner_weight(cloud, grips, table.springs, touching) * reentrant_weight(cloud, corners)
     weights = [factor * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]

@@ -16,7 +16,7 @@ intensity factors undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -59,14 +59,14 @@ def thickness(cloud: Cloud) -> float:
     return 2.0 * float(cloud.areas.sum()) / perimeter
 
 
-def corner_weight(cloud: Cloud, grips: Held, springs: Springs) -> FloatArray:
+def corner_weight(cloud: Cloud, grips: Held, springs: Springs, touching: Collection[str] = ()) -> FloatArray:
     """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER, with
     the distance from places where ``grips`` or ``springs`` change along the boundary.
 
     Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
     weight, and cost the strong rows their digits.
     """
-    nodes = np.unique(np.array([*_singular_changes(cloud, grips, springs)], dtype=np.int64))
+    nodes = np.unique(np.array([*_singular_changes(cloud, grips, springs, touching)], dtype=np.int64))
     if not len(nodes):
         return np.ones(len(cloud.points))
     distance = np.maximum(
@@ -76,11 +76,14 @@ def corner_weight(cloud: Cloud, grips: Held, springs: Springs) -> FloatArray:
     return factor
 
 
-def _singular_changes(cloud: Cloud, grips: Held, springs: Springs) -> Iterator[int]:
+def _singular_changes(
+    cloud: Cloud, grips: Held, springs: Springs, touching: Collection[str]
+) -> Iterator[int]:
     """Nodes where supports change along the boundary and stresses are singular: corners between a fully held
     and a free surface, and others where the boundary turns by less than about a right angle. There springs
     count as supports: without, the reaction of a block on springs along a part of its side was up to 16 % too
-    small."""
+    small. Surfaces ``touching`` with nodal pressures are exempt, as their compliance needs these rows: a
+    block that rolls on a part of its side and touches with the rest had a stability of 0.02."""
     held = {
         name: (x or springs.get(name, NO_SPRING)[0] > 0.0, y or springs.get(name, NO_SPRING)[1] > 0.0)
         for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
@@ -91,7 +94,8 @@ def _singular_changes(cloud: Cloud, grips: Held, springs: Springs) -> Iterator[i
                 continue
             (x, y), (u, v) = one.normal[-1], other.normal[0]
             clamped = {sum(grips.get(each, FREE)) for each in (name, other_name)} == {0, 2}
-            if clamped or np.arctan2(x * v - y * u, x * u + y * v) < MAX_MIXED_ANGLE:
+            wide = np.arctan2(x * v - y * u, x * u + y * v) < MAX_MIXED_ANGLE
+            if clamped or (wide and not {name, other_name} & set(touching)):
                 yield int(other.index[0])
 
 
