@@ -29,7 +29,7 @@ BAD = {
     ),
     "a body free to drift": (FLOOR, "", ("load.press", "nothing resists", "uy"), "[[load]]"),
     "surfaces that overlap": (
-        "center = [0.0, 1.0]", "center = [0.0, 0.6]", ("contact.interface", "overlap by 0.4"), "[[contact]]"
+        "y = [-2.0, 0.0]", "y = [-2.0, 0.4]", ("contact.interface", "overlap by 0.4"), "[[contact]]"
     ),
     "a contact that faces nothing": (
         "center = [0.0, 1.0]", "center = [9.0, 1.0]", ("contact.interface", "faces block.top"), "[[contact]]"

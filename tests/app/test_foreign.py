@@ -187,7 +187,7 @@ BAD = {
         "24 such",
         header="x,y,tag,nx,ny",
     ),
-    "duplicate nodes": points([*RING, (0, 0, ""), (0, 0, "")], "line 27", "line 26 again"),
+    "duplicate nodes": points([*RING, (0, 0, ""), (0, 0, "")], "line 27", "that of line 26"),
     "crossing outline": points(
         [(x, (x + 0.1) * y, t) for x, y, t in RING], "the outline crosses itself near ("
     ),

@@ -106,7 +106,7 @@ def lots() -> dict[str, Case]:
         "tables": (PATCH + "".join(f"[t{k}]\n" for k in range(30_000)), (), "tables"),
         "loads": (PATCH + '[[load]]\nkind = "pressure"\npressure = 1.0\n' * 3000, (), "load"),
         "corners": (changed(UPPER, shape), (), "body.upper.shape.points"),
-        "megabytes": (PATCH, (), "16 MB at most"),
+        "megabytes": (PATCH, (), "at most 16 MB"),
         "open brackets": (end + "[" * 100_000, (), "nested"),
         "brackets": (end + "[" * 100_000 + "]" * 100_000, (), "nested"),
         "some brackets": (end + "[" * 200 + "]" * 200, (), "nested"),
@@ -116,7 +116,7 @@ def lots() -> dict[str, Case]:
         "quoted key": ('."a b".'.join(["x"] * 50_000) + " = 1\n" + PATCH, (), "parts"),
         "escaped key": ('."\\"".'.join(["x"] * 50_000) + " = 1\n" + PATCH, (), "parts"),
         "nested tables": (PATCH + "".join(f"[{'.'.join('a' * k)}]\n" for k in range(1, 300)), (), "parts"),
-        "no end": (PATCH, ("/dev/zero",), "16 MB at most"),
+        "no end": (PATCH, ("/dev/zero",), "at most 16 MB"),
     }
 
 
