@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,8 +48,9 @@ def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., Fl
         held_nodes: Sequence[tuple[int, int]],
         table: RowTable,
         grips: Held,
+        touching: Collection[str],
     ) -> FloatArray:
-        weights, cloud = proper(model, held, held_nodes, table, grips), model.cloud
+        weights, cloud = proper(model, held, held_nodes, table, grips, touching), model.cloud
         first = 2 * len(cloud.points)
         for name, surface in cloud.surfaces.items():
             for holds in held.get(name, (False, False)):
