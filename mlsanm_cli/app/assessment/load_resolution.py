@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import range_of, run_of
 from mlsanm_cli.app.scene.fields import amounts_at
+from mlsanm_cli.app.scene.load_profiles import runs_of
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction
@@ -50,7 +50,8 @@ def _part_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
             continue
         surfaces = clouds[load.owner].surfaces
         found = sum(surfaces[name].curve.length for name in surfaces_at(case, load.place))
-        wanted = range_of(run_of(case, load.place, f"load.{load.name}"), load.place)[1]
+        body = next(one for one in case.body if one.name == load.owner)
+        wanted = sum(curve.length for _, _, curve in runs_of(body.shape, load.place))
         if abs(found - wanted) > LENGTH_TOLERANCE * wanted:
             yield (
                 f"load.{load.name} acts on a length of {found:.4g} instead of {wanted:.4g}, as parts of body "
@@ -67,7 +68,8 @@ def _warning(name: str, body: str, varying: list[str], cloud: Cloud, spans: IntA
     except ExpressionError:
         # Reported when loads are evaluated at the nodes.
         return
-    scale = float(np.abs(between).max(initial=0.0))
+    # A peak at a single node is seen at the nodes only.
+    scale = float(max(np.abs(between).max(initial=0.0), np.abs(at_nodes).max(initial=0.0)))
     missed = np.abs(at_nodes[place.reshape(spans.shape)].mean(axis=1) - between).max(axis=1)
     worst = int(missed.argmax())
     if missed[worst] > MAX_INTERPOLATION_ERROR * scale:

@@ -53,7 +53,8 @@ def _zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ...]:
     scale = 0.0
     for level in range(LEVELS):
         values, points = _sampled(expression, edges, centers, size)
-        scale = max(scale, float(np.nanmax(np.abs(values), initial=0.0))) if not level else scale
+        if not level:
+            scale = float(np.nanmax(np.abs(values), initial=0.0))
         bent = np.array(
             [_nonlinearity(*one) > LINEARITY_TOLERANCE * scale for one in zip(values, points, strict=True)]
         )

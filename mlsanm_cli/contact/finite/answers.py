@@ -37,8 +37,6 @@ CORNER_NODES = 2
 one."""
 HALF_WINDOW = 4
 """Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
-
-
 DEEP = 0.5
 """Nodes at this part of the largest depth are far from all sides."""
 
