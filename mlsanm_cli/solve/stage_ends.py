@@ -48,8 +48,8 @@ def searched_ends(
 ) -> tuple[ExactState, ...]:
     """Exact states at the ends of the stages: with friction only of the ``starts``; without it of some, if no
     more are to be ``known``, of all that count with the requested states, or of some between the ends.
-    Without friction states ``known`` at equal load factors are reused. If a stage cannot be completed the
-    last state is one near its limit load."""
+    States ``known`` at equal load factors are reused, with friction only all together. If a stage cannot be
+    completed the last state is one near its limit load."""
     factors, every = stages, which not in ("ends", "known")
     rubbing = len(condensed.friction_nodes) > 0
     if which == "between":
@@ -68,6 +68,8 @@ def searched_ends(
         factors = stages[chosen]
         starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if rubbing:
+        if [one.factors.tolist() for one in known] == factors[1:].tolist():
+            return tuple(known)
         # After a separation at the end of a stage all guesses are needed again.
         followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
