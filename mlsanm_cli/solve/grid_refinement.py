@@ -44,7 +44,8 @@ MAX_MERGED_SHARE = 2.0
 """Intervals are merged if that leaves less than this part of an equal share."""
 WORST_SHARE_WITHOUT_FRICTION, QUARTER_RATIO = 0.05, 4.0
 """Part of the largest error without friction, where rounds take longer than more intervals do; and intervals
-with more than this multiple of the least error of halved ones are quartered, as halving leaves a sixth."""
+with more than this multiple of the least error of halved ones are quartered, as halving leaves a sixth, or at
+ends of contacts half; not for tractions, as every node is an event of the path."""
 
 
 def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
@@ -82,25 +83,29 @@ def refined(
     """
     result = dict(grids)
     for name, grid in grids.items():
-        errors = grid_errors(condensed, name, states, tractions)
-        if len(errors) >= limits[1]:
+        each = [grid_errors(condensed, name, [state], tractions) for state in states]
+        if len(grid.hats.steps) >= limits[1]:
             continue
         places = summits(condensed, name, ranges[name], states)
-        chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
-        aim = accuracy[name] * max(1.0, len(errors) / limits[0]) ** 3
+        chosen = np.isin(np.arange(len(grid.hats.steps)), np.searchsorted(grid.hats.nodes, places) - 1)
+        aim = accuracy[name] * max(1.0, len(chosen) / limits[0]) ** 3
         quartered = np.zeros_like(chosen)
-        if float(np.sqrt((errors**2).sum())) > aim:
-            free = condensed.pairing_of(name).friction == 0.0
-            part = (
-                WORST_SHARE_OF_MANY
-                if len(errors) > COMPRESSED_CONTACT
-                else WORST_SHARE_WITHOUT_FRICTION
-                if free
-                else WORST_SHARE
-            )
-            least = max(EQUAL_SHARE * aim / np.sqrt(len(errors)), part * float(errors.max()))
-            chosen |= errors > least
-            quartered = free & (errors > QUARTER_RATIO * least)
+        free = condensed.pairing_of(name).friction == 0.0
+        part = (
+            WORST_SHARE_OF_MANY
+            if len(chosen) > COMPRESSED_CONTACT
+            else WORST_SHARE_WITHOUT_FRICTION
+            if free
+            else WORST_SHARE
+        )
+        # Ends of other states are no part of the error of a state.
+        for errors in each:
+            if float(np.linalg.norm(errors)) > aim:
+                count = float(errors.sum()) ** 2 / float((errors**2).sum())
+                least = max(EQUAL_SHARE * aim / np.sqrt(count), part * float(errors.max()))
+                chosen |= errors > least
+                quartered |= (free or not tractions) & (errors > QUARTER_RATIO * least)
+        errors = np.max(each, axis=0, initial=0.0)
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
             result[name] = halved = _halved(grid, chosen, quartered, errors)
