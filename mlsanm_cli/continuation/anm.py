@@ -68,8 +68,10 @@ class AnmFollower(Follower):
             if ahead is not None:
                 self._piece = branch
             yield self._step(branch, end, unit)
-            if ahead is None:
+            if ahead is None and end.lam == self._lam_end:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
+            if ahead is None:
+                return
             here, self._effort = ahead, effort
             direction, unit = self._next_direction(branch)
 
@@ -139,7 +141,8 @@ class AnmFollower(Follower):
     ) -> tuple[Branch, Correction, ExpansionPoint | None, SolveCounts]:
         """Determine the end of a step and factorise there; the step is shortened while that fails.
 
-        Returns the piece of path, its end, the next expansion point (None at the target) and its counts.
+        Returns the piece of path, its end, the next expansion point (None at the target, and where the
+        caller leaves the path) and its counts.
         """
         length, failure = branch.length, Stopped(StopReason.CORRECTION_FAILED, "")
         for _ in range(_MAX_SHORTENINGS):
@@ -151,6 +154,8 @@ class AnmFollower(Follower):
             place = f"near load factor {piece.load_factor(length):.9g}"
             if end is None:
                 failure = Stopped(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
+            elif self._last is not None and self._last(end.x, end.lam):
+                return piece, end, None, SolveCounts()
             else:
                 effort = SolveCounts()
                 try:
