@@ -202,6 +202,26 @@ def test_cloud_panels_show_scene_and_detail_with_one_colour_scale(kept: list[Fig
     assert kept[1].axes[0].get_title() == "scene"
 
 
+def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure]) -> None:
+    smooth = np.linspace(-3.0, 5.0, 300)
+    points = np.random.default_rng(0).random((300, 2))
+    for extreme, limits, words in (
+        ([], (-3.0, 5.0), ""),
+        ([9.0], (-3.0, 9.0), ""),
+        ([7e4], (-3.0, 4.95), "up to 7e+04"),
+        ([7e4, -40.0], (-2.9, 4.95), "down to -40\nup to 7e+04"),
+    ):
+        values = smooth.copy()
+        values[: len(extreme)] = extreme
+        plot_cloud.plot_cloud(
+            Path("a.png"), [CloudBody(points, np.zeros((300, 2)), values)], "von Mises", "s"
+        )
+        bar = kept[-1].axes[-1]
+        assert bar.get_title() == words
+        meshes = [item for item in kept[-1].axes[0].collections if type(item).__name__ == "TriMesh"]
+        assert meshes[0].get_clim() == pytest.approx(limits, abs=0.05)
+
+
 def test_wrong_shapes_names_and_places_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     with pytest.raises(ValueError, match="pressure has shape"):

@@ -30,6 +30,9 @@ Window = tuple[float, float, float, float]
 _MAX_CIRCUMRADIUS = 2.5
 # Diameter of the dot at a node, in node spacings.
 _DOT_SIZE = 0.25
+# The colours end at this quantile of the nodal values if the largest is more than twice as high, so that
+# singular corners and ends of contact do not leave everything else in one colour.
+_USUAL = 0.99
 _OUTLINE_COLOUR = "#8c8c8c"
 _FRAME_COLOUR = "#D55E00"
 _PANELS_WIDTH = 9.0
@@ -120,7 +123,11 @@ def draw_cloud(
     if len(views) > 1:
         panels[0].add_patch(_frame(views[1]))
         panels[1].set_title("detail in the frame")
-    figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9)
+    below, above, words = _beyond(bodies, limits)
+    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((below, above), "neither")
+    bar = figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9, extend=extend)
+    if words:
+        bar.ax.set_title(words, fontsize=7, color="#555555")
 
 
 def _width(view: Window) -> float:
@@ -213,10 +220,25 @@ def _frame(window: Window) -> Rectangle:
 
 
 def range_of(bodies: Sequence[CloudBody]) -> tuple[float, float]:
-    """Range of the colours, which contains all values and zero."""
-    low = min(float(np.min(body.scalar, initial=0.0)) for body in bodies)
-    high = max(float(np.max(body.scalar, initial=0.0)) for body in bodies)
+    """Range of the colours, which contains zero and all values but singular ones."""
+    values = np.concatenate([np.zeros(1), *(body.scalar for body in bodies)])
+    low, high = -_usual_peak(-values), _usual_peak(values)
     return low, high if high > low else low + 1.0
+
+
+def _usual_peak(values: FloatArray) -> float:
+    """The largest value, or the quantile that leaves out the singular ones."""
+    largest, usual = float(values.max()), float(np.quantile(values, _USUAL))
+    return usual if 0.0 < 2.0 * usual < largest else largest
+
+
+def _beyond(bodies: Sequence[CloudBody], limits: tuple[float, float]) -> tuple[bool, bool, str]:
+    """Whether values are below and above the range of the colours, and words with the extreme ones."""
+    low = min(float(body.scalar.min(initial=0.0)) for body in bodies)
+    high = max(float(body.scalar.max(initial=0.0)) for body in bodies)
+    below, above = low < limits[0], high > limits[1]
+    words = [f"down to {low:.3g}"] * below + [f"up to {high:.3g}"] * above
+    return below, above, "\n".join(words)
 
 
 def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks | None = None) -> Window:

@@ -85,4 +85,7 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
         figure = Figure(figsize=(width, height))
         yield figure
         with replacing(path) as temporary:
-            figure.savefig(temporary, format=suffix[1:], metadata=_METADATA[suffix])
+            # Axes with equal scales are narrower than their room, and labels may stick out of the figure.
+            figure.savefig(
+                temporary, format=suffix[1:], metadata=_METADATA[suffix], bbox_inches="tight", pad_inches=0.05
+            )
