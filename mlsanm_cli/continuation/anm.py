@@ -64,8 +64,10 @@ class AnmFollower(Follower):
             if ahead is not None:
                 self._piece = branch
             yield self._step(branch, end, unit)
-            if ahead is None:
+            if ahead is None and end.lam == self._lam_end:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
+            if ahead is None:
+                return
             here, self._effort = ahead, effort
             direction, unit = self._next_direction(branch)
 
@@ -135,7 +137,8 @@ class AnmFollower(Follower):
     ) -> tuple[Branch, Correction, ExpansionPoint | None, SolveCounts]:
         """Determine the end of a step and factorise there; the step is shortened while that fails.
 
-        Returns the piece of path, its end, the next expansion point (None at the target) and its counts.
+        Returns the piece of path, its end, the next expansion point (None at the target, and where the
+        caller leaves the path) and its counts.
         """
         length, failure = branch.length, Stopped(StopReason.SINGULAR_TANGENT, "")
         for _ in range(_MAX_SHORTENINGS):
@@ -143,18 +146,22 @@ class AnmFollower(Follower):
             crossing = piece.first_crossing(self._lam_end)
             if crossing is not None:
                 return self._finish(here, piece.shortened(crossing))
-            end, effort = self._uncorrected(*piece.evaluate(length)), SolveCounts()
-            try:
-                ahead = self._expansion_point(end.x, end.lam, effort)
-                regular = self._metric.norm(ahead.slope, 0.0) < _MAX_SLOPE
-                if regular and end.residual <= self._options.tolerance:
-                    return piece, end, ahead, effort
-            except SingularTangentError:
-                pass
-            self._effort.add(effort)
-            failure = Stopped(
-                StopReason.SINGULAR_TANGENT, f"the tangent is singular near load factor {end.lam:.9g}"
-            )
+            end = self._uncorrected(*piece.evaluate(length))
+            place = f"near load factor {end.lam:.9g}"
+            if end.residual > self._options.tolerance:
+                failure = Stopped(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
+            elif self._last is not None and self._last(end.x, end.lam):
+                return piece, end, None, SolveCounts()
+            else:
+                effort = SolveCounts()
+                try:
+                    ahead = self._expansion_point(end.x, end.lam, effort)
+                    if self._metric.norm(ahead.slope, 0.0) < _MAX_SLOPE:
+                        return piece, end, ahead, effort
+                except SingularTangentError:
+                    pass
+                self._effort.add(effort)
+                failure = Stopped(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
             length *= _SHORTENING
         raise failure
 

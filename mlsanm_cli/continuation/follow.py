@@ -21,6 +21,7 @@ def follow(
     previous: Branch | None = None,
     barrier: Callable[[Branch], float] | None = None,
     levels: Sequence[float] = (),
+    last: Callable[[FloatArray, float], bool] | None = None,
 ) -> Follower:
     """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
 
@@ -36,7 +37,9 @@ def follow(
         with the reason EVENT
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series
         contain them anyway
+    last : whether the caller leaves the path at a state, the end of a step: power series then do not
+        factorise the tangent there
     """
     if isinstance(options, NewtonOptions):
-        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels)
-    return AnmFollower(problem, x0, lam0, lam_end, options or AnmOptions(), previous, barrier, levels)
+        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels, last)
+    return AnmFollower(problem, x0, lam0, lam_end, options or AnmOptions(), previous, barrier, levels, last)

@@ -114,8 +114,10 @@ class Follower(ABC):
         previous: Branch | None = None,
         barrier: Callable[[Branch], float] | None = None,
         levels: Sequence[float] = (),
+        last: Callable[[FloatArray, float], bool] | None = None,
     ) -> None:
         self._problem, self._options, self._barrier = problem, options, barrier
+        self._last = last
         self._lam_end, self._previous, self._levels = float(lam_end), previous, levels
         self._metric = Metric(problem.scale)
         self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf

@@ -243,10 +243,17 @@ def test_plate_makes_an_even_state(tmp_path: Path) -> None:
 
 
 def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
-    """The starter, a cylinder dragged with friction: once all slips, the work of its force is what friction
-    dissipates."""
+    """The starter on a longer block, a cylinder dragged with friction: once all slips, the work of its force
+    is what friction dissipates, and the vertical force stays. On the starter's block, whose end it comes
+    near, both change with the energy stored there: by 1.0 and 1.7 %."""
     directory = tmp_path / "run"
-    summary = solve(starter("ironing"), directory, "output.at=[1.0, 1.3, 2.0]")
+    text = (
+        starter("ironing")
+        .replace("x = [-2.0, 2.0]", "x = [-3.0, 3.0]")
+        .replace("[-0.5, 3.0]", "[-0.65, 3.0]")
+    )
+    text = text.replace('along = "top"', "at = [0.0, 2.0]").replace("radius = 0.05", "radius = 0.7")
+    summary = solve(text, directory, "output.at=[1.0, 1.3, 2.0]")
     assert (summary["status"], summary["warnings"]) == ("done", [])
     run = read_run(directory)
     position, force = run.path.position, run.path.resultants["contact iron"][:, 0]
@@ -254,7 +261,9 @@ def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
     work = float(np.trapezoid(force[slips], position[slips]))
     lost = run.contacts["iron"].dissipated_work
     assert lost is not None
-    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=0.011)
+    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=4e-3)
+    up = run.path.resultants["contact iron"][slips, 1]
+    np.testing.assert_allclose(up, up.mean(), rtol=4e-3)
     under = summary["contacts"]["iron"]
     assert under["stick_nodes"] == 0
     assert under["max_cone_ratio"] == pytest.approx(1.0)

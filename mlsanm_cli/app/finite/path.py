@@ -130,6 +130,7 @@ class _Stage:
                 _options(self._scene),
                 self._previous,
                 levels=[*self._levels, *self._renewal_level()],
+                last=self._is_left,
             )
             moved = 0
             for step in follower.steps():
@@ -137,8 +138,10 @@ class _Stage:
                 self._check(step)
                 finished = self._finished(step)
                 self.x, self._lam, self._previous = step.x, step.lam, step.branch
-                if step.lam != 1.0 and self._is_renewed_behind(step):
+                if self._is_left(step.x, step.lam):
                     follower.stop()
+                    if self._renewals is not None:
+                        self._renewals.pop(0)
                     finished = replace(finished, renewed=True, factorizations=finished.factorizations + 1)
                 yield replace(finished, mark=self._mark(finished, step))
             outcome = follower.outcome
@@ -155,17 +158,18 @@ class _Stage:
         """Load factor of the next given renewal, if there is one."""
         return [one.position - self._stage for one in (self._renewals or ())[:1]]
 
-    def _is_renewed_behind(self, step: Step) -> bool:
+    def _is_left(self, x: FloatArray, lam: float) -> bool:
+        """Whether the equations are renewed at a state ``x`` (2N,), the end of a step, before the path goes
+        on."""
+        if lam == 1.0:
+            return False
         if self._renewals is None:
-            return far_from(self.problem.body, step.x, self._station)
-        if not self._renewals or abs(step.lam - self._renewal_level()[0]) > SAME_LEVEL:
+            return far_from(self.problem.body, x, self._station)
+        if not self._renewals or abs(lam - self._renewal_level()[0]) > SAME_LEVEL:
             return False
         # A path that turns back passes a load factor more than once.
-        apart = np.abs(step.x - self._renewals[0].displacement).max()
-        if apart > SAME_STATE * self.problem.length:
-            return False
-        self._renewals.pop(0)
-        return True
+        apart = np.abs(x - self._renewals[0].displacement).max()
+        return bool(apart <= SAME_STATE * self.problem.length)
 
     def _check(self, step: Step) -> None:
         position = self._stage + step.lam
