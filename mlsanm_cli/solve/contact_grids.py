@@ -25,7 +25,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, overlapping, passed_beyond, ranged
+from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
 from mlsanm_cli.solve.rolling import rolls_away
 
@@ -72,7 +72,7 @@ def find_grids(
     starts: list[ContactStatus] = []
     known: tuple[ExactState, ...] = ()
     common: dict[str, float] = {}
-    passed = overlapping(ranges)
+    passed = touching_first(ranges)
     looked = False
     every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
@@ -91,7 +91,7 @@ def find_grids(
             ranges = {**ranges, **begun}
             grids = grids | {name: first_grid(one) for name, one in begun.items()}
             passed = {name: places for name, places in passed.items() if name not in begun}
-            passed |= overlapping(begun)
+            passed |= touching_first(begun)
             some = _on_grids(pairings, grids, some)
             starts, responses, condensed = [], None, None
             continue
