@@ -28,7 +28,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, overlapping, passed_beyond, ranged
+from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
 from mlsanm_cli.solve.rolling import rolls_away
 
@@ -72,7 +72,7 @@ class GridSearch:
     def begun(cls, ranges: Mapping[str, ContactRange]) -> GridSearch:
         """On coarse grids over all facing places."""
         return cls(
-            ranges, {name: first_grid(one) for name, one in ranges.items()}, [], {}, overlapping(ranges)
+            ranges, {name: first_grid(one) for name, one in ranges.items()}, [], {}, touching_first(ranges)
         )
 
 
@@ -137,7 +137,7 @@ def _found(
             ranges = {**ranges, **begun}
             grids = grids | {name: first_grid(one) for name, one in begun.items()}
             passed = {name: places for name, places in passed.items() if name not in begun}
-            passed |= overlapping(begun)
+            passed |= touching_first(begun)
             some = _on_grids(pairings, grids, some)
             starts, responses, condensed = [], None, None
             continue

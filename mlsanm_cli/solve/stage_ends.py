@@ -264,6 +264,17 @@ def reach_error(contact: str, gap: float) -> NumericalError:
     )
 
 
+def passing_error(contact: str, gap: float, position: float) -> NumericalError:
+    """Error of a contact with automatic reach that comes to a place where it is at no end of a stage."""
+    if gap < 0.0:
+        return reach_error(contact, gap)
+    return NumericalError(
+        f"contact {contact}: at position {position:.3g} the surfaces touch at a place that is open at the "
+        "ends of the stages",
+        f"add {position:.3g} to output.at: contacts are found there before the path begins",
+    )
+
+
 LEVELS_BETWEEN = 8
 """Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
 stages."""

@@ -11,7 +11,7 @@ import pytest
 
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.solve import grid_refinement
-from mlsanm_cli.solve.grid_ranges import _beside, _growing, spaced_apart, summits
+from mlsanm_cli.solve.grid_ranges import _beside, _growing, spaced_apart, summits, touching_first
 
 
 def test_no_interval_is_round_off() -> None:
@@ -102,3 +102,15 @@ def test_grids_are_judged_state_by_state(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(ends(1.01 * max(errors))) == 0
     assert np.linalg.norm(errors) > 2.5 * max(errors)
     assert ends(0.95 * max(errors)) == pytest.approx(widths[worst], abs=0.03)
+
+
+@pytest.mark.parametrize(("height", "seen"), [(0.0, [0.3]), (0.1, [])])
+def test_contacts_begin_where_surfaces_touch_as_drawn(height: float, seen: list[float]) -> None:
+    # The end of a ladder rolled away from there while it bent: the grid was narrow around the last contact,
+    # and the path ended at its first step.
+    places = np.linspace(0.0, 1.0, 101)
+    facing = SimpleNamespace(gap=lambda s: height + (s - 0.3) ** 2)
+    room: Any = SimpleNamespace(
+        drawn_gaps=(places, facing.gap(places)), first=0.0, last=1.0, nearest=0.3, facing=facing
+    )
+    assert touching_first({"c": room}).get("c", np.zeros(0)).tolist() == seen
