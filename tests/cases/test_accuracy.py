@@ -123,9 +123,8 @@ def test_hertz(tmp_path: Path, hertz: Truth, overrides: list[str]) -> None:
         assert summary["contact_unknowns"] <= 90 * (0.01 / accuracy) ** 0.5
 
 
-@pytest.mark.parametrize("spacing", [0.2, 0.1])
-def test_two_cylinders(tmp_path: Path, cylinders: Truth, spacing: float) -> None:
-    sizes = [f"body.{body}.spacing={spacing!r}" for body in ("upper", "lower")]
+def test_two_cylinders(tmp_path: Path, cylinders: Truth) -> None:
+    sizes = [f"body.{body}.spacing=0.2" for body in ("upper", "lower")]
     check(*solve("two_cylinders", tmp_path / "run", *sizes), cylinders)
 
 
