@@ -24,7 +24,12 @@ from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import corner_weight, reentrant_corners, reentrant_weight
+from mlsanm_cli.mechanics.corners import (
+    corner_weight,
+    one_sided_weight,
+    reentrant_corners,
+    reentrant_weight,
+)
 from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
@@ -221,8 +226,10 @@ def row_weights(
     to surfaces ``touching``."""
     cloud = model.cloud
     corners = _unenriched_corners(model, grips)
-    factor = corner_weight(cloud, grips, table.springs, touching) * reentrant_weight(cloud, corners)
-    weights = [factor * cloud.spacing / table.modulus] * 2
+    corner = corner_weight(cloud, grips, table.springs, touching)
+    factor = corner * reentrant_weight(cloud, corners)
+    inside = one_sided_weight(cloud, corner, model.settings.degree)
+    weights = [factor * inside * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]
         # A node at the end of a surface represents half a spacing of it.

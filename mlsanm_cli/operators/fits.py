@@ -8,7 +8,7 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.kernels.fits import fit_derivatives
-from mlsanm_cli.operators.neighbors import neighbors_of
+from mlsanm_cli.operators.neighbors import neighbors_of, weight_radius
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import singular_corners
 from mlsanm_cli.operators.stencils import build_stencils, sound_fits
@@ -41,6 +41,7 @@ def fitted_derivatives(
         some = targets[which]
         near = None if known is None else known[which]
         radius, numbers = neighbors_of(points, tree, some, size, sight, near)
+        radius = weight_radius(points, some, radius, numbers, settings)
         found, ratio = np.empty((len(some), 6, field.shape[1])), np.empty(len(some))
         fit_derivatives(
             points, numbers, some, radius, settings.degree, settings.sharpness, field, found, ratio

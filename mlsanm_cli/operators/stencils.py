@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
-from mlsanm_cli.operators.neighbors import neighbors_of
+from mlsanm_cli.operators.neighbors import neighbors_of, weight_radius
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import enriched, singular_corners
 from mlsanm_cli.operators.stencil_weights import Stencils
@@ -51,7 +51,8 @@ def build_stencils(
     QR is rank-deficient gets more neighbours. Raises NumericalError, naming the place, where that does not
     help.
     """
-    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known, tips)
+    places = targets, targets[:, None]
+    return _built(points, tree, *places, (0, order), settings, sight, known, tips, narrowing=True)
 
 
 def build_gradients(
@@ -80,9 +81,10 @@ def _built(
     sight: VisibilityCriterion | None,
     known: IndexArray | None,
     tips: Tips | None,
+    narrowing: bool = False,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the derivatives of ``orders[0]`` to ``orders[1]`` at their
-    ``targets`` (e, t, 2)."""
+    ``targets`` (e, t, 2); with ``narrowing``, :func:`weight_radius` where they are one-sided."""
     centers, targets = np.ascontiguousarray(centers), np.ascontiguousarray(targets)
     kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
     if not len(centers):
@@ -93,6 +95,8 @@ def _built(
         some = centers[which]
         near = None if known is None else known[which]
         radius, indices = neighbors_of(points, tree, some, size, sight, near)
+        if narrowing:
+            radius = weight_radius(points, some, radius, indices, settings)
         weights, ratio = np.empty((len(some) * size, kinds)), np.empty(len(some))
         _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
         return (indices, weights.reshape(len(some), size, -1)), ratio
