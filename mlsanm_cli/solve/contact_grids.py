@@ -40,7 +40,7 @@ TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4
 second, at most so many times, or twice as many if a motion along them is fixed."""
 ZERO_PRESSURE = 1e-9
 """Pressures below this part of the largest of all states are round-off."""
-EXACT_FACTOR, FRICTION_FACTOR, REGULARIZED_FACTOR = 0.3, 2.0, 10.0
+EXACT_FACTOR, FRICTION_FACTOR, REGULARIZED_FACTOR = 0.25, 1.7, 10.0
 """Estimated error of a grid over the requested accuracy at which refinement ends: without friction, at hardly
 any cost; with friction, where every node that starts to slide is an event of the path; and with regularised
 friction, which is 0.6 % off partial slip whatever the grid."""

@@ -91,17 +91,13 @@ def refined(
         aim = accuracy[name] * max(1.0, len(chosen) / limits[0]) ** 3
         quartered = np.zeros_like(chosen)
         free = condensed.pairing_of(name).friction == 0.0
-        part = (
-            WORST_SHARE_OF_MANY
-            if len(chosen) > COMPRESSED_CONTACT
-            else WORST_SHARE_WITHOUT_FRICTION
-            if free
-            else WORST_SHARE
-        )
-        # Ends of other states are no part of the error of a state.
+        many = len(chosen) > COMPRESSED_CONTACT
+        part = WORST_SHARE_OF_MANY if many else WORST_SHARE_WITHOUT_FRICTION if free else WORST_SHARE
+        # Ends of other states are no part of a state's error, and its share is one of the intervals that
+        # contribute; many patches end everywhere, and rounds take long.
         for errors in each:
             if float(np.linalg.norm(errors)) > aim:
-                count = float(errors.sum()) ** 2 / float((errors**2).sum())
+                count = len(errors) if many else float(errors.sum()) ** 2 / float((errors**2).sum())
                 least = max(EQUAL_SHARE * aim / np.sqrt(count), part * float(errors.max()))
                 chosen |= errors > least
                 quartered |= (free or not tractions) & (errors > QUARTER_RATIO * least)
