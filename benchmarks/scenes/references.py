@@ -31,7 +31,15 @@ import itertools
 
 import tomli_w
 
-from benchmarks.scenes import assemblies, bending, fits, layers, machines, profiles  # noqa: F401  (they register their scenes)
+from benchmarks.scenes import (  # noqa: F401  (they register their scenes)
+    assemblies,
+    bending,
+    fits,
+    layers,
+    machines,
+    profiles,
+    wedges,
+)
 from benchmarks.scenes.elements import Side, Solid, value_of
 from benchmarks.scenes.judge import REFERENCE
 from benchmarks.scenes.scene import SCENES, Array, Scene, Table

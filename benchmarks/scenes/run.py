@@ -30,6 +30,7 @@ from benchmarks.scenes import (  # noqa: F401  (they register their scenes)
     machines,
     mechanisms,
     profiles,
+    wedges,
 )
 from benchmarks.scenes.compared import through_variants
 from benchmarks.scenes.judge import Verdict, judged, run_case

@@ -181,11 +181,11 @@ def pinned(name: str, near: Pair, *directions: str) -> Table:
     return {"body": name, "near": list(near)} | dict.fromkeys(directions or ("ux", "uy"), 0.0)
 
 
-def pair(name: str, slave: str, master: str, friction: float = 0.0, **rest: Any) -> Table:
+def pair(name: str, slave: str, master: str, friction: float | str = 0.0, **rest: Any) -> Table:
     return {"name": name, "slave": slave, "master": master, "friction": friction, **rest}
 
 
-def on_plane(name: str, slave: str, point: Pair, normal: Pair, friction: float = 0.0) -> Table:
+def on_plane(name: str, slave: str | list[str], point: Pair, normal: Pair, friction: float = 0.0) -> Table:
     obstacle = {"kind": "plane", "point": list(point), "normal": list(normal)}
     return {"name": name, "slave": slave, "obstacle": obstacle, "friction": friction}
 

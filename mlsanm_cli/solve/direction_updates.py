@@ -51,7 +51,7 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
         if not share.sum() > 0.0:
             continue
         middle = float(share @ place / share.sum())
-        drawn, bends = _seen(grid, middle)
+        drawn, bends = _seen(grid, middle, place[closed], share[closed])
         straight = bends[1] <= STRAIGHTNESS * bends[0]
         if straight and (grid.facing.other is None or not bends[0]):
             found[pairing.name] = 0.0
@@ -95,9 +95,12 @@ def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
     )
 
 
-def _seen(grid: ContactGrid, middle: float) -> tuple[float, list[float]]:
-    """Initial angle at the ``middle`` of a patch from the normal of the other surface to that of the base,
-    and the curvatures of the base and the other surface."""
+def _seen(
+    grid: ContactGrid, middle: float, pressed: FloatArray, share: FloatArray
+) -> tuple[float, list[float]]:
+    """Initial angle from the normal of the other surface to that of the base, on average over the places
+    ``pressed`` (e,) of a patch that carry a ``share`` (e,) of its force, and the curvatures of the base and
+    the other surface at its ``middle``. At the tip of a wedge the angle itself is that of one side."""
     offset = CURVATURE_RANGE * (grid.last - grid.first)
     base = grid.facing.slave_first
     s = np.array([middle, middle - offset, middle + offset])
@@ -105,7 +108,8 @@ def _seen(grid: ContactGrid, middle: float) -> tuple[float, list[float]]:
     there, outward = grid.facing.side(s, not base)
     sides = (place, inward), (there, outward)
     bends = [float(abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1])) for at, one in sides]
-    return float(np.angle(inward[0] / -outward[0])), bends
+    away, opposite = grid.facing.side(pressed, base)[1], grid.facing.side(pressed, not base)[1]
+    return float(share @ np.angle(away / -opposite) / share.sum()), bends
 
 
 def _rotation(model: BodyModel, points: FloatArray, rest: FloatArray, moved: FloatArray) -> float:

@@ -16,6 +16,8 @@ from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State,
 FADED_SHARE = 1e-3
 """Residuals are relative to pressures of at least this part of those at earlier ends of stages: unloading
 leaves their round-off."""
+NOTHING_LEFT = 1e-3
+"""Contacts with less than this part of such pressures lose them without a warning of the jump."""
 MAX_ROWS = 40
 """Largest number of events of a stage with friction that are stored as steps, evenly distributed."""
 
@@ -62,19 +64,22 @@ class _Rows:
         self._built, self._stage, self._halts, self._wanted = built, stage, halts, wanted
         self._before, self._solves = reached, 0
         self._jump: str = ""
+        self._unloaded = False
         self._pending: Event | None = None
 
     def add(self, event: Event) -> Iterator[PathStep]:
         """Step that ends at an event, if it is to be stored."""
         self._solves += event.solves
         self._pending = event
-        if event.jumped:
+        unloaded = _share(self._built, event.state, self._stage + event.fraction) < NOTHING_LEFT
+        if event.jumped and not self._unloaded:
             self._jump = (
                 f"the contact snaps to another state before position {self._stage + event.fraction:.6g}: "
                 f"there is no continuous path"
             )
         if event.fraction in self._halts or event.fraction >= self._before + 1.0 / MAX_ROWS or event.jumped:
             yield from self.last()
+        self._unloaded = unloaded
 
     def last(self) -> Iterator[PathStep]:
         """Step that ends at the last event."""
@@ -109,9 +114,6 @@ def _restored(start: Checkpoint) -> CoulombState:
 def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -> State:
     """Exact state with friction as a state of the path at a position."""
     values, sets = state.values, state.sets
-    before = max((float(end.pressure.max(initial=0.0)) for end in built.ends[: int(position)]), default=0.0)
-    least, now = FADED_SHARE * before, float(values.pressure.max(initial=0.0))
-    faded = now / least if now < least else 1.0
     return State(
         position,
         state.factors,
@@ -122,5 +124,12 @@ def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -
         values.slip,
         state.work,
         sets.status(built.condensed.friction_nodes),
-        faded * residual(built.condensed, state),
+        _share(built, state, position) * residual(built.condensed, state),
     )
+
+
+def _share(built: CondensedScene, state: CoulombState, position: float) -> float:
+    """Pressures over the least by which residuals are measured, if they are below."""
+    before = max((float(end.pressure.max(initial=0.0)) for end in built.ends[: int(position)]), default=0.0)
+    least, now = FADED_SHARE * before, float(state.values.pressure.max(initial=0.0))
+    return now / least if now < least else 1.0

@@ -64,5 +64,5 @@ def test_a_straight_side_has_one_normal_in_any_frame(noise: float) -> None:
 
     facing: Any = SimpleNamespace(slave_first=True, obstacle=object(), side=side)
     grid: Any = SimpleNamespace(first=-0.5, last=0.5, facing=facing)
-    _, (round_, flat) = _seen(grid, 0.2)
+    _, (round_, flat) = _seen(grid, 0.2, np.linspace(0.1, 0.3, 3), np.ones(3))
     assert flat <= STRAIGHTNESS * round_

@@ -14,9 +14,11 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.scene.assemble import prepare
 from mlsanm_cli.app.scene.boundary_parts import outline_of
 from mlsanm_cli.app.scene.clouds import clouds
+from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.tips import check_tips
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import OutlineShape
 from mlsanm_cli.cloud.curves import Outline
@@ -38,6 +40,7 @@ from tests.case_text import (
     material,
     pin,
     plane,
+    polygon,
     pushed,
     support,
     table,
@@ -393,3 +396,26 @@ def test_a_part_of_an_arc_touches_as_the_arc_does(hertz_run: Path, tmp_path: Pat
     peak = read_run(hertz_run).contacts["interface"].pressure[-1].max()
     assert found["status"] == "done", found
     assert found["contacts"]["interface"]["peak_pressure"] == pytest.approx(peak, rel=2e-3)
+
+
+@pytest.mark.parametrize(("slope", "sharp"), [(0.1, True), (1.0, True), (3.0, False)])
+def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: bool) -> None:
+    """Only one of the sides had pressures: a wedge of 10 degrees pushed sideways with 18 % of its force."""
+    points = [[0.0, 0.0], [4.0, 4.0 * slope], [4.0, 16.0], [-4.0, 16.0], [-4.0, 4.0 * slope]]
+    case = parse(
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("wedge", "steel", shape=polygon(points, "one right back left other"))
+        + body("block", "steel", shape=box([-8.0, 8.0], [-8.0, 0.0]))
+        + support("block.bottom", ux=0.0, uy=0.0)
+        + load("press", "wedge.back", "platen", ux=0.0, fy=-10.0)
+        + contact("tip", slave=["wedge.other", "wedge.one"], master="block.top")
+    ).case
+    if not sharp:
+        check_tips(case, tuple(pair(case, clouds(case))))
+        return
+    with pytest.raises(CaseError) as refused:
+        check_tips(case, tuple(pair(case, clouds(case))))
+    (problem,) = refused.value.problems
+    assert "sharp corner at (0, 0)" in problem.message
+    assert "contact.tip.slave" in problem.hint

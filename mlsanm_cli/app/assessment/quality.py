@@ -16,6 +16,7 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.causes import distance_warnings
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
@@ -132,7 +133,28 @@ def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing]) -> list[st
     warnings = [
         ratio_message(one, ratio) for one, ratio in nodal if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF)
     ]
-    return warnings + [text for one, _ in nodal for text in _stiffness_warnings(prepared, one)]
+    return warnings + [
+        text for one, _ in nodal for text in (*_divided_warnings(one), *_stiffness_warnings(prepared, one))
+    ]
+
+
+def _divided_warnings(pairing: Pairing) -> Iterator[str]:
+    """Warnings of surfaces that may touch on both sides of a corner, as a disk in a groove: contact grids end
+    at corners."""
+    sides = ((pairing.slave, pairing.points), (pairing.master, pairing.partner))
+    for (surface, points), name in zip(sides, pairing.names, strict=False):
+        corners = np.zeros(0) if surface is None else corners_of(surface.curve)
+        if surface is None or not len(corners):
+            continue
+        arcs = surface.curve.closest(points[pairing.candidate])
+        for corner, (x, y) in zip(corners, surface.curve.points(corners), strict=True):
+            if arcs.min() < corner < arcs.max():
+                yield (
+                    f"contact {pairing.name}: {name} has a corner at ({x:.6g}, {y:.6g}), where contact grids "
+                    f"end: pressures are those at nodes; define a contact for each of both sides, with names "
+                    f"of their own"
+                )
+                break
 
 
 def _bond_warnings(pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[str]:

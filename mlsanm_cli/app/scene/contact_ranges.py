@@ -85,7 +85,7 @@ def _clear(
 ) -> ContactRange | None:
     if pairing.master_body == pairing.slave_body or pairing.bonded:
         return None
-    facing = _facing(case, pairing)
+    facing = facing_of(case, pairing)
     base = facing.base
     # Sampled along the base, so that roles do not decide which of several equal minima is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
@@ -172,7 +172,7 @@ def _snapped(s: float, ends: list[float], step: float) -> float | None:
     return nearest if abs(nearest - s) <= step else None
 
 
-def _facing(case: Case, pairing: Pairing) -> Facing:
+def facing_of(case: Case, pairing: Pairing) -> Facing:
     """The surfaces of a contact; the more curved one is the base, and the flatter one defines the direction
     of pressures."""
     contact = next(one for one in case.contact if one.name == pairing.name)
