@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.self_contained import bounded_unpacking, check_self_contained
 
 if TYPE_CHECKING:
     import meshio
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 COPLANARITY_TOLERANCE = 1e-9
 """Largest variation of z, relative to the extent."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from mlsanm_cli.arrays import FloatArray
 
 
 def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
@@ -26,16 +26,16 @@ def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
         # The end of a stage belongs to it, and the start of the path to the first one.
         "stage": np.maximum(np.ceil(position), 1.0).astype(np.int64),
     }
-    columns |= {f"factor.{name}": data[...] for name, data in _items(root, "path/factors")}
-    forces = {name: data[...] for name, data in _items(root, "path/resultants")}
-    for name, data in _items(root, "path/displacements"):
+    columns |= {f"factor.{name}": data[...] for name, data in items_of(root, "path/factors")}
+    forces = {name: data[...] for name, data in items_of(root, "path/resultants")}
+    for name, data in items_of(root, "path/displacements"):
         moved = data[...]
         columns |= _vector(f"displacement.{name}", moved)
         if name in forces:
             columns[f"work.{name}"] = _work(forces[name], moved)
     for name, force in forces.items():
         columns |= _vector(f"force.{name}", force)
-    for name, group in _items(root, "contacts"):
+    for name, group in items_of(root, "contacts"):
         columns |= _contact(name, group, forces.get(f"contact {name}"))
     return columns
 
@@ -63,5 +63,6 @@ def _vector(name: str, values: FloatArray) -> dict[str, NDArray[Any]]:
     return {f"{name}_x": values[:, 0], f"{name}_y": values[:, 1]}
 
 
-def _items(root: Any, place: str) -> list[tuple[str, Any]]:
+def items_of(root: Any, place: str) -> list[tuple[str, Any]]:
+    """The members of a group of an open file, empty if it does not exist."""
     return list(root[place].items()) if place in root else []

@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.self_contained import check_hdf5
-
-FloatArray = NDArray[np.float64]
 
 COLUMNS = ("x", "y", "tag", "nx", "ny")
 REQUIRED_COLUMNS = COLUMNS[:3]

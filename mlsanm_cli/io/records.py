@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

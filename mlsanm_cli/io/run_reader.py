@@ -10,8 +10,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.path_table import path_table
+from mlsanm_cli.io.path_table import items_of, path_table
 from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_dir import RUN_FILE
 from mlsanm_cli.io.run_file import FORMAT
@@ -29,8 +30,6 @@ PATH: tuple[tuple[str, type[np.generic]], ...] = (
 )
 """Columns of /path and their types."""
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Read = TypeVar("Read")
 
 
@@ -177,7 +176,7 @@ def read_series(rundir: Path, step: int) -> tuple[Mapping[str, FloatArray], Mapp
     as `read_run` does."""
 
     def read(root: Any, file: Path) -> tuple[Mapping[str, FloatArray], Mapping[str, Any]]:
-        found = dict(_items(root, f"series/{step}"))
+        found = dict(items_of(root, f"series/{step}"))
         return _tree(found), dict(root[f"series/{step}"].attrs) if found else {}
 
     return _reading(rundir, read)
@@ -239,12 +238,12 @@ def _run(root: Any, file: Path) -> RunData:
         attributes=attributes,
         case_raw=_text(root, "case/raw"),
         case_resolved=_text(root, "case/resolved"),
-        bodies=MappingProxyType({name: _body(group) for name, group in _items(root, "bodies")}),
+        bodies=MappingProxyType({name: _body(group) for name, group in items_of(root, "bodies")}),
         path=path,
         contacts=contacts,
         states=_states(root),
         probes=probes,
-        maps={kind: {name: data[...] for name, data in _items(root, f"maps/{kind}")} for kind in MAPS},
+        maps={kind: {name: data[...] for name, data in items_of(root, f"maps/{kind}")} for kind in MAPS},
     )
 
 
@@ -254,13 +253,13 @@ def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData], Mapping[st
         key: root[f"path/{key}"][...] if "path" in root else np.empty(0, kind) for key, kind in PATH
     }
     named: dict[str, Any] = {
-        key: MappingProxyType({name: data[...] for name, data in _items(root, f"path/{key}")})
+        key: MappingProxyType({name: data[...] for name, data in items_of(root, f"path/{key}")})
         for key in ("factors", "resultants", "displacements")
     }
-    contacts = {name: _contact(group) for name, group in _items(root, "contacts")}
+    contacts = {name: _contact(group) for name, group in items_of(root, "contacts")}
     probes = {
         name: ProbeData(**{key: data[...] for key, data in group.items()})
-        for name, group in _items(root, "probes")
+        for name, group in items_of(root, "probes")
     }
     return PathData(**path, **named), MappingProxyType(contacts), MappingProxyType(probes)
 
@@ -313,10 +312,6 @@ def _tree(group: Any) -> dict[str, Any]:
 
 def _value(item: Any) -> Any:
     return item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[...]
-
-
-def _items(root: Any, path: str) -> list[tuple[str, Any]]:
-    return list(root[path].items()) if path in root else []
 
 
 def _text(root: Any, path: str) -> str:

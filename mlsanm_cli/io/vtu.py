@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, fields_name, lines_name
@@ -16,8 +17,6 @@ from mlsanm_cli.io.vtk_xml import LINE, TRIANGLE, VERTEX, escape, write_grid
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from mlsanm_cli.arrays import FloatArray
 
 
 @dataclass(frozen=True)

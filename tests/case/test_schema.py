@@ -263,7 +263,7 @@ def outcome(text: str) -> tuple[tuple[CaseProblem, ...], Case | None]:
         return error.problems, None
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(st.data())
 def test_any_content_is_a_case_or_a_list_of_problems(data: st.DataObject) -> None:
     content: dict[str, Any] = tomllib.loads(HERTZ)

@@ -59,6 +59,22 @@ def test_a_surface_that_rises_holds() -> None:
         assert slides_freely(replace(c, gap=replace(c.gap, motion=motion)), all_slip(c)) == slides
 
 
+@pytest.mark.parametrize(
+    ("curvature", "fast", "slides"), [(-0.005, 1.0, False), (0.005, 1.0, True), (-1e-4, 1e3, True)]
+)
+def test_a_hollow_holds_what_slides_along_it(curvature: float, fast: float, slides: bool) -> None:
+    """A pin in a hook slipped everywhere as the hook bent, and was told to slide as a whole."""
+    c = half_planes(20).condensed
+    along = c.slip.motion[:, 1].mean()
+    motion = c.gap.motion + np.outer(curvature * along * (np.arange(20) - 9.5), [0.0, 1.0])
+    c = replace(c, gap=replace(c.gap, motion=motion))
+    for way in (1.0, -1.0):
+        assert slides_freely(c, all_slip(c), np.array([1.0, way * fast])) == slides
+    # With slave and master swapped places are counted the other way.
+    c = replace(c, gap=replace(c.gap, motion=motion[::-1]), slip=replace(c.slip, motion=-c.slip.motion))
+    assert slides_freely(c, all_slip(c), np.array([1.0, fast])) == slides
+
+
 @pytest.mark.parametrize(("degrees", "slides"), [(0.0, True), (2.0, False), (8.0, False)])
 def test_a_slender_wedge_does_not_slide_through(degrees: float, slides: bool) -> None:
     one = half_planes(20)

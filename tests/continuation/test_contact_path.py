@@ -104,7 +104,7 @@ def test_load_levels_between_the_steps_keep_the_tolerance() -> None:
         assert np.abs(problem.residual(x, lam)).max() <= 1e-8
 
 
-@pytest.mark.parametrize("eta", [1e-1, 1e-3, 1e-6])
+@pytest.mark.parametrize("eta", [1e-1, 1e-6])
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 1e-12])
 @pytest.mark.parametrize("order", [5, 20, 40])
 def test_every_accepted_step_keeps_the_tolerance(order: int, tolerance: float, eta: float) -> None:

@@ -30,10 +30,9 @@ BOTTOM = {"bottom": (True, True)}
 STATES = {"stretch": [[0.3, 0.0], [0.0, -0.15]], "shear": [[0.0, 0.5], [0.0, 0.0]]}
 
 
-@pytest.mark.parametrize("degree", [2, 4])
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize(("state", "degree"), [("stretch", 4), ("shear", 2)])
 def test_homogeneous_states_are_exact(state: str, kind: Kind, plane: str, degree: int) -> None:
     gradient = np.array(STATES[state])
     law = Law.isotropic(kind, E, NU, plane)

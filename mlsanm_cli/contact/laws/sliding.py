@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
@@ -17,6 +17,8 @@ MIN_CLOSING = 0.01
 """Sliding below this fraction of the normal approach is negligible."""
 SLIDING_RATIO = 100.0
 """Sliding this many times as fast as everything else is driven by the load."""
+HOLLOW_SHARE = 1e-6
+"""Mean normal part, relative to the sliding, from which a hollow that closes ahead of a body counts."""
 ROUND_OFF = 1e-9
 
 
@@ -38,7 +40,8 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
     sticking node, and closed nodes hardly in normal direction, even less in the mean over a contact; contacts
     that it does not move are ignored. Given the ``rates`` (k,) of a slipping state, the motion must also
     dominate the approach of the surfaces or be by far the fastest: a shaft that settles in a groove slips on
-    both sides and could rotate, but nothing drives the rotation.
+    both sides and could rotate, but nothing drives the rotation. In a hollow it must be by far the fastest: a
+    pin in a hook that bends slips everywhere, and climbs the hollow until that holds it.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping = sets.slip_sign != 0.0
@@ -58,8 +61,9 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
         parts = (seen**2)[:, 0]
         if parts[: len(across)].sum() >= MAX_NORMAL_SHARE**2 * parts.sum():
             return False
-    left, values, _ = np.linalg.svd(seen, full_matrices=False)
-    left = left[:, values > ROUND_OFF]
+    left, values, modes = np.linalg.svd(seen, full_matrices=False)
+    kept = values > ROUND_OFF
+    left, modes = left[:, kept], modes[kept].T / values[kept]
     moving = left[: len(across)]
     if not len(moving):
         return bool(moving.shape[1])
@@ -74,9 +78,35 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
         return bool(along.size)
     whole = both @ rates[free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
+    if np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid):
+        return True
+    rising = along @ _not_in_hollows(condensed, sets, free, motions @ modes @ along)
+    slid = left @ (rising @ (rising.T @ (left.T @ whole)))
     closed = len(across)
-    by_sliding = np.linalg.norm(slid[:closed]) > MIN_CLOSING * np.linalg.norm(whole[:closed])
-    return bool(by_sliding or np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid))
+    return bool(np.linalg.norm(slid[:closed]) > MIN_CLOSING * np.linalg.norm(whole[:closed]))
+
+
+def _not_in_hollows(
+    condensed: Condensed, sets: ContactStatus, free: IntArray, motions: FloatArray
+) -> FloatArray:
+    """Orthonormal combinations (d, e) of ``motions`` (f, d) of the ``free`` (f,) ones along which contacts do
+    not close ahead of the sliding body, as hollows do."""
+    closing = np.zeros((motions.shape[1], motions.shape[1]))
+    scale = 0.0
+    for own in condensed.tangential.values():
+        nodes = condensed.friction_nodes[own]
+        weight = np.where(sets.closed[nodes], condensed.weight[nodes], 0.0)
+        if not weight.sum() > 0.0:
+            continue
+        place = np.cumsum(condensed.weight[nodes])
+        lever = weight * (place - weight @ place / weight.sum())
+        gaps = condensed.gap.motion[nodes][:, free] @ motions
+        slips = condensed.slip.motion[own][:, free] @ motions
+        # Gaps that shrink ahead of where the slave slides to: along its surface, as places are counted.
+        closing -= np.outer(lever @ gaps, weight @ slips / weight.sum())
+        scale += float(np.abs(lever).sum() * np.abs(slips).max(initial=0.0) ** 2)
+    values, directions = np.linalg.eigh(0.5 * (closing + closing.T))
+    return np.asarray(directions[:, values <= HOLLOW_SHARE * scale])
 
 
 def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:

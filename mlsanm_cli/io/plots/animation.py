@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing
 from mlsanm_cli.io.plots.cloud import CloudBody, draw_cloud, range_of, window_of
@@ -22,7 +23,6 @@ from mlsanm_cli.io.plots.plots import visible_range
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 DPI = 100
 CURVE_COLOURS, FIELD_COLOURS = 64, 256

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.io.plots.figures import picture
 from mlsanm_cli.io.plots.marks import ConditionMarks, draw_marks, ends
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.patches import Rectangle
     from matplotlib.tri import Triangulation
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Window = tuple[float, float, float, float]
 
 # A Delaunay triangle is part of the body if its circumradius is at most this multiple of the node spacing;

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_COLOUR, picture
 from mlsanm_cli.io.plots.plots import shown_up_to, visible_range
 
-FloatArray = NDArray[np.float64]
 STICK, SLIP = 1, 2
 _ZONES = {STICK: ("stick", COLOURS[2]), SLIP: ("slip", COLOURS[1])}
 

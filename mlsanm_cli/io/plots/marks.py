@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.plots.figures import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = NDArray[np.float64]
 _HELD, _LOAD, _OBSTACLE = COLOURS[2], COLOURS[1], "#4d4d4d"
 _ARROW, _TICK = 0.09, 0.02
 """Lengths of arrows and of ticks, relative to the size of the scene."""

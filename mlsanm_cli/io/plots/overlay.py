@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, picture
 
-FloatArray = NDArray[np.float64]
 _STYLES = ("-", "--", ":", "-.")
 
 

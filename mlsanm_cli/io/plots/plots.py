@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, REFERENCE_COLOUR, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = NDArray[np.float64]
 # Pressures below this part of the peak do not extend the range shown.
 _VISIBLE = 1e-3
 # Upper limit of the axis over the largest value of interest, if larger ones are cut off.
