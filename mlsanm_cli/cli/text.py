@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+from mlsanm_cli.toml import plain
 
 MAX_LINE_LENGTH = 2000
 BOLD, RED, YELLOW, DIM = "1", "31", "33", "2"
@@ -31,21 +32,6 @@ def _line(line: str) -> str:
     if line.isprintable():
         return line
     return "".join(c if c.isprintable() or c == "\t" else ascii(c)[1:-1] for c in line)
-
-
-def plain(value: Any) -> Any:
-    """The value in JSON's types: arrays as lists, numpy scalars as numbers, nan and inf as null."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, str | bool | int):
-        return value
-    return str(value)
 
 
 def as_json(value: Any) -> str:

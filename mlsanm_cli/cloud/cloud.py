@@ -22,7 +22,7 @@ from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
@@ -56,7 +56,7 @@ class Cloud:
     @cached_property
     def boundary_nodes(self) -> IntArray:
         """Indices of all boundary nodes, each once."""
-        return np.unique(np.concatenate([surface.index for surface in self.surfaces.values()]))
+        return np.unique(self.boundary[0])
 
     @cached_property
     def edges(self) -> IntArray:
@@ -65,8 +65,7 @@ class Cloud:
 
     def contains(self, targets: FloatArray) -> BoolArray:
         """Which of the ``targets`` (e, 2) lie in the body or on its boundary."""
-        names = [surface.name for surface in self.surfaces.values() for _ in surface.index]
-        return inside_body(self.points, *self._bounding, names, targets)
+        return inside_body(self.points, *self.boundary, targets)
 
     @cached_property
     def sight(self) -> VisibilityCriterion | None:
@@ -76,7 +75,7 @@ class Cloud:
     @cached_property
     def tips(self) -> Tips | None:
         """Reentrant corners; None without any."""
-        return tips_of(self.points, self.edges, *self._bounding)
+        return tips_of(self.points, self.edges, *self.boundary[:2])
 
     @cached_property
     def room(self) -> FloatArray:
@@ -131,14 +130,13 @@ class Cloud:
     @cached_property
     def thinnest(self) -> Thinnest:
         """Number of nodes across the thinnest part of the body, and where that is."""
-        return thinnest(self.points, self.spacing, *self._bounding)
+        return thinnest(self.points, self.spacing, *self.boundary[:2])
 
     @cached_property
-    def _bounding(self) -> tuple[IntArray, FloatArray]:
-        """Nodes (b,) of all surfaces, one after the other, and their normals (b, 2)."""
-        surfaces = self.surfaces.values()
-        index = np.concatenate([surface.index for surface in surfaces])
-        return index, np.concatenate([surface.normal for surface in surfaces])
+    def boundary(self) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
+        """The nodes (b,) of all surfaces, with corners twice, their normals (b, 2) and the names of their
+        surfaces."""
+        return boundary_of(self.surfaces.values())
 
     @cached_property
     def triangles(self) -> IntArray:

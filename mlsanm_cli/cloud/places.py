@@ -12,7 +12,7 @@ from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
 from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.surface import Surface, boundary_of
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,8 @@ class Places:
         points = self.points[self.curve < 0]
         if not len(points):
             return points
-        index = np.concatenate([surface.index for surface in surfaces.values()])
-        normal = np.concatenate([surface.normal for surface in surfaces.values()])
-        names = [surface.name for surface in surfaces.values() for _ in surface.index]
         room = MIN_DISTANCE * spacing.at(points)
-        kept = inside_body(boundary, index, normal, names, points)
+        kept = inside_body(boundary, *boundary_of(surfaces.values()), points)
         for k in np.flatnonzero(kept):
             others = np.flatnonzero(kept[:k])
             kept[k] = (np.hypot(*(points[others] - points[k]).T) > room[k]).all()

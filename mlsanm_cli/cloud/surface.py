@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,3 +97,12 @@ def _between(one: FloatArray, other: FloatArray) -> FloatArray:
     """Unit vector (1, 2) halfway between two."""
     mean = one + other
     return np.asarray(mean / np.hypot(*mean.T)[:, None])
+
+
+def boundary_of(surfaces: Iterable[Surface]) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
+    """The nodes (b,) of surfaces, one after the other, their normals (b, 2) and the names of their
+    surfaces."""
+    listed = list(surfaces)
+    index = np.concatenate([surface.index for surface in listed])
+    normal = np.concatenate([surface.normal for surface in listed])
+    return index, normal, tuple(surface.name for surface in listed for _ in surface.index)

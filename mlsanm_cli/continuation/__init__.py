@@ -7,7 +7,7 @@ from mlsanm_cli.continuation.follow import follow
 from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions, PathOptions
 from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
-from mlsanm_cli.continuation.series import Branch, locate
+from mlsanm_cli.continuation.series import Branch
 
 __all__ = [
     "AnmOptions",
@@ -25,5 +25,4 @@ __all__ = [
     "Tangent",
     "correct",
     "follow",
-    "locate",
 ]

@@ -1,8 +1,8 @@
 """The asymptotic numerical method: a path followed by power series of high order.
 
 Every step costs one factorised tangent, N + 1 solves for the series, and a few residuals to determine its
-range. The next series removes the residual that remains at its end; separate corrections are made only on
-request and at the end of the path. Folds are passed: the parameter is the projection on the tangent, and the
+range. The next series removes the residual that remains at its end; separate corrections are made only at
+events and at the end of the path. Folds are passed: the parameter is the projection on the tangent, and the
 load factor is one of the unknowns.
 """
 
@@ -26,10 +26,6 @@ _SHORTENING = 0.7
 _MAX_SHORTENINGS = 8
 # Beyond this slope |dx/dlam| a fold is so near that the series loses digits: expand at another point.
 _MAX_SLOPE = 1e7
-# Corrections keep the load factor if it makes up more than this part of the direction, so that pieces join.
-_MIN_LOAD_SHARE = 1e-3
-# The direction at the end of a step is taken between this part of its length and the end.
-_DIRECTION_FROM = 0.98
 # Shortest step from which the length of the next one is guessed.
 _SHORTEST_GUESS = 1e-6
 
@@ -115,7 +111,7 @@ class AnmFollower(Follower):
         """Return the expansion point corrected to the path, and its series; the given ones if that fails."""
         if residual_norm(self._problem, here.x, here.lam) <= self._options.goal:
             return here, series
-        point = self._corrected(here, (here.x, here.lam), None)
+        point = self._corrected(here, (here.x, here.lam))
         if point is None:
             return here, series
         try:
@@ -144,15 +140,15 @@ class AnmFollower(Follower):
         Returns the piece of path, its end, the next expansion point (None at the target, and where the
         caller leaves the path) and its counts.
         """
-        length, failure = branch.length, Stopped(StopReason.CORRECTION_FAILED, "")
+        length, failure = branch.length, Stopped(StopReason.SINGULAR_TANGENT, "")
         for _ in range(_MAX_SHORTENINGS):
             piece = branch.shortened(length)
             crossing = piece.first_crossing(self._lam_end)
             if crossing is not None:
                 return self._finish(here, piece.shortened(crossing))
-            end = self._end(here, piece)
-            place = f"near load factor {piece.load_factor(length):.9g}"
-            if end is None:
+            end = self._uncorrected(*piece.evaluate(length))
+            place = f"near load factor {end.lam:.9g}"
+            if end.residual > self._options.tolerance:
                 failure = Stopped(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
             elif self._last is not None and self._last(end.x, end.lam):
                 return piece, end, None, SolveCounts()
@@ -173,7 +169,7 @@ class AnmFollower(Follower):
         """Return the corrected end of a piece that ends at an event: the next series, of another problem, may
         be too short to remove its residual."""
         x, lam = piece.evaluate(piece.length)
-        end = self._corrected(here, (x, lam), None)
+        end = self._corrected(here, (x, lam))
         if end is None:
             raise Stopped(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
         return end
@@ -181,32 +177,15 @@ class AnmFollower(Follower):
     def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, SolveCounts]:
         """Correct the end of the last step, which lies exactly at the target load factor."""
         x = piece.evaluate(piece.length)[0]
-        end = self._corrected(here, (x, self._lam_end), None)
-        if end is None:  # a fold at the target: the end of the series keeps the tolerance
-            end = Correction(x, self._lam_end, residual_norm(self._problem, x, self._lam_end), 0, 0, 0)
-        return piece, end, None, SolveCounts()
+        end = self._corrected(here, (x, self._lam_end))
+        # At a fold at the target the end of the series keeps the tolerance.
+        return piece, end or self._uncorrected(x, self._lam_end), None, SolveCounts()
 
-    def _end(self, here: ExpansionPoint, piece: Branch) -> Correction | None:
-        """Return the end of a step, corrected if its residual exceeds the drift allowed; None on failure."""
-        x, lam = piece.evaluate(piece.length)
-        residual = residual_norm(self._problem, x, lam)
-        if residual <= self._options.drift * self._options.tolerance:
-            return Correction(x, lam, residual, 0, 0, 0)
-        return self._corrected(here, (x, lam), self._normal(piece))
+    def _corrected(self, here: ExpansionPoint, end: tuple[FloatArray, float]) -> Correction | None:
+        return correct_end(self._problem, here, end, self._options, self._effort)
 
-    def _corrected(
-        self, here: ExpansionPoint, end: tuple[FloatArray, float], normal: tuple[FloatArray, float] | None
-    ) -> Correction | None:
-        return correct_end(self._problem, self._metric, here, end, normal, self._options, self._effort)
-
-    def _normal(self, piece: Branch) -> tuple[FloatArray, float] | None:
-        """Return the direction to which a correction of the end is orthogonal; None: the load factor's."""
-        x, lam = piece.evaluate(piece.length)
-        x_before, lam_before = piece.evaluate(_DIRECTION_FROM * piece.length)
-        rise = abs(lam - lam_before)
-        if rise > _MIN_LOAD_SHARE * self._metric.norm(x - x_before, lam - lam_before):
-            return None
-        return piece.x[1], float(piece.lam[1])
+    def _uncorrected(self, x: FloatArray, lam: float) -> Correction:
+        return Correction(x, lam, residual_norm(self._problem, x, lam), 0, 0, 0)
 
     def _step(self, branch: Branch, end: Correction, unit: float) -> Step:
         return self._record(branch, end, branch.length * unit, branch.order)

@@ -168,25 +168,22 @@ def iterate(
 @np.errstate(over="ignore", invalid="ignore")
 def correct_end(
     problem: Problem,
-    metric: Metric,
     start: ExpansionPoint,
     end: tuple[FloatArray, float],
-    normal: tuple[FloatArray, float] | None,
     options: PathOptions,
     effort: SolveCounts,
 ) -> Correction | None:
-    """Correct the end of a step to the path; None when that fails.
+    """Correct the end of a step to the path, at its load factor; None when that fails.
 
-    The correction is orthogonal to ``normal``, or keeps the load factor if ``normal`` is None. It uses the
-    factorised tangent of the step's start, and a new one if that converges slowly. Counts are added to
-    ``effort``.
+    The factorised tangent of the step's start is used, and a new one if that converges slowly. Counts are
+    added to ``effort``.
     """
     point = Point(*end, residual_norm(problem, *end))
     updates = effort.updates
     for _ in range(_CHORD_UPDATES):
         if point.residual <= options.goal:
             break
-        better = _updated(problem, metric, start, point, normal, effort)
+        better = _updated(problem, start, point, effort)
         if not better.residual <= _CHORD_RATE * point.residual:
             break
         point = better
@@ -200,7 +197,7 @@ def correct_end(
             fresh = expansion_point(problem, point.x, point.lam)
         except SingularTangentError:
             return None
-        better = _updated(problem, metric, fresh, point, normal, effort)
+        better = _updated(problem, fresh, point, effort)
         if not better.residual < point.residual:
             break
         point = better
@@ -210,23 +207,11 @@ def correct_end(
     return Correction(point.x, point.lam, point.residual, effort.updates - updates, 0, 0)
 
 
-def _updated(
-    problem: Problem,
-    metric: Metric,
-    at: ExpansionPoint,
-    point: Point,
-    normal: tuple[FloatArray, float] | None,
-    effort: SolveCounts,
-) -> Point:
-    """Return the point after one Newton update with the tangent and slope at ``at``."""
+def _updated(problem: Problem, at: ExpansionPoint, point: Point, effort: SolveCounts) -> Point:
+    """Return the point after one Newton update with the tangent at ``at``."""
     effort.solves += 1
-    dx = at.tangent.solve(-problem.residual(point.x, point.lam))
-    if normal is None:
-        x, lam = point.x + dx, point.lam
-    else:
-        along = NormalPlane(metric, normal).load_update(dx, at.slope)
-        x, lam = point.x + dx + along * at.slope, point.lam + along
-    return Point(x, lam, residual_norm(problem, x, lam))
+    x = point.x + at.tangent.solve(-problem.residual(point.x, point.lam))
+    return Point(x, point.lam, residual_norm(problem, x, point.lam))
 
 
 def admissible_part(

@@ -53,21 +53,15 @@ class AnmOptions(PathOptions):
     ----------
     order : order N of the series, 2 to 40; 15 to 30 is most efficient
     pade : use a Padé approximant where that makes the step longer
-    drift : the end of a step is corrected by Newton's method if its residual exceeds this fraction of
-        ``tolerance``; otherwise the next series removes it, which takes no factorisation. At 1 only the
-        start and the end of the path are corrected
     """
 
     order: int = 20
     pade: bool = True
-    drift: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 2 <= self.order <= 40:
             raise ValueError(f"order must lie between 2 and 40, not {self.order}")
-        if not 0.0 < self.drift <= 1.0:
-            raise ValueError("drift must be above 0 and at most 1")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ Padé approximants, International Journal of Solids and Structures 37 (2000) 698
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
@@ -48,14 +47,15 @@ class Branch:
     length: float
     denominator: FloatArray | None = None
     _exponents: FloatArray = field(init=False, repr=False)
-    _terms: tuple[FloatArray, FloatArray] = field(init=False, repr=False)
+    terms: tuple[FloatArray, FloatArray] = field(init=False, repr=False)
+    """The coefficients that the weights multiply, (N + 1, size) and (N + 1,): of series or numerators."""
 
     def __post_init__(self) -> None:
         if self.x.ndim != 2 or self.lam.shape != self.x.shape[:1]:
             raise ValueError(f"coefficients do not match: x {self.x.shape}, lam {self.lam.shape}")
         order = self.lam.size - 1
         object.__setattr__(self, "_exponents", np.arange(order + 1.0))
-        object.__setattr__(self, "_terms", (self.x, self.lam))
+        object.__setattr__(self, "terms", (self.x, self.lam))
         if self.denominator is None:
             return
         degree = self.denominator.size - 1
@@ -66,7 +66,7 @@ class Branch:
         lag = np.arange(order + 1)[:, None] - np.arange(order + 1)
         mix = np.where(lag >= 0, padded[lag], 0.0)
         mix[1:, 0] = 0.0
-        object.__setattr__(self, "_terms", (mix @ self.x, mix @ self.lam))
+        object.__setattr__(self, "terms", (mix @ self.x, mix @ self.lam))
 
     @property
     def order(self) -> int:
@@ -86,12 +86,12 @@ class Branch:
     def evaluate(self, a: float) -> tuple[FloatArray, float]:
         """Return x, shape (size,), and lam at the parameter ``a``."""
         weights = self._weights(a)
-        return weights @ self._terms[0], float(weights @ self._terms[1])
+        return weights @ self.terms[0], float(weights @ self.terms[1])
 
     def evaluate_many(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return x, shape (k, size), and lam, shape (k,), at the parameters ``a``, shape (k,)."""
-        weights = self._weights_many(a)
-        return weights @ self._terms[0], weights @ self._terms[1]
+        weights = self.weights(a)
+        return weights @ self.terms[0], weights @ self.terms[1]
 
     def derivative_weights(self, a: FloatArray) -> FloatArray:
         """Return the factors (k, N + 1) of the terms in the derivative by the parameter, at ``a`` (k,)."""
@@ -109,22 +109,20 @@ class Branch:
 
     def weights(self, a: FloatArray) -> FloatArray:
         """Return the factors (k, N + 1) of the terms at ``a`` (k,)."""
-        return self._weights_many(a)
-
-    @property
-    def terms(self) -> tuple[FloatArray, FloatArray]:
-        """The coefficients that the factors multiply, (N + 1, size) and (N + 1,): of series or numerators."""
-        return self._terms
+        weights = np.asarray(a, dtype=np.float64)[:, None] ** self._exponents
+        if self.denominator is not None:
+            weights[:, 1:] /= (weights[:, : self.denominator.size] @ self.denominator)[:, None]
+        return weights
 
     def load_factor(self, a: float) -> float:
         """Return lam(a)."""
-        return float(self._weights(a) @ self._terms[1])
+        return float(self._weights(a) @ self.terms[1])
 
     def round_off(self, a: float, scale: FloatArray) -> float:
         """Return a bound of the round-off in x / scale and lam at ``a``; ``scale`` has shape (size,)."""
         weights = np.abs(self._weights(a))
-        x = weights @ np.abs(self._terms[0]) / scale
-        return _EPS * max(float(np.max(x, initial=0.0)), float(weights @ np.abs(self._terms[1])))
+        x = weights @ np.abs(self.terms[0]) / scale
+        return _EPS * max(float(np.max(x, initial=0.0)), float(weights @ np.abs(self.terms[1])))
 
     def parameter_at(self, lam: float) -> float:
         """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off.
@@ -144,11 +142,11 @@ class Branch:
         if self.denominator is None and self._stays_off(lam):
             return None
         grid = np.linspace(0.0, self.length, _SAMPLES)
-        weights = self._weights_many(grid)
-        values = weights @ self._terms[1] - lam
+        weights = self.weights(grid)
+        values = weights @ self.terms[1] - lam
         if not np.all(np.isfinite(values)):  # evaluated across a pole, beyond any range of validity
             return None
-        slack = _ROUND_OFF * (abs(lam) + float(np.max(np.abs(weights) @ np.abs(self._terms[1]))))
+        slack = _ROUND_OFF * (abs(lam) + float(np.max(np.abs(weights) @ np.abs(self.terms[1]))))
         if abs(values[0]) <= slack:
             return 0.0
         sign = np.sign(values)
@@ -186,12 +184,6 @@ class Branch:
             weights[1:] /= self.denominator @ weights[: self.denominator.size]
         return weights
 
-    def _weights_many(self, a: FloatArray) -> FloatArray:
-        weights = np.asarray(a, dtype=np.float64)[:, None] ** self._exponents
-        if self.denominator is not None:
-            weights[:, 1:] /= (weights[:, : self.denominator.size] @ self.denominator)[:, None]
-        return weights
-
     def _root(self, lam: float, low: float, high: float) -> float:
         def distance(a: float) -> float:
             return self.load_factor(a) - lam
@@ -218,25 +210,3 @@ class Branch:
         if before < distance[-1] <= distance[-2]:
             dips.append((float(grid[-2]), float(grid[-1])))
         return dips
-
-
-def locate(branches: Sequence[Branch], lam: float) -> tuple[int, float]:
-    """Return (index, a) of the first point of a path, given piece by piece, at the load factor ``lam``.
-
-    A level that lies in the gap between the end of one piece and the start of the next (round-off or, near a
-    fold, a correction) belongs to that start.
-
-    Raises
-    ------
-    ValueError
-        If no piece reaches that load factor.
-    """
-    for index, branch in enumerate(branches):
-        if index:
-            end = branches[index - 1].load_factor(branches[index - 1].length)
-            if min(end, branch.lam[0]) <= lam <= max(end, branch.lam[0]):
-                return index, 0.0
-        found = branch.first_crossing(lam)
-        if found is not None:
-            return index, found
-    raise ValueError(f"load factor {lam:.17g} is not reached on this path")

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import tomli_w
 
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write, write_text
 from mlsanm_cli.system import open_regular
+from mlsanm_cli.toml import plain
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,31 +23,9 @@ if TYPE_CHECKING:
 INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
 
 
-def to_plain(value: Any) -> Any:
-    """``value`` in JSON's types: numpy scalars and arrays converted, nan and inf as None, paths as text.
-
-    Raises TypeError for other types.
-    """
-    if value is None or isinstance(value, str | bool):
-        return value
-    if isinstance(value, np.ndarray | np.generic):
-        return to_plain(value.tolist())
-    if isinstance(value, int):
-        return int(value)
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, Mapping):
-        return {str(key): to_plain(item) for key, item in value.items()}
-    if isinstance(value, Sequence | set | frozenset) and not isinstance(value, bytes | bytearray):
-        return [to_plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
-    raise TypeError(f"no JSON form for a value of type {type(value).__name__}")
-
-
 def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
     """Writes ``mapping`` as indented JSON, nan and inf as null. Raises RunError if that fails."""
-    text = json.dumps(to_plain(mapping), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain(mapping), indent=2, ensure_ascii=False, allow_nan=False)
     write_text(path, text + "\n")
 
 
@@ -128,4 +105,4 @@ def _is_repeated_step(line: bytes, rows: int) -> bool:
 
 
 def _line(event: str, values: Mapping[str, Any]) -> bytes:
-    return json.dumps(to_plain({"event": event, **values}), ensure_ascii=False, allow_nan=False).encode()
+    return json.dumps(plain({"event": event, **values}), ensure_ascii=False, allow_nan=False).encode()

@@ -96,7 +96,8 @@ class FaceForces:
         """Tractions (e, 2, c) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,)."""
         x = np.maximum(self.face.distance(z), np.exp(self.logarithm[0]))
         place, inward = self.face.places(x)
-        size = np.exp(self.logarithm[-1])
+        # Not the length of the face, which may be infinite: other sides may be parallel to it.
+        size = np.abs(z - self.face.tip).max(initial=0.0)
         on = (np.abs(z - self.face.tip - place) <= FACE_TOLERANCE * size) & (
             np.abs(normal + inward) <= FACE_TOLERANCE
         )

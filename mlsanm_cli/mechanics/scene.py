@@ -18,7 +18,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
+from mlsanm_cli.mechanics.rigid import rigid_pattern
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.memo import digest
 
@@ -102,11 +102,6 @@ class Platen:
         """The bodies bonded to it."""
         return (self.body, *(body for body, _ in self.others))
 
-    @property
-    def turns(self) -> bool:
-        """Whether it has a rotation, free or prescribed."""
-        return any(motion.component == ROTATION for motion in self.motions)
-
     def surfaces_of(self, body: str) -> tuple[str, ...]:
         """Surfaces of a body bonded to it."""
         return tuple(surface for owner, surface in self.held if owner == body)
@@ -179,10 +174,6 @@ class Scene:
     def content(self) -> str:
         """Digest of everything: condensations for all contact grids depend on it."""
         return digest(*(getattr(self, one.name) for one in fields(self)))
-
-    def surface(self, body: str, name: str) -> Surface:
-        """A body's surface by name."""
-        return self.bodies[body].model.cloud.surfaces[name]
 
     @property
     def places(self) -> dict[str, slice]:

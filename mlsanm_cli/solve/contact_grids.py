@@ -9,11 +9,13 @@ the contact.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -22,10 +24,11 @@ from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.response.condensation import BodyResponses, condense
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, overlapping, passed_beyond, ranged
+from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
 from mlsanm_cli.solve.rolling import rolls_away
 
@@ -52,6 +55,27 @@ Search = Callable[[Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactSta
 """The exact states of a condensed scene, searched from sets if there are any; some may be known."""
 
 
+@dataclass(frozen=True)
+class GridSearch:
+    """Where a search of grids begins: what is known about the ``ranges``, the ``grids`` and the sets to start
+    from, the angles ``common`` to all directions, the places ``passed`` beyond the grids, and the
+    ``responses`` of the bodies to as many samples as they require."""
+
+    ranges: Mapping[str, ContactRange]
+    grids: dict[str, ContactGrid]
+    starts: list[ContactStatus]
+    common: dict[str, float]
+    passed: dict[str, FloatArray]
+    responses: BodyResponses | None = None
+
+    @classmethod
+    def begun(cls, ranges: Mapping[str, ContactRange]) -> GridSearch:
+        """On coarse grids over all facing places."""
+        return cls(
+            ranges, {name: first_grid(one) for name, one in ranges.items()}, [], {}, touching_first(ranges)
+        )
+
+
 def find_grids(
     case: Case,
     scene: Scene,
@@ -59,20 +83,42 @@ def find_grids(
     ranges: Mapping[str, ContactRange],
     search: Search,
     memo: Memo,
+    key: str,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
-    stages; None if a contact is too close to a corner, or its range does not converge."""
+    stages; None if a contact is too close to a corner, or its range does not converge.
+
+    The search begins with the grids that the ``memo`` keeps of another scene with the same ``key``, as those
+    that differ in coefficients of friction only.
+    """
+    near: GridSearch | None = memo.latest("grids", key)
+    if near is not None:
+        with suppress(NumericalError):
+            found = _found(case, scene, pairings, near, search, memo, key)
+            if found is not None:
+                return found
+    return _found(case, scene, pairings, GridSearch.begun(ranges), search, memo, key)
+
+
+def _found(
+    case: Case,
+    scene: Scene,
+    pairings: tuple[Pairing, ...],
+    first: GridSearch,
+    search: Search,
+    memo: Memo,
+    key: str,
+) -> tuple[Condensed, tuple[ExactState, ...]] | None:
+    """The same from a ``first`` guess."""
+    ranges, grids, starts = first.ranges, first.grids, list(first.starts)
+    common, passed = dict(first.common), dict(first.passed)
+    near = bool(starts)
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
-    grids = {name: first_grid(one) for name, one in ranges.items()}
-    responses: BodyResponses | None = None
-    resolved: BodyResponses | None = None
-    starts: list[ContactStatus] = []
+    responses = resolved = first.responses
     known: tuple[ExactState, ...] = ()
-    common: dict[str, float] = {}
-    passed = overlapping(ranges)
     looked = False
     every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
@@ -91,7 +137,7 @@ def find_grids(
             ranges = {**ranges, **begun}
             grids = grids | {name: first_grid(one) for name, one in begun.items()}
             passed = {name: places for name, places in passed.items() if name not in begun}
-            passed |= overlapping(begun)
+            passed |= touching_first(begun)
             some = _on_grids(pairings, grids, some)
             starts, responses, condensed = [], None, None
             continue
@@ -101,7 +147,8 @@ def find_grids(
         if _same(wanted, grids) and responses is not resolved:
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits)
+            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits, near)
+            near = near and _same(wanted, grids)
         if _same(wanted, grids):
             turned = None
             if every and turnings:
@@ -109,7 +156,10 @@ def find_grids(
             if turned is None and every:
                 between = () if looked or _whole(grids, ranges) else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
-                    return condensed, search(condensed, starts, "ends", states)
+                    ends = search(condensed, starts, "ends", states)
+                    starts = [_moved(condensed, condensed.pairings, state) for state in ends]
+                    memo.replace("grids", key, GridSearch(ranges, grids, starts, common, passed, responses))
+                    return condensed, ends
                 looked = True
                 continue
             every = True

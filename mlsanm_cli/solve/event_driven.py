@@ -13,6 +13,9 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State, output_positions, stops
 
+FADED_SHARE = 1e-3
+"""Residuals are relative to pressures of at least this part of those at earlier ends of stages: unloading
+leaves their round-off."""
 MAX_ROWS = 40
 """Largest number of events of a stage with friction that are stored as steps, evenly distributed."""
 
@@ -106,6 +109,9 @@ def _restored(start: Checkpoint) -> CoulombState:
 def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -> State:
     """Exact state with friction as a state of the path at a position."""
     values, sets = state.values, state.sets
+    before = max((float(end.pressure.max(initial=0.0)) for end in built.ends[: int(position)]), default=0.0)
+    least, now = FADED_SHARE * before, float(values.pressure.max(initial=0.0))
+    faded = now / least if now < least else 1.0
     return State(
         position,
         state.factors,
@@ -116,5 +122,5 @@ def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -
         values.slip,
         state.work,
         sets.status(built.condensed.friction_nodes),
-        residual(built.condensed, state),
+        faded * residual(built.condensed, state),
     )

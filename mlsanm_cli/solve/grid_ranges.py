@@ -34,6 +34,8 @@ PARALLEL_TOLERANCE = 1e-9
 """Variation of the gap, relative to the range, below which surfaces are parallel."""
 ZERO_PRESSURE = 1e-10
 """Pressures below this part of the largest of all contacts are round-off."""
+TOUCHING = 1e-3
+"""Gap, relative to the range, below which surfaces touch as drawn."""
 MAX_OPEN_SHARE = 0.1
 """Open part of a closed surface above which it is not in contact all around."""
 MIN_OVERLAP = 1e-3
@@ -67,13 +69,19 @@ def first_grid(limits: ContactRange) -> ContactGrid:
     )
 
 
-def overlapping(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
-    """Places where surfaces overlap initially, as curves through points of an arc do slightly: they touch
-    there before any load."""
+def touching_first(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
+    """Places where surfaces touch before any load: where they overlap initially, as curves through points of
+    an arc do slightly, and where curved ones are nearest if they touch as drawn. Contacts move on from there
+    as bodies bend or roll."""
     found = {}
     for name, room in ranges.items():
         places, gaps = (values[1:-1] for values in room.drawn_gaps)
-        found[name] = places[gaps < -PARALLEL_TOLERANCE * (room.last - room.first)]
+        long = room.last - room.first
+        overlaps = places[gaps < -PARALLEL_TOLERANCE * long]
+        nearest = np.array([room.nearest])
+        if np.ptp(gaps) > TOUCHING * long and room.facing.gap(nearest)[0] < TOUCHING * long:
+            overlaps = np.append(overlaps, room.nearest)
+        found[name] = overlaps
     return {name: places for name, places in found.items() if len(places)}
 
 

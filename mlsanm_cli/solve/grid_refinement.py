@@ -40,9 +40,12 @@ halvings save nothing."""
 EQUAL_SHARE, WORST_SHARE, WORST_SHARE_OF_MANY = 0.7, 0.1, 0.02
 """Intervals are halved whose error is above this part of an equal share, and of the largest: more at once in
 grids with many intervals, as each round takes long."""
+MAX_MERGED_SHARE = 2.0
+"""Intervals are merged if that leaves less than this part of an equal share."""
 WORST_SHARE_WITHOUT_FRICTION, QUARTER_RATIO = 0.05, 4.0
 """Part of the largest error without friction, where rounds take longer than more intervals do; and intervals
-with more than this multiple of the least error of halved ones are quartered, as halving leaves a sixth."""
+with more than this multiple of the least error of halved ones are quartered, as halving leaves a sixth, or at
+ends of contacts half; not for tractions, as every node is an event of the path."""
 
 
 def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
@@ -70,38 +73,66 @@ def refined(
     accuracy: Mapping[str, float],
     tractions: bool,
     limits: tuple[int, int] = DENSE_LIMITS,
+    coarsened: bool = False,
 ) -> dict[str, ContactGrid]:
     """Grids halved where the pressures of the states, and ``tractions`` if they count, require it, up to
-    ``limits``.
+    ``limits``; those halved also ``coarsened``, if requested, where they are finer than required.
 
     Tractions count at the ends of stages only: every level between them has other edges of stick zones, and a
     grid fine at all of them would be fine everywhere.
     """
     result = dict(grids)
     for name, grid in grids.items():
-        errors = grid_errors(condensed, name, states, tractions)
-        if len(errors) >= limits[1]:
+        each = [grid_errors(condensed, name, [state], tractions) for state in states]
+        if len(grid.hats.steps) >= limits[1]:
             continue
         places = summits(condensed, name, ranges[name], states)
-        chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
-        aim = accuracy[name] * max(1.0, len(errors) / limits[0]) ** 3
+        chosen = np.isin(np.arange(len(grid.hats.steps)), np.searchsorted(grid.hats.nodes, places) - 1)
+        aim = accuracy[name] * max(1.0, len(chosen) / limits[0]) ** 3
         quartered = np.zeros_like(chosen)
-        if float(np.sqrt((errors**2).sum())) > aim:
-            free = condensed.pairing_of(name).friction == 0.0
-            part = (
-                WORST_SHARE_OF_MANY
-                if len(errors) > COMPRESSED_CONTACT
-                else WORST_SHARE_WITHOUT_FRICTION
-                if free
-                else WORST_SHARE
-            )
-            least = max(EQUAL_SHARE * aim / np.sqrt(len(errors)), part * float(errors.max()))
-            chosen |= errors > least
-            quartered = free & (errors > QUARTER_RATIO * least)
+        free = condensed.pairing_of(name).friction == 0.0
+        part = (
+            WORST_SHARE_OF_MANY
+            if len(chosen) > COMPRESSED_CONTACT
+            else WORST_SHARE_WITHOUT_FRICTION
+            if free
+            else WORST_SHARE
+        )
+        # Ends of other states are no part of the error of a state.
+        for errors in each:
+            if float(np.linalg.norm(errors)) > aim:
+                count = float(errors.sum()) ** 2 / float((errors**2).sum())
+                least = max(EQUAL_SHARE * aim / np.sqrt(count), part * float(errors.max()))
+                chosen |= errors > least
+                quartered |= (free or not tractions) & (errors > QUARTER_RATIO * least)
+        errors = np.max(each, axis=0, initial=0.0)
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
-            result[name] = _halved(grid, chosen, quartered, errors)
+            result[name] = halved = _halved(grid, chosen, quartered, errors)
+            if coarsened:
+                most = MAX_MERGED_SHARE * aim / np.sqrt(len(errors))
+                fine = _too_fine(condensed, name, states, tractions, most)
+                result[name] = replace(halved, hats=halved.hats.without(fine))
     return result
+
+
+def _too_fine(
+    condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool, most: float
+) -> FloatArray:
+    """Nodes within the contact of all states without which the estimated error of the interval that they
+    leave stays below ``most``."""
+    pairing, span = condensed.pairing_of(name), condensed.spans[name]
+    assert pairing.grid is not None
+    hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.place))
+    inner = np.ones(len(worst), dtype=bool)
+    for state in states:
+        pressure, closed = state.pressure[span], np.pad(state.active[span], 2)
+        parts = [hats.errors_without(pressure)]
+        if pairing.friction and tractions:
+            parts.append(hats.errors_without(state.traction[condensed.tangential[name]]) / pairing.friction)
+        worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / hats.norm(pressure))
+        inner &= np.all([closed[k : k + len(inner)] for k in range(5)], axis=0)
+    return np.asarray(hats.place[inner & (worst < most)])
 
 
 def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: FloatArray) -> ContactGrid:

@@ -48,10 +48,12 @@ def searched_ends(
 ) -> tuple[ExactState, ...]:
     """Exact states at the ends of the stages: with friction only of the ``starts``; without it of some, if no
     more are to be ``known``, of all that count with the requested states, or of some between the ends.
-    Without friction states ``known`` at equal load factors are reused. If a stage cannot be completed the
-    last state is one near its limit load."""
+    States ``known`` at equal load factors are reused, with friction those of a whole path. If a stage cannot
+    be completed the last state is one near its limit load."""
     factors, every = stages, which not in ("ends", "known")
     rubbing = len(condensed.friction_nodes) > 0
+    every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
+    positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
     if which == "between":
         if rubbing:
             return ()
@@ -60,14 +62,15 @@ def searched_ends(
         inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
         factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
     elif every:
-        every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
-        positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
     elif which == "known" and not rubbing and len(stages) - 1 > MAX_FIRST_LEVELS:
         chosen = np.unique(np.linspace(0, len(stages) - 1, MAX_FIRST_LEVELS + 1).round().astype(int))
         factors = stages[chosen]
         starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if rubbing:
+        passed = list(range(1, len(stages)) if len(known) == len(stages) - 1 else positions[1:])
+        if len(known) == len(passed) and (not every or passed == positions[1:]):
+            return tuple(one for at, one in zip(passed, known, strict=True) if every or at == int(at))
         # After a separation at the end of a stage all guesses are needed again.
         followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
@@ -258,6 +261,17 @@ def reach_error(contact: str, gap: float) -> NumericalError:
         f'set contact.{contact}.reach above {gap:.3g}, or to "auto"'
         if gap > 0.0
         else f"there the surfaces of contact {contact} overlap as drawn, by {-gap:.3g}: draw them touching",
+    )
+
+
+def passing_error(contact: str, gap: float, position: float) -> NumericalError:
+    """Error of a contact with automatic reach that comes to a place where it is at no end of a stage."""
+    if gap < 0.0:
+        return reach_error(contact, gap)
+    return NumericalError(
+        f"contact {contact}: at position {position:.3g} the surfaces touch at a place that is open at the "
+        "ends of the stages",
+        f"add {position:.3g} to output.at: contacts are found there before the path begins",
     )
 
 

@@ -147,7 +147,7 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
     # Uniform inside, see Eshelby 1957; Muskhelishvili, Some Basic Problems, section 59: p (k + 1) / 2 and
     # s (k + 1) / k of the mean stress p and of half the difference s, with k = 3 - 4 nu of the matrix.
     text = HEAD.format("strain") + material("glass", 3e4) + material("resin", 1.0)
-    text += '[[body]]\nname = "fibre"\nmaterial = "glass"\n'
+    text += '[[body]]\nname = "fibre"\nmaterial = "glass"\nspacing = 0.16\n'
     text += '[body.shape]\nkind = "disk"\ncenter = [0.0, 0.0]\nradius = 1.0\n'
     text += '[[body]]\nname = "matrix"\nmaterial = "resin"\n[body.shape]\nkind = "polygon"\n'
     text += "points = [[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]]\n"
@@ -161,6 +161,13 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
     k = 3.0 - 4.0 * 0.3
     assert across + along == pytest.approx(0.5 * (k + 1.0), rel=3e-3)
     assert across - along == pytest.approx((k + 1.0) / k, rel=1e-2)
+    # Three spacings apart, 0.48 radian, knots left 3.2 % of the pressures.
+    grip = read_run(tmp_path / "run").contacts["grip"]
+    turn, uneven = 2.0 * np.arctan2(grip.points[:, 1], grip.points[:, 0]), 0.5 * (k + 1.0) / k
+    off = grip.pressure[-1] + 0.25 * (k + 1.0) + uneven * np.cos(turn)
+    assert np.linalg.norm(off) <= 0.02 * np.linalg.norm(grip.pressure[-1])
+    off = np.abs(grip.traction[-1]) - uneven * np.abs(np.sin(turn))
+    assert np.linalg.norm(off) <= 0.03 * np.linalg.norm(grip.traction[-1])
 
 
 def test_few_nodes_around_a_fibre_bond_it_and_are_told(tmp_path: Path) -> None:

@@ -12,15 +12,23 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.assessment import energy
-from mlsanm_cli.app.assessment.checks import EnergyVerdict, check_energy, check_estimates
+from mlsanm_cli.app.assessment.checks import (
+    EnergyVerdict,
+    check_energy,
+    check_estimates,
+    force_balance,
+)
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.cli import main
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
+from mlsanm_cli.contact.laws.coulomb import CoulombState
 from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.energy import twice_strain_energy
+from mlsanm_cli.solve.event_driven import coulomb_state
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
 from tests.app.scenes import FAST, PATCH, hertz, solve
 from tests.case_text import body, box, disk, head, item, load, material, pin
@@ -263,6 +271,31 @@ def test_a_contact_that_is_unloaded_again(law: str, tmp_path: Path) -> None:
     summary = solve(hertz() + stages, tmp_path / "run", override)
     assert summary["status"] == "done", summary
     assert abs(summary["energy_error"]) <= 0.03
+
+
+def test_round_off_after_unloading_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wedge that springs out when it is let go: what was left of pressures of 136 was 1e-7, with a residual
+    of 5e-7 of it, and an imbalance of any size."""
+    monkeypatch.setattr("mlsanm_cli.solve.event_driven.residual", lambda *_: 5e-7)
+    monkeypatch.setattr(
+        "mlsanm_cli.app.assessment.checks.largest_force", lambda built, name, unknowns: unknowns[2].sum()
+    )
+    end = SimpleNamespace(pressure=np.array([136.0]), factors=None, motion=None, traction=None)
+    condensed = SimpleNamespace(friction_nodes=np.zeros(1, int), imbalance=lambda *_: np.array([1e-7, 0.0]))
+    built: Any = SimpleNamespace(
+        ends=[end], condensed=condensed, scene=SimpleNamespace(bodies={"plug": None})
+    )
+
+    def judged(pressure: float, position: float) -> tuple[float, float]:
+        values = ContactSolution(np.array([pressure]), *(np.zeros(1) for _ in range(4)))
+        sets = ContactStatus(np.ones(1, bool), np.ones(1, bool), np.zeros(1))
+        exact = CoulombState(np.zeros(1), values, sets, np.zeros(1), np.zeros(1))
+        state = coulomb_state(built, exact, position)
+        return state.residual, force_balance(built, state).force_balance
+
+    assert max(judged(1e-7, 2.0)) <= 1e-6 * 136.0 / 100.0
+    assert judged(1e-7, 0.5)[0] == 5e-7  # no earlier stage
+    assert judged(1.0, 2.0)[0] == 5e-7
 
 
 def test_large_estimates_are_warned_of() -> None:

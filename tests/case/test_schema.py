@@ -13,7 +13,8 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlsanm_cli.case import Case, HalfDisk, Platen, Rectangle, load_case, resolved_mapping
+from mlsanm_cli.case import Case, HalfDisk, Platen, load_case, resolved_mapping
+from mlsanm_cli.case.model.shapes import Rectangle
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
 

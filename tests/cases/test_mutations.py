@@ -30,6 +30,7 @@ from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
 EXACT = 'contact.interface.regularization.law="exact"'
+COARSE = "contact.interface.accuracy=1e-2"
 
 
 def outcome(name: str, directory: Path, *overrides: str) -> Mapping[str, Any]:
@@ -136,6 +137,7 @@ def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp
         'contact.interface.regularization.law="hyperbolic"',
         "stage=[{press=1.0},{push=1.0},{press=0.5}]",
         "output.at=[3.0]",
+        COARSE,
     )
     assert outcome("block_slide", tmp_path / "sound", *changes)["status"] == "done"
     proper, first = RegularizedFriction.pressed, dict[bytes, FloatArray]()
@@ -150,7 +152,7 @@ def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp
 
 
 def test_friction_limits_that_are_never_noticed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    changes = ('contact.interface.regularization.law="hyperbolic"', "stage=[{press=1.0},{push=1.0}]")
+    changes = ('contact.interface.regularization.law="hyperbolic"', "stage=[{press=1.0},{push=1.0}]", COARSE)
     monkeypatch.setattr(EventLocator, "__call__", lambda barrier, piece: np.inf)
     summary = outcome("block_slide", tmp_path / "run", *changes)
     assert "beyond the friction limit" in summary["stop_reason"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.geometry.grid import Hats
-from mlsanm_cli.solve.grid_ranges import _beside, _growing, spaced_apart, summits
+from mlsanm_cli.solve import grid_refinement
+from mlsanm_cli.solve.grid_ranges import _beside, _growing, spaced_apart, summits, touching_first
 
 
 def test_no_interval_is_round_off() -> None:
@@ -62,3 +64,53 @@ def test_summits_are_looked_at_where_they_may_overlap(clear: float) -> None:
     room: Any = SimpleNamespace(drawn_gaps=(places, drawn))
     found = summits(condensed, "c", room, [state])
     assert found == pytest.approx([] if clear else [0.89, 0.9, 0.91])
+
+
+def test_grids_are_judged_state_by_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends of contacts at other levels are no error of a level: fifty levels were refined seven times further
+    than asked."""
+
+    @dataclass(frozen=True)
+    class Grid:
+        hats: Hats
+        first: float = -1.1
+        last: float = 1.1
+
+        def corners_of(self, slave: bool) -> tuple[()]:
+            return ()
+
+    grid = Grid(Hats(np.linspace(-1.1, 1.1, 221)))
+    widths = np.linspace(0.5, 1.0, 21)
+    states: list[Any] = [
+        SimpleNamespace(pressure=np.sqrt(np.maximum(a**2 - grid.hats.place**2, 0.0))) for a in widths
+    ]
+    pairing = SimpleNamespace(grid=grid, friction=0.0)
+    condensed: Any = SimpleNamespace(
+        pairing_of=lambda name: pairing, spans={"c": slice(0, len(grid.hats.place))}
+    )
+    monkeypatch.setattr(grid_refinement, "summits", lambda *given: np.zeros(0))
+    errors = [float(np.linalg.norm(grid_refinement.grid_errors(condensed, "c", [one]))) for one in states]
+    worst = int(np.argmax(errors))
+
+    def ends(aim: float) -> Any:
+        grids: Any = {"c": grid}
+        nothing: Any = {"c": None}
+        found = grid_refinement.refined(condensed, grids, nothing, states, {"c": aim}, True)
+        nodes = found["c"].hats.nodes
+        return np.abs(nodes[~np.isclose(nodes[:, None], grid.hats.nodes).any(axis=1)])
+
+    assert len(ends(1.01 * max(errors))) == 0
+    assert np.linalg.norm(errors) > 2.5 * max(errors)
+    assert ends(0.95 * max(errors)) == pytest.approx(widths[worst], abs=0.03)
+
+
+@pytest.mark.parametrize(("height", "seen"), [(0.0, [0.3]), (0.1, [])])
+def test_contacts_begin_where_surfaces_touch_as_drawn(height: float, seen: list[float]) -> None:
+    # The end of a ladder rolled away from there while it bent: the grid was narrow around the last contact,
+    # and the path ended at its first step.
+    places = np.linspace(0.0, 1.0, 101)
+    facing = SimpleNamespace(gap=lambda s: height + (s - 0.3) ** 2)
+    room: Any = SimpleNamespace(
+        drawn_gaps=(places, facing.gap(places)), first=0.0, last=1.0, nearest=0.3, facing=facing
+    )
+    assert touching_first({"c": room}).get("c", np.zeros(0)).tolist() == seen

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from mlsanm_cli.continuation import Branch
 from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError, Tangent
 
 
@@ -17,6 +19,12 @@ class Counts:
     tangents: int = 0
     solves: int = 0
     residuals: int = 0
+
+
+def first_at(pieces: Sequence[Branch], lam: float) -> tuple[FloatArray, float]:
+    """The unknowns and the load factor where a path, given piece by piece, first reaches ``lam``."""
+    crossings = ((piece, piece.first_crossing(lam)) for piece in pieces)
+    return next(piece.evaluate(a) for piece, a in crossings if a is not None)
 
 
 class DenseTangent:

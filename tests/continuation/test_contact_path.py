@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import AnmOptions, Outcome, Step, StopReason, follow, locate
+from mlsanm_cli.continuation import AnmOptions, Outcome, Step, StopReason, follow
 
 from .contact_problems import Contact, hertz, open_start, random_contact
+from .problems import first_at
 
 
 def pressed(problem: Contact, options: AnmOptions | None = None) -> tuple[list[Step], Outcome]:
@@ -97,8 +98,7 @@ def test_load_levels_between_the_steps_keep_the_tolerance() -> None:
     assert outcome.steps <= 75
     branches = [step.branch for step in steps]
     for level in np.random.default_rng(5).uniform(0.0, 1.0, 200):
-        index, a = locate(branches, float(level))
-        x, lam = branches[index].evaluate(a)
+        x, lam = first_at(branches, float(level))
         assert lam == pytest.approx(level, rel=1e-13)
         assert problem.admissible(x, lam)
         assert np.abs(problem.residual(x, lam)).max() <= 1e-8

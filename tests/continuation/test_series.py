@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch, FloatArray, locate
+from mlsanm_cli.continuation import Branch, FloatArray
 
 
 def polynomial(*lam: float, length: float = 1.0) -> Branch:
@@ -88,21 +88,6 @@ def test_crossings_hidden_between_samples_are_found(fold: float) -> None:
         found = branch.parameter_at(side * (1.0 - 1e-7))
         assert found == pytest.approx(fold - np.sqrt(1e-7), abs=1e-10)
         assert branch.first_crossing(side * (1.0 + 1e-7)) is None
-
-
-def test_locate_takes_the_first_piece_that_reaches_the_level() -> None:
-    first, second = polynomial(0.0, 1.0), polynomial(1.0, 1.0)
-    for level, index in ((0.25, 0), (1.75, 1)):
-        found, a = locate([first, second], level)
-        assert found == index
-        assert a == pytest.approx(level - index, rel=1e-14)
-    with pytest.raises(ValueError, match="not reached"):
-        locate([first, second], 2.5)
-
-
-def test_level_in_the_gap_between_pieces_is_the_start_of_the_next() -> None:
-    pieces = [polynomial(0.0, 1.0), polynomial(1.0 + 1e-9, 1.0)]
-    assert locate(pieces, 1.0 + 5e-10) == (1, 0.0)
 
 
 def test_round_off_bounds_the_digits_lost() -> None:

@@ -15,14 +15,8 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write, replacing, write_text
-from mlsanm_cli.io.summary import (
-    INTERFACE_COLUMNS,
-    EventLog,
-    to_plain,
-    toml_text,
-    write_csv,
-    write_json_atomic,
-)
+from mlsanm_cli.io.summary import INTERFACE_COLUMNS, EventLog, toml_text, write_csv, write_json_atomic
+from mlsanm_cli.toml import plain
 
 
 def test_json_converts_numpy_and_turns_nan_and_inf_into_null(tmp_path: Path) -> None:
@@ -58,12 +52,12 @@ def test_json_converts_numpy_and_turns_nan_and_inf_into_null(tmp_path: Path) -> 
 @pytest.mark.parametrize("value", [b"x", object(), 1j, np.array([1j]), lambda: 0])
 def test_values_without_a_plain_form_are_refused(value: Any) -> None:
     with pytest.raises(TypeError, match="no JSON form"):
-        to_plain({"a": [value]})
+        plain({"a": [value]})
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_floats_keep_every_bit_in_json_and_toml(value: float) -> None:
-    assert json.loads(json.dumps(to_plain(np.float64(value)))) == value
+    assert json.loads(json.dumps(plain(np.float64(value)))) == value
     read = tomllib.loads(toml_text({"a": value}))["a"]
     assert isinstance(read, float)
     assert np.float64(read).tobytes() == np.float64(value).tobytes()

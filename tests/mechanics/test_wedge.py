@@ -56,6 +56,18 @@ def test_both_faces_are_free(kernel: PointForceField, angle: float) -> None:
     assert np.abs(alone * x[:, None, None, None]).max() > 0.05
 
 
+def test_a_side_parallel_to_a_face_is_not_part_of_it() -> None:
+    """The web of a tee is parallel to the second face of its flange's corner, whose forces act along an
+    infinite line: taken for a part of it, the web felt these forces, and pressures were 70 % off."""
+    at = forces(corner(STEEL, 90.0))
+    z = np.array([1.0 - 0.4j, 1.0 - 2.0j])
+    normal, flat = np.full(2, -1.0 + 0.0j), np.zeros(2)
+    stress = at.own.stress(z)
+    for line in at.corners[0].face_forces(SOURCES, np.eye(6).reshape(3, 2, 6)):
+        stress = stress + np.moveaxis(line.stress(z).reshape(2, 3, 3, 2), 2, 1)
+    assert at.traction(z, normal, flat) == pytest.approx(traction(stress, normal[:, None]), abs=1e-12)
+
+
 @pytest.mark.parametrize("kernel", [STEEL, WOOD])
 @pytest.mark.parametrize("angle", [45.0, 90.0, 150.0, 180.0, 214.0])
 def test_a_clamped_face_moves_as_one(kernel: PointForceField, angle: float) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.checks import ENERGY_WARNING, EnergyVerdict, largest_force
+from mlsanm_cli.app.assessment.checks import ENERGY_WARNING, EnergyVerdict, largest_force, least_force
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.app.scene.causes import strain_of
 from mlsanm_cli.cloud.cloud import Cloud
@@ -37,9 +37,6 @@ MIN_ENERGY_DEGREE = 3
 """Degree from which on energies estimate errors of clamped bodies better than fits of the next degree."""
 MIN_BENDING_SHARE = 0.1
 """Not if contacts with contact grids do more than this part of the work by themselves."""
-MIN_FORCE_SHARE = 1e-3
-"""Forces below this part of earlier ones, in a scene that is unloaded, are not checked either: regularised
-laws leave as much, on a few nodes, and contacts are solved to a tolerance relative to earlier loads."""
 
 
 def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyVerdict:
@@ -162,9 +159,5 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
 def _faded(built: CondensedScene, state: State) -> float:
     """Energy scale of a state after unloading, from the largest forces at the ends of stages."""
     now = max(largest_force(built, name, state.unknowns) for name in built.scene.bodies)
-    before = [
-        largest_force(built, name, (end.factors, end.motion, end.pressure, end.traction))
-        for name in built.scene.bodies
-        for end in built.ends
-    ]
-    return (MIN_FORCE_SHARE * max(before, default=0.0) / now) ** 2 if now > 0.0 else 0.0
+    least = max(least_force(built, name) for name in built.scene.bodies)
+    return (least / now) ** 2 if now > 0.0 else 0.0

@@ -13,7 +13,7 @@ from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
-from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
+from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -262,11 +262,3 @@ def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:
         "least_volume_ratio": min(float(one.volume_ratio.min()) for one in every),
         "ellipticity": min(waves),
     }
-
-
-def unloaded(scene: FiniteScene) -> FiniteState:
-    """The state before loading."""
-    still = np.zeros(scene.unknowns)
-    pressed = unpressed(scene.unknowns, scene.contacts, scene.free) if scene.contacts else None
-    none = np.zeros(sum(one.slave.count for one in scene.contacts))
-    return FiniteState(0.0, scene.stages[0], still, 0.0, pressed, none, none)

@@ -123,12 +123,11 @@ class RunWriter(Closing):
 
 def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
     """The datasets of a body, with the ``degree`` of its local polynomials."""
-    surfaces = cloud.surfaces.values()
-    boundary = ("bodies", name, "boundary")
+    boundary, (index, normal, names) = ("bodies", name, "boundary"), cloud.boundary
     return {
         place("bodies", name, "points"): cloud.points,
         place("bodies", name, "degree"): np.array(degree),
-        place(*boundary, "index"): np.concatenate([surface.index for surface in surfaces]),
-        place(*boundary, "normal"): np.concatenate([surface.normal for surface in surfaces]),
-        place(*boundary, "name"): [surface.name for surface in surfaces for _ in surface.index],
+        place(*boundary, "index"): index,
+        place(*boundary, "normal"): normal,
+        place(*boundary, "name"): list(names),
     }

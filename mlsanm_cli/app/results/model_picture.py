@@ -9,7 +9,6 @@ import numpy as np
 from mlsanm_cli.app.results.drawn import marks_of
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
 from mlsanm_cli.io.plots.figures import SUFFIXES
@@ -29,20 +28,10 @@ def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
         for cloud in clouds.values()
     ]
     touching = {one.name: one.points[[int(one.gap.argmin())]] for one in prepared.pairings}
-    marks = marks_of(case, {name: stored(cloud) for name, cloud in clouds.items()}, touching, {})
+    stored = {name: BodyData(cloud.points, *cloud.boundary) for name, cloud in clouds.items()}
+    marks = marks_of(case, stored, touching, {})
     nodes = sum(len(cloud.points) for cloud in clouds.values())
     title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
     plot_cloud(
         path, bodies, case.units.label("spacing", "length"), title, marks=marks, unit=case.units.length
-    )
-
-
-def stored(cloud: Cloud) -> BodyData:
-    """Nodes and boundaries of a body as stored by a run."""
-    surfaces = cloud.surfaces.values()
-    return BodyData(
-        cloud.points,
-        np.concatenate([surface.index for surface in surfaces]),
-        np.concatenate([surface.normal for surface in surfaces]),
-        tuple(surface.name for surface in surfaces for _ in surface.index),
     )

@@ -233,7 +233,8 @@ def _condensed_scene(
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
             search = partial(searched_ends, case, scene, stages)
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
+            key = digest(_placing_key(case), scene)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, key)
         if found is None:
             return _condensed_scene(case, _without_grids(case, prepared, context), context, None)
         condensed, ends = found

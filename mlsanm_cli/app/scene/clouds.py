@@ -27,12 +27,14 @@ from mlsanm_cli.app.scene.load_spacing import load_zones
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
+from mlsanm_cli.app.scene.roots import root_zones
 from mlsanm_cli.app.scene.sharp_ends import sharp_ends
 from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
 from mlsanm_cli.case.model.files import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -50,8 +52,10 @@ def spacing_of(case: Case, body: Body) -> Spacing:
         if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):
             clamped = []  # under a contact the far ends of a bulky body matter little
         finite = case.model.strain == "finite" and not bends(outline)
+        touching = None if case.model.strain == "finite" else [*_touching(case, body.name)]
         zones = [
             *arc_zones(outline, far, finer),
+            *root_zones(outline, far, GROWTH, touching),
             *narrow_zones(outline, far, PER_THICKNESS * finer, GROWTH),
             *_contact_zones(case, body, far),
             *load_zones(case, body, far),
@@ -79,6 +83,14 @@ def _clamped(case: Case, body: str) -> Iterator[Place]:
         if place is not None and place.body == body:
             # Clamped boundaries need not join.
             yield from [place] if place.ends else [Place((name,)) for name in place.boundaries]
+
+
+def _touching(case: Case, body: str) -> Iterator[Curve]:
+    """The sides of a body in contact."""
+    for contact in case.contact:
+        for place, role in zip(sides_of(case, contact), ("slave", "master"), strict=False):
+            if place.body == body:
+                yield curve_at(case, place, f"contact.{contact.name}.{role}")[0]
 
 
 def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:

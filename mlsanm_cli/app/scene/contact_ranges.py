@@ -24,6 +24,10 @@ from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 EQUAL_CURVATURE = 1e-9
 """Relative difference below which curvatures are equal."""
+ALIKE_CURVATURE = 1e-3
+"""The same for splines through points: the other surface decides the directions of pressures. Two flanks of
+involutes, equally curved where they touch, moved along each other by 1.2 % more or less by the nodes next to
+that place."""
 EQUAL_GAP = 1e-6
 """Difference, relative to the length of the surface, below which gaps are equal: conforming surfaces."""
 EQUAL_PROFILE_GAP = 1e-3
@@ -178,11 +182,14 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
     if master is None:
         return Facing(slave.curve, None, obstacle, profile=profile)
     touching = pairing.gap <= pairing.gap.min() + EQUAL_GAP * float(np.ptp(pairing.points, axis=0).max())
-    own = _curved(slave.curve, pairing.points, touching)
-    opposite = _curved(master, pairing.partner, touching)
+    at = pairing.points[touching], pairing.partner[touching]
+    if touching.sum() == 1:
+        at = _touching(Facing(slave.curve, None if obstacle else master, obstacle), at[0], pairing.points)
+    own = _curved(slave.curve, at[0], pairing.points)
+    opposite = _curved(master, at[1], pairing.partner)
     slave_first = obstacle is not None or pairing.names[0] < pairing.names[1]
     for one, other in zip(own, opposite, strict=True):
-        if abs(one - other) > EQUAL_CURVATURE * max(one, other):
+        if abs(one - other) > ALIKE_CURVATURE * max(one, other):
             slave_first = one > other
             break
     if obstacle and slave_first:
@@ -191,11 +198,24 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
     return Facing(*curves, obstacle, slave_first, profile=profile)
 
 
-def _curved(curve: Curve, points: FloatArray, touching: BoolArray) -> tuple[float, float]:
-    """Curvature of a surface where it initially touches, at points (w, 2) with the mask ``touching`` (w,),
-    and its mean over all points: flat faces may differ in the rounding of their edges only."""
-    curvature = np.abs(curve.curvature(curve.closest(points)))
-    return float(curvature[touching].min()), float(curvature.mean())
+def _touching(facing: Facing, point: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where two surfaces are nearest, (1, 2) on either, if of the ``points`` (w, 2) on the first the nearest
+    is ``point`` (1, 2)."""
+    away = np.sort(np.hypot(*(points - point).T))
+    aside = float(away[min(2, len(away) - 1)])
+    (middle,) = facing.locate(point)
+    first, last = middle - aside, middle + aside
+    if not facing.base.closed:
+        first, last = max(first, 0.0), min(last, facing.base.length)
+    there, partner, _ = facing.opposite(np.array([_minimum(facing, first, last)]))
+    return there, partner
+
+
+def _curved(curve: Curve, at: FloatArray, points: FloatArray) -> tuple[float, float]:
+    """Least curvature of a surface where it initially touches, ``at`` places (k, 2) on it, and the mean over
+    its ``points`` (w, 2): flat faces may differ in the rounding of their edges only."""
+    here, whole = (np.abs(curve.curvature(curve.closest(one))) for one in (at, points))
+    return float(here.min()), float(whole.mean())
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.roots import PER_ROOT, PER_ROOT_DISTANCE, across_roots, roots_of
+from mlsanm_cli.app.scene.roots import PER_ROOT, roots_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import Joined, part_of, points_of
@@ -139,9 +139,6 @@ def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone
                 yield Zone(curve, fine, 0.0, GROWTH)
         else:
             yield from _turning_zones(curve, far, finer)
-    for (x, y), apart in across_roots(outline):
-        if apart < PER_ROOT_DISTANCE * far:
-            yield Zone.around((x, y), apart / PER_ROOT_DISTANCE, 0.0, GROWTH)
 
 
 def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:

@@ -7,13 +7,13 @@ from dataclasses import replace
 from mlsanm_cli.case.checks.bodies import check_body, check_materials, check_spacing, geometries_of
 from mlsanm_cli.case.checks.conditions import check_conditions
 from mlsanm_cli.case.checks.finite import check_finite
+from mlsanm_cli.case.checks.geometry import GeometryInspector
 from mlsanm_cli.case.checks.load_checks import check_ends, check_loads
 from mlsanm_cli.case.checks.numerics import check_numerics
 from mlsanm_cli.case.checks.valid_parts import ValidParts
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.model.case import Contact
-from mlsanm_cli.case.model.files import GeometryInspector
 from mlsanm_cli.case.model.loads import ObstacleMotion, Platen
 from mlsanm_cli.case.model.obstacles import check_obstacle
 from mlsanm_cli.case.model.stop import check_stop

@@ -9,9 +9,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from mlsanm_cli.case.checks.geometry import Geometry
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Body, Case, Contact, Model, Support
-from mlsanm_cli.case.model.files import Geometry
 from mlsanm_cli.case.model.loads import AnyLoad
 from mlsanm_cli.case.model.shapes import edge_names
 from mlsanm_cli.case.model.stop import Stop

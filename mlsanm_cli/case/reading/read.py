@@ -12,17 +12,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.case.checks.geometry import Geometry, GeometryInspector
 from mlsanm_cli.case.checks.relations import run_checks
 from mlsanm_cli.case.checks.valid_parts import LISTS, validate
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.files import Geometry, GeometryInspector
 from mlsanm_cli.case.model.tables import inline_tables
 from mlsanm_cli.case.reading.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.inputs import MB, is_text, read_input
+from mlsanm_cli.toml import plain
 
 MAX_LISTED_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""
@@ -205,9 +206,8 @@ def resolved_mapping(case: Case) -> dict[str, Any]:
 
     Written as TOML and loaded again, it gives an equal case.
     """
-    plain = _plain(case.model_dump(mode="python", exclude_none=True, by_alias=True))
-    assert isinstance(plain, dict)
-    return plain
+    found: dict[str, Any] = plain(case.model_dump(mode="python", exclude_none=True, by_alias=True))
+    return found
 
 
 def case_hash(case: Case) -> str:
@@ -272,12 +272,4 @@ def _frozen(value: Any) -> Any:
         return tuple(_frozen(item) for item in value)
     if isinstance(value, dict):
         return {key: _frozen(item) for key, item in value.items()}
-    return value
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
     return value

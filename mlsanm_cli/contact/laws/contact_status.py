@@ -18,7 +18,7 @@ from mlsanm_cli.contact.response.dense import ScaledFactor, SingularSystemError
 OPEN, STICK, SLIP = 0, 1, 2
 MAX_CHANGES = 40
 """Largest number of changed equations for an update of factors; each costs a solution."""
-MIN_EQUATIONS = 200
+MIN_EQUATIONS = 100
 """Least number of equations for which an update is cheaper than a new factorisation."""
 ROUND_OFF = 1e-12
 """Relative residual above which gaps and slips are recomputed after a refinement step."""

@@ -12,7 +12,7 @@ from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_COLOUR, picture
 from mlsanm_cli.io.plots.plots import shown_up_to, visible_range
 
 FloatArray = NDArray[np.float64]
-OPEN, STICK, SLIP = 0, 1, 2
+STICK, SLIP = 1, 2
 _ZONES = {STICK: ("stick", COLOURS[2]), SLIP: ("slip", COLOURS[1])}
 
 
