@@ -246,13 +246,17 @@ def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
     """The starter on a longer block, a cylinder dragged with friction: once all slips, the work of its force
     is what friction dissipates, and the vertical force stays. On the starter's block, whose end it comes
     near, both change with the energy stored there: by 1.0 and 1.7 %."""
-    directory = tmp_path / "run"
-    text = (
-        starter("ironing")
-        .replace("x = [-2.0, 2.0]", "x = [-3.0, 3.0]")
-        .replace("[-0.5, 3.0]", "[-0.65, 3.0]")
-    )
-    text = text.replace('along = "top"', "at = [0.0, 2.0]").replace("radius = 0.05", "radius = 0.7")
+    directory, text = tmp_path / "run", starter("ironing")
+    longer = {
+        "x = [-2.0, 2.0]": "x = [-3.0, 3.0]",
+        "spacing = 0.25": "spacing = 0.4",
+        'along = "top"': "at = [0.0, 2.0]",
+        "radius = 0.05\ngrowth = 0.15": "radius = 0.7\ngrowth = 0.25",
+        "center = [-0.5, 3.0]": "center = [-0.65, 3.0]",
+    }
+    for old, new in longer.items():
+        assert old in text
+        text = text.replace(old, new)
     summary = solve(text, directory, "output.at=[1.0, 1.3, 2.0]")
     assert (summary["status"], summary["warnings"]) == ("done", [])
     run = read_run(directory)
@@ -261,7 +265,7 @@ def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
     work = float(np.trapezoid(force[slips], position[slips]))
     lost = run.contacts["iron"].dissipated_work
     assert lost is not None
-    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=4e-3)
+    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=5e-3)
     up = run.path.resultants["contact iron"][slips, 1]
     np.testing.assert_allclose(up, up.mean(), rtol=4e-3)
     under = summary["contacts"]["iron"]
