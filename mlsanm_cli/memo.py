@@ -47,7 +47,7 @@ class Memo:
 
     def latest(self, kind: str, key: str) -> Any | None:
         """What :meth:`replace` kept last for a ``kind`` and ``key``; None if nothing."""
-        return self._values.get((kind, key))
+        return self._values.get((kind, key)) if self._most else None
 
     def replace(self, kind: str, key: str, value: object) -> None:
         """Keep a ``value`` that other runs may begin with, in place of the one before."""

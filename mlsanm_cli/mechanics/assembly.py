@@ -228,7 +228,7 @@ def row_weights(
     corners = _unenriched_corners(model, grips)
     corner = corner_weight(cloud, grips, table.springs, touching)
     factor = corner * reentrant_weight(cloud, corners)
-    inside = one_sided_weight(cloud, corner, model.settings.degree)
+    inside = one_sided_weight(cloud, corner, model.settings)
     weights = [factor * inside * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]

@@ -266,7 +266,7 @@ def model_key(
 
 
 def _kind(settings: MlsSettings) -> list[object]:
-    return [settings.degree, settings.neighbors, settings.scheme, settings.corners]
+    return [settings.degree, settings.neighbors, settings.scheme, settings.corners, settings.narrow]
 
 
 def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:

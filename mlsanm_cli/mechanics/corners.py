@@ -24,7 +24,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
-from mlsanm_cli.operators.settings import ONE_SIDED_DEGREE
+from mlsanm_cli.operators.settings import ONE_SIDED_DEGREE, MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
@@ -86,13 +86,14 @@ def corner_weight(cloud: Cloud, grips: Held, springs: Springs, touching: Collect
     return factor
 
 
-def one_sided_weight(cloud: Cloud, corner: FloatArray, degree: int) -> FloatArray:
-    """Factor (n,) on equilibrium rows: less at boundary nodes, but not where fields are singular, near sharp
-    re-entrant corners and as far as ``corner`` (n,), the factor of :func:`corner_weight`, decreases: there
-    fits inside miss as much."""
+def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) -> FloatArray:
+    """Factor (n,) on equilibrium rows: less at boundary nodes, but not where fields may be singular, near
+    sharp corners and as far as ``corner`` (n,), the factor of :func:`corner_weight`, decreases: there fits
+    inside miss as much. At a foot of 78 degrees on a plane pressures were 3 % off without convex corners."""
     factor = np.ones(len(cloud.points))
-    if degree >= ONE_SIDED_DEGREE:
-        nodes, sharp = cloud.boundary_nodes, reentrant_corners(cloud)
+    if settings.narrow and settings.degree >= ONE_SIDED_DEGREE:
+        nodes = cloud.boundary_nodes
+        sharp = [node for node, turn in _corners(cloud) if abs(turn) > SMOOTH_TURN]
         away = corner[nodes] ** (1.0 / POWER)
         if len(sharp):
             distance = nearest(cKDTree(cloud.points[sharp]), cloud.points[nodes])[0]
@@ -126,14 +127,18 @@ def _singular_changes(
 
 def reentrant_corners(cloud: Cloud) -> IntArray:
     """Nodes where two surfaces meet at a sharp reentrant corner."""
+    return np.array([node for node, turn in _corners(cloud) if turn < -SMOOTH_TURN], dtype=np.int64)
+
+
+def _corners(cloud: Cloud) -> list[tuple[int, float]]:
+    """Nodes where two surfaces meet, and the angle by which the outline turns there to the left."""
     found = []
     for one in cloud.surfaces.values():
         for other in cloud.surfaces.values():
             if not one.curve.closed and one.index[-1] == other.index[0]:
                 (x, y), (u, v) = one.normal[-1], other.normal[0]
-                if np.arctan2(x * v - y * u, x * u + y * v) < -SMOOTH_TURN:
-                    found.append(other.index[0])
-    return np.array(found, dtype=np.int64)
+                found.append((int(other.index[0]), float(np.arctan2(x * v - y * u, x * u + y * v))))
+    return found
 
 
 def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:

@@ -159,7 +159,7 @@ class NextDegree:
     second evaluation is cheap."""
 
     model: BodyModel
-    kept: dict[tuple[int, int, bytes], Stencils] | None = field(default=None, compare=False)
+    kept: dict[tuple[MlsSettings, int, bytes], Stencils] | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, model: BodyModel, keep: bool) -> NextDegree:
@@ -178,9 +178,10 @@ class NextDegree:
         """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
         (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives."""
         model = self.model
+        # Fluxes are not of the narrower fits at nodes.
+        settings = replace(model.settings, narrow=False)
         own, better = (
-            self._derivatives(displacement, places, some)
-            for some in (model.settings, next_degree(model.settings))
+            self._derivatives(displacement, places, some) for some in (settings, next_degree(settings))
         )
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
         near = [less[:, :, 0], less[:, :, 1] + x * less[:, :, 3] + y * less[:, :, 4]]
@@ -200,7 +201,7 @@ class NextDegree:
         near = model.near if at_nodes else None
         if self.kept is None:
             return fitted_derivatives(nodes, tree, places, settings, values, cloud.sight, near, tips)
-        key = (settings.degree, values.shape[1], places.tobytes())
+        key = (settings, values.shape[1], places.tobytes())
         if key not in self.kept:
             self.kept[key] = build_stencils(nodes, tree, places, 2, settings, cloud.sight, near, tips)
         return self.kept[key].derivatives(values)

@@ -57,7 +57,7 @@ def weight_radius(
 ) -> FloatArray:
     """Radii (e,) of the weights for stencils of ``radius`` (e,) and node numbers ``indices`` (e, k) around
     the ``targets`` (e, 2): smaller where these are one-sided, as at the boundary."""
-    if settings.square or settings.degree < ONE_SIDED_DEGREE:
+    if settings.square or not settings.narrow or settings.degree < ONE_SIDED_DEGREE:
         return radius
     away = points[indices].mean(axis=1) - targets
     offset = np.hypot(away[:, 0], away[:, 1]) / radius

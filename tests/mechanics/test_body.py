@@ -25,7 +25,7 @@ from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic,
 from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.operators.least_squares import LeastSquares
-from mlsanm_cli.operators.settings import Scheme
+from mlsanm_cli.operators.settings import MlsSettings, Scheme
 from tests.mechanics.bodies import (
     STEEL,
     boundary_values,
@@ -271,21 +271,25 @@ def test_corners_of_clamped_and_free_sides_lower_the_weights_around_them() -> No
 def test_one_sided_equilibrium_weighs_less_away_from_singular_corners() -> None:
     cloud = jittered_square(21)
     corner = corner_weight(cloud, HELD, {})
-    factor = one_sided_weight(cloud, corner, 4)
+    factor = one_sided_weight(cloud, corner, MlsSettings(4))
     inside = np.ones(len(cloud.points), dtype=bool)
     inside[cloud.boundary_nodes] = False
     assert (factor[inside] == 1.0).all()
-    far = (corner == 1.0) & ~inside
+    ends = np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)])
+    distance = np.hypot(*np.abs(cloud.points[:, None] - ends).min(axis=1).T)
+    far = (corner == 1.0) & ~inside & (distance >= WEIGHT_REACH * thickness(cloud))
+    assert far.any()
     assert factor[far] == pytest.approx(ONE_SIDED_WEIGHT)
     near = (corner < 0.1) & ~inside
     assert near.any()
     assert (factor[near] > 0.8).all()
-    assert (one_sided_weight(cloud, corner, 3) == 1.0).all()
+    assert (one_sided_weight(cloud, corner, MlsSettings(3)) == 1.0).all()
     corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]
     sides = tuple(Segment(*pair) for pair in zip(corners, [*corners[1:], corners[0]], strict=True))
     angle = build_cloud(Outline(tuple("abcdef"), sides), Spacing(0.1), 0)
-    sharp = np.flatnonzero((angle.points == 1.0).all(axis=1))
-    assert one_sided_weight(angle, np.ones(len(angle.points)), 4)[sharp] == pytest.approx(1.0)
+    sharp = (angle.points[:, None] == np.array(corners)).all(axis=2).any(axis=1)
+    assert sharp.sum() == 6
+    assert one_sided_weight(angle, np.ones(len(angle.points)), MlsSettings(4))[sharp] == pytest.approx(1.0)
 
 
 def test_a_ring_under_pressure_is_exact_to_a_hundred_thousandth_on_a_bad_cloud() -> None:

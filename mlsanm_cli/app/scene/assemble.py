@@ -87,7 +87,7 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
         low = low or few or case.mls.scheme != "least-squares"
         degree = LOW_DEGREE if low else HIGH_DEGREE
     # Corner singularities are known for small strains only.
-    return MlsSettings(degree, asked, case.mls.scheme, corners=small)
+    return MlsSettings(degree, asked, case.mls.scheme, corners=small, narrow=small)
 
 
 def estimated(case: Case) -> bool:
