@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -48,6 +48,29 @@ class CloudBody:
     displacement: FloatArray
     scalar: FloatArray
     triangles: IntArray | None = None
+
+
+@dataclass(frozen=True)
+class ColourRange:
+    """Values ``low`` and ``high`` between which colours change, and the ``least`` and ``largest`` value."""
+
+    low: float
+    high: float
+    least: float
+    largest: float
+
+    @property
+    def extend(self) -> Literal["neither", "min", "max", "both"]:
+        """The ends of a colour bar beyond which there are values."""
+        if self.least < self.low:
+            return "both" if self.largest > self.high else "min"
+        return "max" if self.largest > self.high else "neither"
+
+    @property
+    def beyond(self) -> str:
+        """Words with the values beyond the ends."""
+        words = [f"down to {self.least:.3g}"] * (self.least < self.low)
+        return "\n".join(words + [f"up to {self.largest:.3g}"] * (self.largest > self.high))
 
 
 @dataclass(frozen=True)
@@ -98,7 +121,7 @@ def draw_cloud(
     title: str,
     scale: float,
     views: Sequence[Window],
-    limits: tuple[float, float],
+    limits: ColourRange,
     marks: ConditionMarks | None = None,
     unit: str = "",
 ) -> None:
@@ -109,7 +132,7 @@ def draw_cloud(
     for axes, view in zip(panels, views, strict=True):
         for body, shape in zip(bodies, shapes, strict=True):
             colours = _draw_body(axes, body, shape, scale)
-            colours.set_clim(*limits)
+            colours.set_clim(limits.low, limits.high)
             _draw_nodes(axes, body.points + scale * body.displacement, shape.spacing)
         if marks is not None:
             # Arrows have a length relative to the scene, too long for a detail.
@@ -121,11 +144,9 @@ def draw_cloud(
     if len(views) > 1:
         panels[0].add_patch(_frame(views[1]))
         panels[1].set_title("detail in the frame")
-    below, above, words = _beyond(bodies, limits)
-    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((below, above), "neither")
-    bar = figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9, extend=extend)
-    if words:
-        bar.ax.set_title(words, fontsize=7, color="#555555")
+    bar = figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9, extend=limits.extend)
+    if limits.beyond:
+        bar.ax.set_title(limits.beyond, fontsize=7, color="#555555")
 
 
 def _width(view: Window) -> float:
@@ -217,26 +238,17 @@ def _frame(window: Window) -> Rectangle:
     return Rectangle(corner, *size, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
 
 
-def range_of(bodies: Sequence[CloudBody]) -> tuple[float, float]:
+def range_of(bodies: Sequence[CloudBody]) -> ColourRange:
     """Range of the colours, which contains zero and all values but singular ones."""
     values = np.concatenate([np.zeros(1), *(body.scalar for body in bodies)])
     low, high = -_usual_peak(-values), _usual_peak(values)
-    return low, high if high > low else low + 1.0
+    return ColourRange(low, high if high > low else low + 1.0, float(values.min()), float(values.max()))
 
 
 def _usual_peak(values: FloatArray) -> float:
     """The largest value, or the quantile that leaves out the singular ones."""
     largest, usual = float(values.max()), float(np.quantile(values, _USUAL))
     return usual if 0.0 < 2.0 * usual < largest else largest
-
-
-def _beyond(bodies: Sequence[CloudBody], limits: tuple[float, float]) -> tuple[bool, bool, str]:
-    """Whether values are below and above the range of the colours, and words with the extreme ones."""
-    low = min(float(body.scalar.min(initial=0.0)) for body in bodies)
-    high = max(float(body.scalar.max(initial=0.0)) for body in bodies)
-    below, above = low < limits[0], high > limits[1]
-    words = [f"down to {low:.3g}"] * below + [f"up to {high:.3g}"] * above
-    return below, above, "\n".join(words)
 
 
 def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks | None = None) -> Window:
