@@ -24,7 +24,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
-from mlsanm_cli.operators.settings import ONE_SIDED_DEGREE, MlsSettings
+from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
@@ -91,7 +91,7 @@ def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) ->
     sharp corners and as far as ``corner`` (n,), the factor of :func:`corner_weight`, decreases: there fits
     inside miss as much. At a foot of 78 degrees on a plane pressures were 3 % off without convex corners."""
     factor = np.ones(len(cloud.points))
-    if settings.narrow and settings.degree >= ONE_SIDED_DEGREE:
+    if settings.narrows:
         nodes = cloud.boundary_nodes
         sharp = [node for node, turn in _corners(cloud) if abs(turn) > SMOOTH_TURN]
         away = corner[nodes] ** (1.0 / POWER)

@@ -8,7 +8,7 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.settings import ONE_SIDED_DEGREE, ONE_SIDED_RADIUS, MlsSettings
+from mlsanm_cli.operators.settings import ONE_SIDED_RADIUS, MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 EXTRA_NODES = 8
@@ -57,7 +57,7 @@ def weight_radius(
 ) -> FloatArray:
     """Radii (e,) of the weights for stencils of ``radius`` (e,) and node numbers ``indices`` (e, k) around
     the ``targets`` (e, 2): smaller where these are one-sided, as at the boundary."""
-    if settings.square or not settings.narrow or settings.degree < ONE_SIDED_DEGREE:
+    if not settings.narrows:
         return radius
     away = points[indices].mean(axis=1) - targets
     offset = np.hypot(away[:, 0], away[:, 1]) / radius

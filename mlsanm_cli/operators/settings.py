@@ -51,6 +51,11 @@ class MlsSettings:
         return self.scheme != "least-squares"
 
     @property
+    def narrows(self) -> bool:
+        """Whether one-sided fits have narrower weights."""
+        return self.narrow and not self.square and self.degree >= ONE_SIDED_DEGREE
+
+    @property
     def coefficients(self) -> int:
         """Number of coefficients of the local polynomial."""
         return (self.degree + 1) * (self.degree + 2) // 2

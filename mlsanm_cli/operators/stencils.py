@@ -6,6 +6,7 @@ Equation (1) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -51,8 +52,7 @@ def build_stencils(
     QR is rank-deficient gets more neighbours. Raises NumericalError, naming the place, where that does not
     help.
     """
-    places = targets, targets[:, None]
-    return _built(points, tree, *places, (0, order), settings, sight, known, tips, narrowing=True)
+    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known, tips)
 
 
 def build_gradients(
@@ -67,8 +67,9 @@ def build_gradients(
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
     ``targets`` (e, t, 2), from one polynomial per centre; with ``values`` also of the value, first: (nnz, 3
-    t)."""
-    return _built(points, tree, centers, targets, (0 if values else 1, 1), settings, sight, None, tips)
+    t). Their weights are not narrower where they are one-sided."""
+    orders, even = (0 if values else 1, 1), replace(settings, narrow=False)
+    return _built(points, tree, centers, targets, orders, even, sight, None, tips)
 
 
 def _built(
@@ -81,10 +82,9 @@ def _built(
     sight: VisibilityCriterion | None,
     known: IndexArray | None,
     tips: Tips | None,
-    narrowing: bool = False,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the derivatives of ``orders[0]`` to ``orders[1]`` at their
-    ``targets`` (e, t, 2); with ``narrowing``, :func:`weight_radius` where they are one-sided."""
+    ``targets`` (e, t, 2)."""
     centers, targets = np.ascontiguousarray(centers), np.ascontiguousarray(targets)
     kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
     if not len(centers):
@@ -95,8 +95,7 @@ def _built(
         some = centers[which]
         near = None if known is None else known[which]
         radius, indices = neighbors_of(points, tree, some, size, sight, near)
-        if narrowing:
-            radius = weight_radius(points, some, radius, indices, settings)
+        radius = weight_radius(points, some, radius, indices, settings)
         weights, ratio = np.empty((len(some) * size, kinds)), np.empty(len(some))
         _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
         return (indices, weights.reshape(len(some), size, -1)), ratio

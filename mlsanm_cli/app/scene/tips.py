@@ -29,8 +29,12 @@ def check_tips(case: Case, pairings: tuple[Pairing, ...]) -> None:
     slowly: a contact grid ends at the corner, and what the other side carries would be missed."""
     problems = []
     for pairing in pairings:
-        for body, role, place in _corners(pairing):
-            if _is_tip(facing_of(case, pairing), place):
+        corners = list(_corners(pairing))
+        if not corners:
+            continue
+        facing = facing_of(case, pairing)
+        for body, role, place in corners:
+            if _is_tip(facing, place):
                 x, y = place
                 problems.append(
                     CaseProblem(
