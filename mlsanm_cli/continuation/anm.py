@@ -64,9 +64,9 @@ class AnmFollower(Follower):
             if ahead is not None:
                 self._piece = branch
             yield self._step(branch, end, unit)
-            if ahead is None and end.lam == self._lam_end:
-                raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             if ahead is None:
+                if end.lam == self._lam_end:
+                    raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
                 return
             here, self._effort = ahead, effort
             direction, unit = self._next_direction(branch)

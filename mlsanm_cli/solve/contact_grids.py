@@ -112,7 +112,7 @@ def _found(
     """The same from a ``first`` guess."""
     ranges, grids, starts = first.ranges, first.grids, list(first.starts)
     common, passed = dict(first.common), dict(first.passed)
-    near = bool(starts)
+    coarsened = bool(starts)
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
@@ -147,8 +147,10 @@ def _found(
         if _same(wanted, grids) and responses is not resolved:
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits, near)
-            near = near and _same(wanted, grids)
+            wanted = refined(
+                condensed, grids, ranges, _loaded(states), accuracy, not every, limits, coarsened
+            )
+            coarsened = coarsened and _same(wanted, grids)
         if _same(wanted, grids):
             turned = None
             if every and turnings:
