@@ -230,8 +230,7 @@ def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArra
                 unknown += 1
             else:
                 value = float(motion.prescribed @ state.factors)
-            if motion.component < 2:
-                shift[motion.component] = value
+            shift += value * motion.direction[:2]
         if isinstance(constraint, Obstacle):
             shifts[constraint.contact] = shift
     return shifts

@@ -186,9 +186,7 @@ def _with_fixed_motions(
     """The scene with ``idle`` motions fixed at zero; None if it has no state, or if forces are needed to fix
     them."""
     constraints = tuple(
-        held_at_zero(one, [component for body, component in idle if body == one.body])
-        if isinstance(one, FloatingBody)
-        else one
+        held_at_zero(one, _velocities(one, idle)) if isinstance(one, FloatingBody) else one
         for one in prepared.rigid_constraints
     )
     motions = (*prepared.held_motions, *idle.values())
@@ -200,6 +198,16 @@ def _with_fixed_motions(
             context.console.note(f"{names} is fixed at 0 (no load and no stiffness in this direction)")
             return built
     return None
+
+
+def _velocities(body: FloatingBody, idle: Idle) -> dict[int, FloatArray]:
+    """Velocity (2,) of a body's centre in its ``idle`` motions, by component."""
+    found, (x, y) = {}, body.center
+    for (name, component), motion in idle.items():
+        if name == body.body:
+            along_x, along_y, turn = motion[name]
+            found[component] = np.array([along_x - turn * y, along_y + turn * x])
+    return found
 
 
 def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> bool:

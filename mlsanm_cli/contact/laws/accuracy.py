@@ -56,7 +56,7 @@ def changes_of(
                 fx, fy, moment = corrected.defect.reactions[surface]
                 x, y = constraint.center
                 carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
-                imbalance[row] += carried[motion.component]
+                imbalance[row] += motion.direction @ carried
     return gaps, slips, imbalance
 
 
