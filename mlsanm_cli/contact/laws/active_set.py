@@ -140,12 +140,12 @@ def _searched(
     set leaves bodies loose without springs."""
     gap_map, m = condensed.gap, len(condensed.weight)
     seen: set[bytes] = set()
-    many = compressed(gap_map.pressure) is not None
+    many = iterates = compressed(gap_map.pressure) is not None
     roughly, one_by_one = many, False
     limit = MAX_ITERATIVE_PASSES if many else held.passes * (m + 1)
     pressure = np.zeros(m)
     for count in range(1, limit + 1):
-        closed = _Closed(condensed, free_gap, factors, active, held)
+        closed = _Closed(condensed, free_gap, factors, active, held, iterates)
         for part in (SEARCH_TOLERANCE, FINAL_TOLERANCE) if roughly else (FINAL_TOLERANCE,):
             pressure, motion = closed.solve(pressure, part)
             gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
@@ -154,6 +154,7 @@ def _searched(
             wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion), tolerance)
             if wrong.any():
                 break
+        iterates = closed.iterates
         if not wrong.any():
             return _Solved(active, pressure, motion, count)
         if active.tobytes() in seen:
@@ -195,8 +196,11 @@ def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
 
 
 class _Closed:
-    """The equations of a set ``active`` (m,): pressures close the gaps, motions balance the forces. Raises
-    SingularSystemError if bodies are loose."""
+    """The equations of a set ``active`` (m,): pressures close the gaps, motions balance the forces.
+
+    Those of a compressed compliance are solved by iterations while these converge, see ``iterates``. Raises
+    SingularSystemError if bodies are loose.
+    """
 
     def __init__(
         self,
@@ -205,6 +209,7 @@ class _Closed:
         factors: FloatArray,
         active: BoolArray,
         held: _Held,
+        iterates: bool,
     ) -> None:
         self._closed = closed = np.flatnonzero(active)
         balance = condensed.balance
@@ -217,8 +222,8 @@ class _Closed:
         self._many, self._dense = None, None
         self._moved, self._forces = condensed.gap.motion[closed], balance.pressure[:, closed]
         self._compliance, self._stiffness = condensed.gap.pressure, stiffness
-        own = compressed(condensed.gap.pressure)
-        if own is not None and a:
+        self.iterates, own = iterates, compressed(condensed.gap.pressure)
+        if own is not None and iterates and a:
             with self._or_directly():
                 self._many = ManyClosed(own, closed, self._moved, self._forces, stiffness)
         elif a + k:
@@ -238,7 +243,7 @@ class _Closed:
         except NotConvergedError:
             if len(self._closed) > MAX_DENSE:
                 raise
-            self._many, self._dense = None, self._direct()
+            self.iterates, self._many, self._dense = False, None, self._direct()
 
     def solve(self, near: FloatArray, part: float) -> tuple[FloatArray, FloatArray]:
         """Pressures (m,) and motions (k,) to a relative residual ``part``, starting from pressures
