@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.scenes import (  # noqa: F401  (they register their scenes)
     assemblies,
+    assorted,
     bending,
     fits,
     joints,

@@ -19,6 +19,7 @@ from mlsanm_cli.app.scene.default_spacing import (
     bond_zones,
     clamped_zones,
     contact_zone,
+    crack_zones,
     leans,
     nodal_zone,
 )
@@ -95,6 +96,7 @@ def _touching(case: Case, body: str) -> Iterator[Curve]:
 
 def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
     """Zones of finer nodes where contacts of a body are close to its other boundaries."""
+    bonds = [contact for contact in case.contact if contact.bonded]
     for contact in case.contact:
         sides = sides_of(case, contact)
         found = [
@@ -110,6 +112,7 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
                     yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
                     continue
                 yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
+                yield from crack_zones(found[0][0], [end for one in bonds for end in bond_ends(case, one)])
                 if case.model.strain == "finite":
                     yield nodal_zone(own, far)
                 elif obstacle is not None:
