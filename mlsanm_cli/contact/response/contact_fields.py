@@ -6,7 +6,8 @@ are depends on the points of the body and the grid only, which a path leaves as 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sparse
@@ -15,7 +16,15 @@ from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import RULE
-from mlsanm_cli.contact.response.loaded_intervals import BATCH_SIZE, Intervals, close_matrix, feet, inside
+from mlsanm_cli.contact.response.loaded_intervals import (
+    BATCH_SIZE,
+    Intervals,
+    close_matrix,
+    feet,
+    halves,
+    inside,
+)
+from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import (
     NO_PAIRS,
     ComplexArray,
@@ -38,14 +47,15 @@ TIP_INSET = 2e-3
 @dataclass(frozen=True)
 class _Group:
     """Points, by number ``some`` (e,), at which intervals ``span`` act by ``sources`` (k,): forces at their
-    quadrature points, distributed by ``shares`` (k, q i) if there are any, but for pairs ``left_out`` (e,
-    k)."""
+    quadrature points, distributed by ``shares`` (k, q i) and turned by ``image`` (k, 2, 2) if there are any,
+    but for pairs ``left_out`` (e, k)."""
 
     some: IntArray
     span: slice
     sources: SurfaceForces
     shares: FloatArray | None = None
     left_out: BoolArray = field(default_factory=lambda: NO_PAIRS)
+    image: FloatArray | None = None
 
     def add(self, z: ComplexArray, forces: FloatArray, displacement: FloatArray, stress: FloatArray) -> None:
         """Add displacements and stresses (e, ., c) at points ``z`` due to ``forces`` (q, i, 2, c)."""
@@ -54,6 +64,8 @@ class _Group:
             return
         if self.shares is not None:
             acting = (self.shares @ acting.reshape(len(acting), -1)).reshape(-1, *acting.shape[1:])
+        if self.image is not None:
+            acting = np.einsum("kfd,kdc->kfc", self.image, acting)
         seen = z[self.some]
         displacement[self.some] += self.sources.displacement_by(acting, seen, self.left_out)
         stress[self.some] += self.sources.stress_by(acting, seen, self.left_out)
@@ -63,13 +75,15 @@ class _Group:
 class NearFields:
     """Displacements and stresses at fixed points ``z`` (e,) of a body for any pressures and tractions of a
     contact: by ``groups`` of points and intervals, by the matrix ``close`` (5e, 2m) of intervals next to a
-    point, and by corners. ``inside`` (e,) are the points, those on the contact surface shifted inside."""
+    point, by ``images`` behind walls, and by forces along the faces of corners. ``inside`` (e,) are the
+    points, those on the contact surface shifted inside."""
 
     intervals: Intervals
     z: ComplexArray
     inside: ComplexArray
     groups: tuple[_Group, ...]
     close: sparse.csr_array
+    images: tuple[_Group, ...]
 
     @classmethod
     def at(cls, grid: ContactGrid, kernel: PointForceField, slave: bool, z: ComplexArray) -> NearFields:
@@ -79,9 +93,16 @@ class NearFields:
             at_tip = np.abs(z - corner.tip) < TIP_INSET * corner.length
             z = np.where(at_tip, corner.tip + TIP_INSET * corner.length * corner.bisector, z)
         intervals, within = Intervals.of(grid, slave, kernel), inside(grid, slave, z)
+        every, whole = np.arange(len(z)), slice(0, len(intervals.steps))
         groups, pairs = list[_Group](), list[tuple[AnyArray, ...]]()
-        _arrange(intervals, within, np.arange(len(z)), slice(0, len(intervals.steps)), groups, pairs)
-        return cls(intervals, z, within, tuple(groups), close_matrix(intervals, len(z), pairs))
+        _arrange(intervals, within, every, whole, groups, pairs)
+        close = close_matrix(intervals, len(z), pairs)
+        images = [
+            image
+            for corner in grid.corners_of(slave)
+            for image in _images(intervals, corner, z, every, whole)
+        ]
+        return cls(intervals, z, within, tuple(groups), close, tuple(images))
 
     def __call__(self, pressure: FloatArray, traction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2, c) and stresses (e, 3, c) due to nodal ``pressure`` and ``traction`` (m, c)
@@ -95,31 +116,36 @@ class NearFields:
         close = np.asarray(self.close @ np.concatenate([pressure, traction])).reshape(5, count, columns)
         displacement += close[:2].transpose(1, 0, 2)
         stress += close[2:].transpose(1, 0, 2)
-        self._add_corners(pressure, traction, displacement, stress)
+        for image in self.images:
+            image.add(self.z, forces, displacement, stress)
+        for corner in grid.corners_of(self.intervals.slave):
+            away = corner.distance(self.intervals.place.ravel())
+            for line in corner.face_forces(away, forces.reshape(-1, 2, columns)):
+                displacement += line.displacement(self.z)
+                stress += line.stress(self.z)
         return displacement, stress
 
-    def _add_corners(
-        self, pressure: FloatArray, traction: FloatArray, displacement: FloatArray, stress: FloatArray
-    ) -> None:
-        """Add what corners change."""
-        grid, slave, z = self.intervals.grid, self.intervals.slave, self.z
-        corners = grid.corners_of(slave)
-        if not corners:
-            return
-        close = replace(grid, count=FAR_SAMPLES)
-        place, force = grid.places(slave), _on_points(grid, pressure, traction)
-        few, on = close.facing.side(close.samples, slave)[0], _on_samples(close, pressure, traction)
-        for corner in corners:
-            for line in corner.face_forces(corner.distance(place), force):
-                displacement += line.displacement(z)
-                stress += line.stress(z)
-            whole = corner.images(corner.distance(place), force)
-            for image, distant in zip(whole, corner.images(corner.distance(few), on), strict=True):
-                # Images are near only for points close to the wall.
-                away = np.abs(z[:, None] - distant.places.place).min(axis=1) / (grid.last - grid.first)
-                for some, one in ((away > FAR_DISTANCE, distant), (away <= FAR_DISTANCE, image)):
-                    displacement[some] += one.displacement(z[some])
-                    stress[some] += one.stress(z[some])
+
+def _images(
+    intervals: Intervals, corner: Corner, z: ComplexArray, some: IntArray, span: slice
+) -> Iterator[_Group]:
+    """Groups of points ``some`` for the images of intervals ``span`` behind the wall of a ``corner``, as in
+    :func:`_arrange`."""
+    sources, shares = intervals.of_samples(span, FAR_SAMPLES)
+    found = corner.mirrored(corner.distance(sources.place))
+    if found is None or not len(some):
+        return
+    few, image = found
+    near = np.abs(z[some, None] - few.place).min(axis=1) <= FAR_DISTANCE * intervals.extent(span)
+    if not near.all():
+        yield _Group(some[~near], span, few, shares, image=image)
+    if span.stop - span.start > MAX_INTERVALS:
+        for half in halves(span):
+            yield from _images(intervals, corner, z, some[near], half)
+    elif near.any():
+        whole = corner.mirrored(corner.distance(intervals.of_points(span).place))
+        assert whole is not None
+        yield _Group(some[near], span, whole[0], image=whole[1])
 
 
 def _arrange(
@@ -133,10 +159,8 @@ def _arrange(
     """Add the groups of points ``some`` for the intervals ``span``, and the ``pairs`` of a point, an interval
     next to it, and the closest place on its chord as a fraction. From afar few samples represent all
     pressures; nearer, those of each half of the intervals, recursively."""
-    starts, steps = intervals.ends[:-1][span], intervals.steps[span]
-    close = intervals.of_samples(span, FAR_SAMPLES)
-    extent = float(starts[-1] + steps[-1] - starts[0])
-    away = np.abs(z[some, None] - close[0].place).min(axis=1, initial=np.inf) / extent
+    close, steps = intervals.of_samples(span, FAR_SAMPLES), intervals.steps[span]
+    away = np.abs(z[some, None] - close[0].place).min(axis=1) / intervals.extent(span)
     near, distant = away <= FAR_DISTANCE, away > 1.0
     for chosen, count in ((distant & ~near, DISTANT_SAMPLES), (~distant & ~near, FAR_SAMPLES)):
         if chosen.any():
@@ -146,8 +170,7 @@ def _arrange(
     if not len(adjacent):
         return
     if len(steps) > MAX_INTERVALS:
-        middle = (span.start + span.stop) // 2
-        for half in (slice(span.start, middle), slice(middle, span.stop)):
+        for half in halves(span):
             _arrange(intervals, z, adjacent, half, groups, pairs)
         return
     ends = intervals.grid.facing.side(intervals.ends[span.start : span.stop + 1], intervals.slave)[0]
@@ -158,13 +181,6 @@ def _arrange(
         groups.append(_Group(few, span, sources, left_out=np.tile(beside, len(RULE))))
         row, interval = np.nonzero(beside)
         pairs.append((few[row], z[few[row]], span.start + interval, foot[beside]))
-
-
-def _on_points(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-    """Forces (g, 2, c) at the hats' points for nodal ``pressure`` and ``traction`` (m, c)."""
-    (normal, tangent), unit = grid.directions, grid.hats.integrals.T
-    across, along = unit @ pressure, unit @ traction
-    return np.asarray(normal[:, :, None] * across[:, None] + tangent[:, :, None] * along[:, None])
 
 
 def _on_samples(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:

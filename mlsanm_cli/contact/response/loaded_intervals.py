@@ -62,10 +62,9 @@ class Intervals:
         """Lengths (i,) of the intervals."""
         return np.diff(self.ends)
 
-    @property
-    def extent(self) -> float:
-        """Distance from the start of the first interval to the end of the last."""
-        return float(self.ends[-1] - self.ends[0])
+    def extent(self, span: slice) -> float:
+        """Distance from the start of the first to the end of the last of some intervals."""
+        return float(self.ends[span.stop] - self.ends[span.start])
 
     def forces(self, pressure: FloatArray, traction: FloatArray) -> FloatArray:
         """Forces (q, i, 2, c) at the quadrature points for nodal ``pressure`` and ``traction`` (m, c)."""
@@ -91,9 +90,15 @@ class Intervals:
         """Unit forces at ``count`` samples, and the shares (k, q i) in them of forces at the quadrature
         points of some intervals, which they represent from afar."""
         starts, steps = self.ends[:-1][span], self.steps[span]
-        samples = chebyshev(float(starts[0]), float(starts[-1] + steps[-1]), count)
+        samples = chebyshev(float(self.ends[span.start]), float(self.ends[span.stop]), count)
         shares = lagrange((starts + self.share[:, None] * steps).ravel(), samples)
         return self.sources(*self.grid.facing.side(samples, self.slave)), np.ascontiguousarray(shares.T)
+
+
+def halves(span: slice) -> tuple[slice, slice]:
+    """The first and the second half of a range."""
+    middle = (span.start + span.stop) // 2
+    return slice(span.start, middle), slice(middle, span.stop)
 
 
 def feet(z: ComplexArray, starts: ComplexArray, chords: ComplexArray) -> FloatArray:
