@@ -178,10 +178,8 @@ def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
     common = {"plot_force.png", "plot_peak.png", "plot_bodies.png"}
     under = {"plot_pressure_under-left.png", "plot_pressure_under-right.png"}
     assert {f.name for f in plot(punches_run)} == common | under
-    files = plot(bar_run, formats=("svg", "pdf"))
-    assert {f.name for f in files} == {
-        "plot_force.svg", "plot_force.pdf", "plot_bodies.svg", "plot_bodies.pdf"
-    }  # fmt: skip
+    files = plot(bar_run, formats=("svg",))
+    assert {f.name for f in files} == {"plot_force.svg", "plot_bodies.svg"}
     assert all(file.stat().st_size > 2000 for file in files)
 
 
@@ -210,16 +208,6 @@ def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert reference.pressure.max() == pytest.approx(summary["peak_pressure"], rel=2e-5)
     loaded = reference.arc[reference.pressure > 0.0]
     assert 0.5 * np.ptp(loaded) == pytest.approx(summary["half_width"], rel=0.02)
-
-
-def test_states_of_exact_contact_are_not_joined(
-    hertz_run: Path, patch_run: Path, bar_run: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls = kept_of("plot_path", monkeypatch)
-    for directory, joined in ((hertz_run, True), (patch_run, False), (bar_run, True)):
-        calls.clear()
-        plot(directory)
-        assert {call[-1] for call in calls} == {joined}
 
 
 def test_pressures_at_a_row_and_beyond_the_path(hertz_run: Path) -> None:
@@ -263,7 +251,7 @@ def test_views(hertz_run: Path, patch_run: Path) -> None:
     assert views.contact_window(read_run(patch_run), 1.0, patch, scale) is None
 
 
-@pytest.mark.parametrize("fields", ['["stress"]', '["displacement"]', "[]"])
+@pytest.mark.parametrize("fields", ['["stress"]', "[]"])
 def test_plot_with_few_fields(fields: str, tmp_path: Path) -> None:
     solve(BAR, tmp_path / "bar", f"output.fields={fields}", "output.vtu=false")
     names = {file.name for file in plot(tmp_path / "bar")}

@@ -374,32 +374,6 @@ def test_a_pin_in_half_a_bearing(tmp_path: Path) -> None:
     assert (np.diff(pressed[: top + 1]) > -0.03 * pressed[top]).all()
 
 
-def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -> None:
-    """Half a rubber disk pressed down by 0.4 R sways under a dead pressure, not between plate and base:
-    refused with a stability of -170, at this spacing only."""
-    arc = [{"along": "arc", "spacing": 0.04, "radius": 0.1, "growth": 0.6}]
-    text = (
-        head("strain", strain="finite")
-        + material("soft", E=3.0, nu=0.4, law="neo-hookean")
-        + material("hard", E=300.0, nu=0.3, law="neo-hookean")
-        + body(
-            "bump",
-            "soft",
-            0.1,
-            half_disk([0.0, 0.0], 1.0, "upper"),
-            refine=arc,
-        )
-        + body("plate", "hard", 0.125, box([-2.0, 2.0], [1.0, 1.6]))
-        + support("bump.flat", ux=0.0, uy=0.0)
-        + load("hit", "plate.top", "displacement", displacement=[0.0, -0.4])
-        + contact("c", "bump.arc", "plate.bottom", friction=0.3)
-    )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
-    # With half of the spacing, and at degree 4.
-    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.01)
-
-
 @pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "too few nodes")])
 def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words: str) -> None:
     """Pressed by 4e-3 R less than it sags between its nodes, or a little more: done without a word."""

@@ -20,7 +20,6 @@ from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 from tests.app.test_paraview import CYLINDER
@@ -247,14 +246,6 @@ def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest
     (file,) = plot(tmp_path / "run", choice=Choice(animate=True))
     run_case(case, out=tmp_path / "run", force=True, console=Quiet())
     assert not file.exists()
-
-
-def test_curves_of_other_lengths_are_refused(tmp_path: Path) -> None:
-    bad = PlotCurve(np.zeros(2), np.zeros(3), "bad")
-    with pytest.raises(ValueError, match="bad: x has shape"):
-        plot_curves(tmp_path / "a.png", [bad], "x", "y", "title")
-    with pytest.raises(ValueError, match="no curve"):
-        plot_curves(tmp_path / "a.png", [], "x", "y", "title")
 
 
 def test_the_model_is_drawn_before_it_is_solved(tmp_path: Path, capsys: Any) -> None:
