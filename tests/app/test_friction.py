@@ -109,8 +109,7 @@ def test_loads_of_zero_move_nothing(tmp_path: Path) -> None:
     assert not data.path.displacements["press"].any()
 
 
-@pytest.mark.parametrize("depth", [0.0, 1e-3])
-@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(("depth", "swapped"), [(0.0, True), (1e-3, False)])
 def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapped: bool) -> None:
     text = SHEARED.replace("center = [0.0, 1.0]", f"center = [0.0, {1.0 - depth!r}]")
     text = text.replace("spacing = 0.012", "spacing = 0.008")

@@ -13,7 +13,7 @@ from PIL import Image
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import animate, overlay
 from mlsanm_cli.app.results import plot as plot_module
-from mlsanm_cli.app.results.drawn import marks_at, marks_of
+from mlsanm_cli.app.results.drawn import marks_at
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.plot_choice import Choice, load_words
 from mlsanm_cli.app.run import run as run_case
@@ -222,20 +222,6 @@ def test_arrows_point_as_their_factors_say_and_go_with_the_bodies(tmp_path: Path
     right = np.abs(run.bodies["bar"].points[:, 0] - 2.0) < 1e-9
     moved = 2.0 + 100.0 * state[right, 0].mean()
     np.testing.assert_allclose([point[0] for point, _ in pulls], moved, rtol=1e-6)
-
-
-def test_arrows_are_where_expressions_are_not_zero(tmp_path: Path) -> None:
-    text = BAR.replace("pressure = 40.0", 'pressure = "40 if x < 0.9 else -40 if x > 1.1 else 0"')
-    case = stored_case(text)
-    solve(text, tmp_path / "run")
-    run = read_run(tmp_path / "run")
-    arrows = [
-        (point, way) for point, way, _, name in marks_of(case, run.bodies, {}, {}).arrows if name == "squeeze"
-    ]
-    assert arrows
-    assert all(
-        way[1] == (-1.0 if point[0] < 0.9 else 1.0) and abs(point[0] - 1.0) > 0.1 for point, way in arrows
-    )
 
 
 def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
