@@ -127,7 +127,9 @@ def resumable(directory: Path) -> Iterator[None]:
     try:
         yield
     except WriteError as error:
-        raise UnfinishedError(error.message, f"make room, then: mlsanm resume {directory}") from error
+        raise UnfinishedError(
+            error.message, f"make room, then: {run_dir.resume_command(directory)}"
+        ) from error
 
 
 def carry_out(
@@ -174,7 +176,7 @@ def carry_out(
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, adapted.prepared if adapted else prepared, built)
     except KeyboardInterrupt as stop:
-        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
+        ending = Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(recorder.directory)}")
         context.console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)

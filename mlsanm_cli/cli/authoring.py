@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 import sys
 import textwrap
@@ -57,9 +58,9 @@ def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: 
     except FileExistsError as error:
         raise RunError(f"{file} already exists", "use --force to overwrite it, or another name") from error
     result = {"file": str(file), "kind": kind}
-    steps = f"check: mlsanm check {file}\nsolve: mlsanm run {file}"
-    keys = file.with_name("mlsanm.schema.json")
-    editor = "" if keys.exists() else f"\nkeys in an editor: mlsanm schema > {keys}"
+    quoted, keys = shlex.quote(str(file)), file.with_name("mlsanm.schema.json")
+    steps = f"check: mlsanm check {quoted}\nsolve: mlsanm run {quoted}"
+    editor = "" if keys.exists() else f"\nkeys in an editor: mlsanm schema > {shlex.quote(str(keys))}"
     print_result(settings, result, f"{file}\n{steps}{editor}")
     return 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import sys
 from collections.abc import Mapping
@@ -46,7 +47,7 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
     # A run without a state has nothing to draw.
     drawable = summary.get("position") is not None and "directory" in summary
     if drawable and not settings.quiet and not settings.json:
-        say(settings, f"pictures: mlsanm plot {summary['directory']}")
+        say(settings, f"pictures: mlsanm plot {shlex.quote(str(summary['directory']))}")
     return _STATUS_CODES.get(str(summary.get("status")), 0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from typing import TYPE_CHECKING
 
 import h5py
@@ -39,6 +40,11 @@ _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
 # In the metadata of every picture, see figures.py.
 PICTURE_SIGNATURE = b"mlsanm"
 _COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
+
+
+def resume_command(directory: Path) -> str:
+    """What continues a run, as a shell takes it."""
+    return f"mlsanm resume {shlex.quote(str(directory))}"
 
 
 def fields_name(index: int) -> str:

@@ -35,10 +35,8 @@ SCENES = {
     ),
     "newton": (hertz(), (INSIDE, NEWTON, FAST)),
     "monolithic": (hertz(), (INSIDE, MONOLITHIC, FAST, *COARSE)),
-    "polished": (hertz(), (INSIDE, FAST, "solver.polish=true")),
     "holonomic": (SHEARED, (HOLONOMIC, "stage=[{press=1.0, shear=1.0}]", "output.at=[0.7, 1.0]")),
     "friction": (SHEARED, (SMOOTH, *SHORT)),
-    "friction by newton": (SHEARED, (NEWTON, *SHORT)),
     "exact friction": (SHEARED, (EXACT, *SHORT)),
     "polished friction": (SHEARED, ("solver.polish=true", *SHORT)),
 }
@@ -81,19 +79,6 @@ def test_the_rest_of_a_path_leads_to_the_same_states(name: str, tmp_path: Path) 
     assert list(load_path(built, whole[-1].checkpoint)) == []
 
 
-@pytest.mark.parametrize("name", ["series", "newton", "friction"])
-def test_the_rest_of_a_path_has_the_steps_that_are_left(name: str, tmp_path: Path) -> None:
-    built = built_of(name, tmp_path, "solver.max_steps=7")
-    steps: list[PathStep] = []
-    with pytest.raises(NumericalError, match="more than 7 steps"):
-        steps.extend(load_path(built))
-    assert len(steps) == 8
-    rest: list[PathStep] = []
-    with pytest.raises(NumericalError, match="more than 7 steps"):
-        rest.extend(load_path(built, steps[3].checkpoint))
-    assert len(rest) == 4
-
-
 def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
     """States within steps have tangents of their own: the path would continue from those, and count them.
 
@@ -120,22 +105,6 @@ def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["exact friction", "friction"])
-def test_a_checkpoint_without_memory_leads_elsewhere(name: str, tmp_path: Path) -> None:
-    """The slips at rest that a checkpoint holds are needed."""
-    built = built_of(name, tmp_path)
-    steps = list(load_path(built))
-    kept = [step.checkpoint for step in steps if step.state.position <= 1.5][-1]
-    assert kept is not None
-    assert kept.history is not None
-    history = replace(kept.history, stick_reference=0.0 * kept.history.stick_reference)
-    try:
-        rest = list(load_path(built, replace(kept, history=history)))
-    except NumericalError:
-        return
-    assert away(steps, rest) > 1e-3
-
-
-@pytest.mark.parametrize("name", ["exact friction", "friction", "exact"])
 def test_a_checkpoint_is_read_as_it_was_stored(name: str, tmp_path: Path) -> None:
     built = built_of(name, tmp_path)
     steps = load_path(built)

@@ -93,15 +93,6 @@ def test_a_certificate(
 
 
 @pytest.mark.usefixtures("by_nodes")
-def test_like_spacings_are_not_what_a_contact_fails_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # The hint had been to bring spacings closer together that differed by a factor of 1.
-    monkeypatch.setattr(certificate, "contact_stability", lambda *arguments: 0.0)
-    assert "larger spacings" in solve(PATCH, tmp_path / "run")["hint"]
-
-
-@pytest.mark.usefixtures("by_nodes")
 def test_a_search_for_contact_without_end_tells_of_the_certificate(tmp_path: Path) -> None:
     # It had pointed at a figure of `mlsanm check`, which has none.
     zones = [(0.0, 0.032, 0.07), (-0.05, 0.004, 0.004), (0.05, 0.004, 0.004)]

@@ -62,7 +62,6 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
             "output.at=[0.7, 1.0]",
         ),
     ),
-    "newton": (hertz(), (*COARSE, SMOOTH[1], 'solver.method="newton"')),
     "ghost": (hertz(), (*COARSE, SMOOTH[1], 'mls.scheme="ghost"')),
     "pushed": (PUSHED, SMOOTH[:2]),
     "tilting": (TILTING, SMOOTH[:2]),

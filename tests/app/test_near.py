@@ -80,9 +80,8 @@ def test_hertz_pressures(width: float, tmp_path: Path) -> None:
     assert summary["error_estimate"]["pressure"]["interface"] <= 1e-3
 
 
-@pytest.mark.parametrize("ratio", [1e-5, 1e5])
-def test_roles_have_no_part_in_it(ratio: float, tmp_path: Path) -> None:
-    found = []
+def test_roles_have_no_part_in_it(tmp_path: Path) -> None:
+    ratio, found = 1e5, []
     for swapped in (False, True):
         text, formula = pressed(1e-2, ratio, swapped)
         summary = done(text, tmp_path / str(swapped))

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
@@ -85,15 +83,6 @@ def test_the_boundary_has_nodes_where_the_line_crosses_it(name: str, spacing: fl
     assert (ends.prod(axis=1) >= 0).all()
     crossings = 4 if name == "ring" else 2
     assert (cloud.mirror.side[cloud.boundary_nodes] == 0).sum() == crossings
-
-
-def test_images_of_surfaces() -> None:
-    names = {name: image for name, (image, _) in mirrored("block")[1].surfaces.items()}
-    assert names == {"bottom": "bottom", "right": "left", "top": "top", "left": "right"}
-    names = {name: image for name, (image, _) in mirrored("level")[1].surfaces.items()}
-    assert names == {"bottom": "top", "right": "right", "top": "bottom", "left": "left"}
-    names = {name: image for name, (image, _) in mirrored("roof")[1].surfaces.items()}
-    assert (names["edge2"], names["edge3"], names["edge0"]) == ("edge3", "edge2", "edge0")
 
 
 @pytest.mark.parametrize("name", ["block", "zone", "ring", "sector"])
@@ -179,49 +168,6 @@ def test_clouds_of_a_memo_are_told_apart() -> None:
     # Symmetry counts, also where the nodes are the same.
     known = clouds[1]
     assert Cloud(known.points, known.spacing, known.surfaces).content != known.content
-
-
-def test_seeds_and_units() -> None:
-    one, other = mirrored("zone", 0)[0], mirrored("zone", 1)[0]
-    assert one.points.shape != other.points.shape or not np.array_equal(one.points, other.points)
-    assert np.array_equal(mirrored("zone", 1)[0].points, other.points)
-    outline, spacing = rectangle((-0.7e3, 1.3e3), (-0.7e3, 0.3e3)), Spacing(70.0)
-    large = build_cloud(outline, spacing, 0, line=SymmetryLine(0, 300.0))
-    small = mirrored("block")[0]
-    assert large.mirror is not None
-    assert large.points / 1e3 == pytest.approx(small.points, abs=1e-12)
-
-
-@given(at=st.floats(-2.0, 2.0), axis=st.sampled_from([0, 1]), x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0))
-def test_reflections(at: float, axis: int, x: float, y: float) -> None:
-    line, points = SymmetryLine(axis, at), np.array([[x, y], [y, x]])
-    image = line.reflect(points)
-    assert line.reflect(image) == pytest.approx(points, abs=1e-14)
-    assert 0.5 * (image + points)[:, axis] == pytest.approx(np.full(2, at), abs=1e-14)
-    assert np.array_equal(image[:, 1 - axis], points[:, 1 - axis])
-    assert line.reflect(points + 1.0) - image == pytest.approx(np.tile(line.signs, (2, 1)), abs=1e-14)
-
-
-@pytest.mark.parametrize("line", [UPRIGHT, LEVEL])
-def test_signs_of_derivatives(line: SymmetryLine) -> None:
-    # A polynomial's image, and what the mirror makes of its derivatives.
-    rng = np.random.default_rng(0)
-    at, c = rng.uniform(-1.0, 1.0, 2), rng.normal(size=6)
-
-    def derivatives(x: float, y: float) -> FloatArray:
-        found = [c @ [1, x, y, x * x, x * y, y * y], c[1] + 2 * c[3] * x + c[4] * y]
-        return np.array([*found, c[2] + c[4] * x + 2 * c[5] * y, 2 * c[3], c[4], 2 * c[5]])
-
-    step, image = 1e-5, line.reflect(at[None])[0]
-    mirror = Mirror(line, np.arange(1), np.zeros(1, dtype=np.int64), {})
-    x, y = step * line.signs
-    value = [derivatives(*(image + shift))[0] for shift in ([0, 0], [x, 0], [-x, 0], [0, y], [0, -y])]
-    slope = [(value[1] - value[2]) / (2 * step), (value[3] - value[4]) / (2 * step)]
-    found = derivatives(*image) * mirror.derivative_signs(6)
-    assert found[:3] == pytest.approx([value[0], *slope], abs=1e-8)
-    assert found[[3, 5]] == pytest.approx(derivatives(*image)[[3, 5]])
-    assert found[4] == -derivatives(*image)[4]
-    assert len(mirror.derivative_signs(3)) == 3
 
 
 @pytest.mark.parametrize(

@@ -41,16 +41,6 @@ def test_approximant_is_exact_where_the_series_diverges() -> None:
     assert np.abs(taylor.evaluate(0.9)[0] - value).max() > 10.0
 
 
-def test_denominator_does_not_depend_on_units_of_the_parameter() -> None:
-    coefficients, _ = rational_series([1.0 + 0.0j, -1.2 + 0.0j, 1.0 + 1.0j, 1.0 - 1.0j], 6, 12)
-    one = denominator(coefficients, 0.5)
-    powers = 2.0 ** np.arange(13.0)
-    two = denominator(coefficients * powers[:, None], 0.25)
-    assert one is not None
-    assert two is not None
-    np.testing.assert_allclose(two, one * powers[: one.size], rtol=1e-9)
-
-
 def test_short_or_overflowing_series_have_none() -> None:
     assert denominator(np.ones((3, 4)), 1.0) is None
     with np.errstate(over="ignore"):

@@ -104,7 +104,7 @@ def _ending(
 ) -> Ending:
     """The end of the path."""
     if stop is not None:
-        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
+        ending = Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(recorder.directory)}")
         context.console.note(ending.hint)
         return ending
     try:

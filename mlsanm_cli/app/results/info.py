@@ -50,7 +50,7 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     else:
         ending = {
             "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
-            "hint": f"continue with: mlsanm resume {run.directory}",
+            "hint": f"continue with: {run_dir.resume_command(run.directory)}",
         }
     path = run.path
     known: dict[str, Any] = {
