@@ -41,7 +41,7 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
     """Rotation (radian, counter-clockwise) of the directions of contacts that touch in one patch, by name."""
     found: dict[str, float] = {}
     solved: dict[str, FloatArray] = {}
-    unknowns = state.factors, state.motion, state.pressure, state.traction
+    unknowns = state.unknowns
     for pairing in condensed.pairings:
         span, grid = condensed.spans[pairing.name], pairing.grid
         closed = np.flatnonzero(state.active[span])

@@ -124,8 +124,8 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
 
 def least_force(built: CondensedScene, body: str) -> float:
     """Force below which those on a body are not checked, from those at the ends of stages."""
-    ends = [(end.factors, end.motion, end.pressure, end.traction) for end in built.ends]
-    return MIN_FORCE_SHARE * max((largest_force(built, body, one) for one in ends), default=0.0)
+    forces = (largest_force(built, body, end.unknowns) for end in built.ends)
+    return MIN_FORCE_SHARE * max(forces, default=0.0)
 
 
 def _sums_of_sizes(built: CondensedScene, body: str, factors: FloatArray) -> Iterator[float]:

@@ -220,21 +220,10 @@ def _figures(
     """One method as in comparison.json."""
     sparse = row.method.is_monolithic
     phases = SHARED_PHASES if sparse else (*SHARED_PHASES, *CONDENSED_PHASES)
-    found: dict[str, Any] = {
-        "method": row.method.name,
-        "law": row.law,
-        "status": "done" if row.done else "failed",
-        "steps": row.steps,
-        "iterations": row.iterations,
-        "dense_factorizations": 0 if sparse else row.factorizations,
-        "sparse_factorizations": row.factorizations if sparse else len(built.scene.bodies),
-        "dense_solves": 0 if sparse else row.solves,
-        "sparse_solves": row.solves if sparse else built.condensed.solves,
-        "seconds_setup": sum(clock.seconds[phase] for phase in phases),
-        "seconds_path": row.seconds,
-    }
+    condensed = None if sparse else (len(built.scene.bodies), built.condensed.solves)
+    found = row.row(sum(clock.seconds[phase] for phase in phases), condensed)
     if not row.done:
-        return found | {"reason": row.failure, "hint": row.hint}
+        return found
     if analytic:
         found["reference_error"] = _reference_error(built, row)
     against = _against(row, rows)

@@ -1,22 +1,24 @@
-"""Measurement of one method on a condensed scene: states at the levels, work, or failure."""
+"""Measurement of one method: states at the levels, work, or failure."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from statistics import median
+from typing import Any
 
 from mlsanm_cli.app.assessment.checks import check_state
 from mlsanm_cli.app.comparison.methods import Method, law_of
+from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import PathStep
 
 
-@dataclass(frozen=True)
+@dataclass
 class Measured:
     """``states`` by position, as far as the path was followed, and the counts of the whole path.
 
@@ -25,12 +27,12 @@ class Measured:
 
     method: Method
     law: str
-    states: Mapping[float, State]
-    steps: int
-    iterations: int
-    factorizations: int
-    solves: int
-    seconds: float
+    states: dict[float, Any] = field(default_factory=dict)
+    steps: int = 0
+    iterations: int = 0
+    factorizations: int = 0
+    solves: int = 0
+    seconds: float = 0.0
     failure: str = ""
     hint: str = ""
 
@@ -39,39 +41,74 @@ class Measured:
         """Whether the path was completed."""
         return not self.failure
 
+    def row(self, setup: float, condensed: tuple[int, int] | None = None) -> dict[str, Any]:
+        """The method as in comparison.json, with the seconds of its ``setup``; ``condensed`` are the sparse
+        factorisations and solutions before a path on the condensed system, None for other paths."""
+        own = self.factorizations, self.solves
+        dense, sparse = ((0, 0), own) if condensed is None else (own, condensed)
+        found = {
+            "method": self.method.name,
+            "law": self.law,
+            "status": "done" if self.done else "failed",
+            "steps": self.steps,
+            "iterations": self.iterations,
+            "dense_factorizations": dense[0],
+            "sparse_factorizations": sparse[0],
+            "dense_solves": dense[1],
+            "sparse_solves": sparse[1],
+            "seconds_setup": setup,
+            "seconds_path": self.seconds,
+        }
+        return found if self.done else found | {"reason": self.failure, "hint": self.hint}
+
 
 def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) -> Measured:
     """Follows the path of ``built`` with the settings of ``case``, ``repeat`` times, with states saved at its
     ``output.at``."""
-    runs = [_once(replace(built, case=case), method) for _ in range(repeat)]
+    chosen = replace(built, case=case)
+
+    def check(step: PathStep) -> None:
+        for state in (step.state, *step.saved):
+            check_state(chosen, state)
+
+    return measure_path(method, law_of(case), lambda: load_path(chosen), repeat, check)
+
+
+def measure_path(
+    method: Method,
+    law: str,
+    path: Callable[[], Iterator[PathStep] | Iterator[FiniteStep]],
+    repeat: int,
+    check: Callable[[Any], None],
+) -> Measured:
+    """Follows a ``path`` ``repeat`` times; ``check`` is called with every step, and may raise
+    NumericalError."""
+    runs = [_once(Measured(method, law), path(), check) for _ in range(repeat)]
     return replace(runs[0], seconds=median(run.seconds for run in runs))
 
 
-def _once(built: CondensedScene, method: Method) -> Measured:
-    states: dict[float, State] = {}
+def _once(
+    found: Measured, path: Iterator[PathStep] | Iterator[FiniteStep], check: Callable[[Any], None]
+) -> Measured:
     # The first state, at the start of the path, is not a step.
-    steps, iterations, factorizations, solves, seconds = -1, 0, 0, 0, 0.0
-    failure = hint = ""
-    path = load_path(built)
+    steps = -1
     try:
         while True:
             begun = time.process_time()
             try:
                 step = next(path, None)
             finally:
-                seconds += time.process_time() - begun
+                found.seconds += time.process_time() - begun
             if step is None:
                 break
             steps += 1
-            iterations += step.iterations
-            factorizations += step.factorizations
-            solves += step.solves
-            for state in (step.state, *step.saved):
-                check_state(built, state)
-            states |= {state.position: state for state in step.saved}
+            found.iterations += step.iterations
+            found.factorizations += step.factorizations
+            found.solves += step.solves
+            check(step)
+            for state in step.saved:
+                found.states.setdefault(state.position, state)
     except NumericalError as error:
-        failure, hint = error.message, error.hint
-    law = law_of(built.case)
-    return Measured(
-        method, law, states, max(steps, 0), iterations, factorizations, solves, seconds, failure, hint
-    )
+        found.failure, found.hint = error.message, error.hint
+    found.steps = max(steps, 0)
+    return found

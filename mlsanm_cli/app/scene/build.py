@@ -208,9 +208,7 @@ def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> 
     for state in built.ends:
         pressed = float(built.condensed.weight @ state.pressure)
         for body, component in held:
-            carried = built.condensed.holding[body, component](
-                state.factors, state.motion, state.pressure, state.traction
-            )[0]
+            carried = built.condensed.holding[body, component](*state.unknowns)[0]
             if component == ROTATION:
                 carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
             if abs(carried) > MAX_CARRIED * pressed:

@@ -46,6 +46,11 @@ class ExactState:
     solves: int
     residual: float
 
+    @property
+    def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Load factors, motions, pressures and tractions as arguments of linear maps."""
+        return self.factors, self.motion, self.pressure, self.traction
+
 
 def solve_exact(
     condensed: Condensed, factors: FloatArray, start: BoolArray | None = None, passes: int = MAX_PASSES
