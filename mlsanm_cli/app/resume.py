@@ -11,9 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable

@@ -12,13 +12,12 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.front import fill_region
+from mlsanm_cli.cloud.front import fill_region, relax
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.places import Places
-from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing

@@ -32,7 +32,7 @@ from mlsanm_cli import __version__
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError, WriteError
 from mlsanm_cli.io.atomic import cannot_write, replacing
-from mlsanm_cli.io.path_table import path_table
+from mlsanm_cli.io.summary import path_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.path_table import items_of, path_table
 from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_dir import RUN_FILE
 from mlsanm_cli.io.run_file import FORMAT
+from mlsanm_cli.io.summary import items_of, path_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -17,9 +17,9 @@ from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, Unbal
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
-from mlsanm_cli.solve.load_factors import factors_at
 from mlsanm_cli.solve.rolling import RollingError, turned_by_loads
 
 MAX_LEVELS = 40

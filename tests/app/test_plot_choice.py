@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.results import animate, overlay
+from mlsanm_cli.app.results import overlay
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results.drawn import marks_at, marks_of
 from mlsanm_cli.app.results.plot import plot
@@ -20,7 +20,7 @@ from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
+from mlsanm_cli.io.plots.plots import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 from tests.app.test_paraview import CYLINDER
@@ -171,7 +171,7 @@ def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, afterwards: pytest.M
 
 
 def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animate, "FRAMES", 5)
+    monkeypatch.setattr(plot_module, "FRAMES", 5)
     (file,) = plot(hertz_run, choice=Choice(animate=True, out=tmp_path / "p.gif"))
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames") == 5  # noqa: B009
@@ -188,7 +188,7 @@ def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch
 
 def test_mp4_by_ffmpeg(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program of this name gets all frames and says where it failed; the real one was tried by hand."""
-    monkeypatch.setattr(animate, "FRAMES", 5)
+    monkeypatch.setattr(plot_module, "FRAMES", 5)
     monkeypatch.setenv("PATH", str(tmp_path))
     moving = Choice(animate=True, out=tmp_path / "p.mp4")
     with pytest.raises(RunError, match="ffmpeg, which is not on PATH"):
@@ -240,7 +240,7 @@ def test_arrows_are_where_expressions_are_not_zero(tmp_path: Path) -> None:
 
 
 def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animate, "FRAMES", 2)
+    monkeypatch.setattr(plot_module, "FRAMES", 2)
     case = tmp_path / "bar.toml"
     case.write_text(BAR)
     run_case(case, out=tmp_path / "run", console=Quiet())

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.half_plane import surface_compliance
-from mlsanm_cli.mechanics.material import anisotropic, isotropic, orthotropic
+from mlsanm_cli.mechanics.material import anisotropic, isotropic, orthotropic, surface_compliance
 
 PLANES = st.sampled_from(["stress", "strain"])
 

@@ -14,7 +14,6 @@ from mlsanm_cli.app.assessment.checks import check_balance, check_energy, check_
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.quality import announce, factor_notes
 from mlsanm_cli.app.assessment.references import check_reference, reference_profile
-from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import (
     CONVERGENCE_RATIO,
     SOFTER,
@@ -28,8 +27,7 @@ from mlsanm_cli.app.comparison.differences import (
 from mlsanm_cli.app.comparison.measure import Measured, measure
 from mlsanm_cli.app.comparison.methods import Method, chosen_methods, method_of
 from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.provenance import attributes
 from mlsanm_cli.app.run import RESULTS, set_up
 from mlsanm_cli.app.scene.build import build_scene

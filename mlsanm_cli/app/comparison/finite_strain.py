@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import agreement, same_law_limit
 from mlsanm_cli.app.comparison.measure import Measured, measure_path
 from mlsanm_cli.app.comparison.methods import ANM, NEWTON, Method
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import FiniteState, FiniteStep, renewals_of

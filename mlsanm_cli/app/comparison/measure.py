@@ -14,8 +14,8 @@ from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
+from mlsanm_cli.solve.stop_events import load_path
 
 
 @dataclass
@@ -96,7 +96,7 @@ def _once(
         while True:
             begun = time.process_time()
             try:
-                step = next(path, None)
+                step: PathStep | FiniteStep | None = next(path, None)
             finally:
                 found.seconds += time.process_time() - begun
             if step is None:

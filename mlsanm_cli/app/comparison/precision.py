@@ -12,7 +12,7 @@ from mlsanm_cli.app.comparison.measure import Measured, measure
 from mlsanm_cli.app.comparison.methods import ACTIVE_SET, POLISHED, Method, method_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.plots.precision import WorkCurve, plot_precision
+from mlsanm_cli.io.plots.plots import WorkCurve, plot_precision
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 

@@ -12,7 +12,7 @@ from mlsanm_cli.app.assessment.deformed import DeformedOutline, distances, outli
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT
 from mlsanm_cli.app.assessment.quality import Quality, announce
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.checkpoint import interrupted_run
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.end import few_nodes, held_at_points

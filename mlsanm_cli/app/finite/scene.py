@@ -35,7 +35,7 @@ from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import DirectSolver
-from mlsanm_cli.solve.load_factors import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 
 TOUCH_TOLERANCE = 0.01
 """Initial gap to an obstacle, relative to the length of a node, below which the node touches."""

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.results.history import pressures_at
-from mlsanm_cli.app.results.path_lookup import POSITION_TOLERANCE
+from mlsanm_cli.app.results.path_lookup import POSITION_TOLERANCE, pressures_at
 from mlsanm_cli.app.results.plot_choice import FIELDS
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray, IntArray

@@ -32,7 +32,7 @@ from mlsanm_cli.app.scene.sharp_ends import sharp_ends
 from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
-from mlsanm_cli.case.model.files import Mesh, Points
+from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.mirror import SymmetryLine

@@ -14,7 +14,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Temperature, value_at
 from mlsanm_cli.case.model.case import Body
 from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
 
 SAMPLES = 5

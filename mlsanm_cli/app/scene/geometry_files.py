@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case.model.files import FileShape, Mesh
+from mlsanm_cli.case.model.shapes import FileShape, Mesh
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.crossings import first_crossing
 from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops

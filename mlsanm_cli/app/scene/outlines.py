@@ -6,13 +6,15 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from mlsanm_cli.case.model.files import FileShape, Mesh, Points
 from mlsanm_cli.case.model.shapes import (
     Annulus,
     AnyShape,
     Disk,
+    FileShape,
     HalfDisk,
+    Mesh,
     OutlineShape,
+    Points,
     Polygon,
     Rectangle,
     Sector,
