@@ -10,7 +10,6 @@ from typing import Any
 
 from mlsanm_cli.app.assessment.checks import check_state
 from mlsanm_cli.app.comparison.methods import Method, law_of
-from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -77,7 +76,7 @@ def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) 
 def measure_path(
     method: Method,
     law: str,
-    path: Callable[[], Iterator[PathStep] | Iterator[FiniteStep]],
+    path: Callable[[], Iterator[Any]],
     repeat: int,
     check: Callable[[Any], None],
 ) -> Measured:
@@ -87,16 +86,14 @@ def measure_path(
     return replace(runs[0], seconds=median(run.seconds for run in runs))
 
 
-def _once(
-    found: Measured, path: Iterator[PathStep] | Iterator[FiniteStep], check: Callable[[Any], None]
-) -> Measured:
+def _once(found: Measured, path: Iterator[Any], check: Callable[[Any], None]) -> Measured:
     # The first state, at the start of the path, is not a step.
     steps = -1
     try:
         while True:
             begun = time.process_time()
             try:
-                step: PathStep | FiniteStep | None = next(path, None)
+                step = next(path, None)
             finally:
                 found.seconds += time.process_time() - begun
             if step is None:
