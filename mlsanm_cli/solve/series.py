@@ -12,9 +12,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
-from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
-from mlsanm_cli.contact.laws.scales import regularize
+from mlsanm_cli.contact.laws.scales import Regularization, regularize
 from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
 from mlsanm_cli.continuation import (
     AnmOptions,

@@ -13,8 +13,7 @@ import numpy as np
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.causes import distance_warnings
-from mlsanm_cli.app.scene.fields import amounts_at
-from mlsanm_cli.app.scene.load_profiles import runs_of
+from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction

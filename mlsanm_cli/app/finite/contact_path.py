@@ -19,8 +19,8 @@ from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.contact.laws.contact_status import SLIP
 from mlsanm_cli.errors import NumericalError, UnstableError
+from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.distance import far_from, most_stretched
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.condensed_scene import factors_at
