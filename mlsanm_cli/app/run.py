@@ -27,16 +27,15 @@ from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
 from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
-from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.output.summary import Ending, summarise
+from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.results.info import finished
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.causes import strain_warnings
 from mlsanm_cli.app.scene.imported import geometry_inspector
-from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir

@@ -230,7 +230,7 @@ def _factorisation() -> str:
 
 def _stopping() -> str:
     """The message after a signal that stops the run after its step, "" if there was none."""
-    module = sys.modules.get("mlsanm_cli.app.signals")
+    module = sys.modules.get("mlsanm_cli.app.context")
     return "" if module is None else str(module.Stopper.message)
 
 

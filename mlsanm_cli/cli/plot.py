@@ -72,7 +72,7 @@ def plot(
     with console_for(settings, "drawing"):
         with numerics(1):
             from mlsanm_cli.app.results.plot import plot as plot_run
-            from mlsanm_cli.app.results.plot_choice import Choice
+            from mlsanm_cli.app.results.views import Choice
         choice = Choice(what, contact, field, at, along, out, animate)
         files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)
     print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))

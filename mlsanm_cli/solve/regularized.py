@@ -29,28 +29,26 @@ from mlsanm_cli.continuation import (
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
-from mlsanm_cli.solve.regularized_points import (
-    PathPoint,
-    between,
-    checkpoint_at,
-    inside,
-    moved,
-    restored,
-    series_of,
-    state_of,
-)
 from mlsanm_cli.solve.series import (
+    PathPoint,
     at,
     at_target,
+    between,
+    checkpoint_at,
     coupling_of,
     drawn,
+    inside,
     levels_in,
+    moved,
     path_options,
     path_step,
     previous_piece,
     problem_of,
     regularization,
+    restored,
+    series_of,
     start_point,
+    state_of,
     states_in,
     stopped,
 )

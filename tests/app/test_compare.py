@@ -15,7 +15,7 @@ from mlsanm_cli.app.comparison import compare as compare_module
 from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import SAME_LAW_FACTOR, Difference, other_law_limit
-from mlsanm_cli.app.comparison.methods import chosen_methods, law_of
+from mlsanm_cli.app.comparison.measure import chosen_methods, law_of
 from mlsanm_cli.case import Case, Solver, load_case
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main

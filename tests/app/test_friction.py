@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app.assessment.quality import case_warnings
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice
+from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
 from mlsanm_cli.errors import CaseError

@@ -15,7 +15,7 @@ from mlsanm_cli.app.results import overlay
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results.drawn import marks_at, marks_of
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice, load_words
+from mlsanm_cli.app.results.views import Choice, load_words
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main

@@ -24,11 +24,10 @@ from mlsanm_cli.app.comparison.differences import (
     same_law_limit,
     surface_error,
 )
-from mlsanm_cli.app.comparison.measure import Measured, measure
-from mlsanm_cli.app.comparison.methods import Method, chosen_methods, method_of
+from mlsanm_cli.app.comparison.measure import Measured, Method, chosen_methods, measure, method_of
 from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.run import RESULTS, set_up
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files

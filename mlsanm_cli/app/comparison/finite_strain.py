@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.comparison.differences import agreement, same_law_limit
-from mlsanm_cli.app.comparison.measure import Measured, measure_path
-from mlsanm_cli.app.comparison.methods import ANM, NEWTON, Method
+from mlsanm_cli.app.comparison.measure import ANM, NEWTON, Measured, Method, measure_path
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import FiniteState, FiniteStep, renewals_of
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import LoadedCase

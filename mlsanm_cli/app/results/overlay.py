@@ -9,9 +9,8 @@ import numpy as np
 
 from mlsanm_cli.app.results.drawn import boundary_nodes
 from mlsanm_cli.app.results.path_lookup import level_at, pressing_force, pressures_at, tangential_force
-from mlsanm_cli.app.results.plot_choice import FIELDS, Choice
 from mlsanm_cli.app.results.probe import seen_at
-from mlsanm_cli.app.results.views import along_surface, chosen_state, field_of
+from mlsanm_cli.app.results.views import FIELDS, Choice, along_surface, chosen_state, field_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Place
 from mlsanm_cli.cloud.membership import inside_body

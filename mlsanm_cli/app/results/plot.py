@@ -19,13 +19,17 @@ from mlsanm_cli.app.results.path_lookup import (
     pressures_at,
     tangential_force,
 )
-from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, load_words, refuse_nonsense
 from mlsanm_cli.app.results.probe import probe_contact
 from mlsanm_cli.app.results.views import (
+    KINDS,
+    OF_CONTACT,
+    Choice,
     along_surface,
     automatic_scale,
     chosen_state,
     contact_window,
+    load_words,
+    refuse_nonsense,
     shown_bodies,
 )
 from mlsanm_cli.arrays import FloatArray

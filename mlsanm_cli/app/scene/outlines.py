@@ -30,10 +30,10 @@ from mlsanm_cli.case.model.shapes import (
 )
 from mlsanm_cli.cloud import drawing
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.crossings import first_crossing
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops
 from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
+from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
 from mlsanm_cli.errors import GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
