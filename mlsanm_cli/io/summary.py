@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -20,9 +20,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write, write_text
 from mlsanm_cli.system import open_regular
 from mlsanm_cli.toml import plain
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 import struct
 import sys
 from binascii import b2a_base64
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, BinaryIO
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +21,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing, write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, fields_name, lines_name
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -148,10 +146,6 @@ def _components(values: NDArray[Any]) -> NDArray[Any]:
     tensors[:, 8 : 5 + values.shape[1]] = values[:, 3:]
     return tensors
 
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
 VERTEX, LINE, TRIANGLE = 1, 3, 5
 """VTK's cell types."""

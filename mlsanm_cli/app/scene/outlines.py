@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,9 +38,6 @@ from mlsanm_cli.errors import GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
-
-if TYPE_CHECKING:
-    from mlsanm_cli.app.scene.outlines import ImportedGeometry
 
 
 def imported_geometry(shape: FileShape) -> ImportedGeometry:
