@@ -33,12 +33,11 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.neighbors import nearest_nodes
-from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.operators.stencils import build_gradients, build_stencils
+from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected, reflected_numbers
 from mlsanm_cli.startup import cKDTree
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
