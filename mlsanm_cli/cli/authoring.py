@@ -14,8 +14,7 @@ import click
 
 from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, print_result
-from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.streams import say
+from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import BOLD, paint, table
 from mlsanm_cli.errors import RunError
 

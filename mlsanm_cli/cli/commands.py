@@ -26,8 +26,7 @@ from mlsanm_cli.cli.options import (
     threads_option,
 )
 from mlsanm_cli.cli.results import FRICTION_KEYS, has_friction, run_text
-from mlsanm_cli.cli.settings import Settings, numerics
-from mlsanm_cli.cli.streams import say
+from mlsanm_cli.cli.settings import Settings, numerics, say
 
 LAZY_COMMANDS = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),

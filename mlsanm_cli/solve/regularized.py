@@ -11,10 +11,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.limit_load import limit_load
+from mlsanm_cli.contact.laws.limit_load import SlidingError, limit_load, slides_freely
 from mlsanm_cli.contact.laws.regularized_friction import FactorisationCount, RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import NoStateError
-from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
 from mlsanm_cli.continuation import (
     AnmOptions,

@@ -19,8 +19,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
+from mlsanm_cli.solve.direction_updates import RollingError, turned_by_loads
 from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
-from mlsanm_cli.solve.rolling import RollingError, turned_by_loads
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""

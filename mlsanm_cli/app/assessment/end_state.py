@@ -13,8 +13,7 @@ from mlsanm_cli.cloud.cloud import continuations
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.direction_updates import turns
-from mlsanm_cli.solve.rolling import turned_by_loads
+from mlsanm_cli.solve.direction_updates import turned_by_loads, turns
 from mlsanm_cli.solve.state import State
 
 END_DISTANCE = 0.75

@@ -16,11 +16,10 @@ from mlsanm_cli.app.assessment.accuracy import (
     squared_changes,
 )
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure
+from mlsanm_cli.contact.laws.accuracy import changes_of, frozen_change, halved_pressure
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
-from mlsanm_cli.contact.laws.frozen import frozen_change
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, Corrected

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.finite.overlaps import check_overlaps
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep
-from mlsanm_cli.app.finite.verdict import check_deformation
+from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer

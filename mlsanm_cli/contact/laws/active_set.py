@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.loose_bodies import PRESSURE_TOLERANCE, STIFFNESS_SEQUENCE, at_rest, springs
 from mlsanm_cli.contact.laws.many_unknowns import FINAL_TOLERANCE, SEARCH_TOLERANCE, ManyClosed
-from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
+from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, kkt_residual, moving
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
