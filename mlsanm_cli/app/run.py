@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.assessment.accuracy import with_friction
 from mlsanm_cli.app.assessment.checks import (
     check_balance,
     check_energy,
@@ -153,6 +152,8 @@ def carry_out(
             at = f"at position {recorder.last.position:.9g}"
             ending = Ending("done", f"{reached.description}, {at}", stopped_by=reached.description)
         if recorder.last is not None and len(built.condensed.friction_nodes):
+            from mlsanm_cli.app.assessment.friction_accuracy import with_friction
+
             with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last, context.memo)
             adapted = replace(adapted, accuracy=accuracy)
