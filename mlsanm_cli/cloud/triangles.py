@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.search import run_interruptible
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import Delaunay

@@ -27,10 +27,9 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
-from mlsanm_cli.solve.direction_updates import turns, unturned
+from mlsanm_cli.solve.direction_updates import rolls_away, turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
-from mlsanm_cli.solve.rolling import rolls_away
 
 FIRST_HALF_WIDTH = 0.05
 """Half-width of the patches with which a search starts, relative to the range."""

@@ -13,9 +13,10 @@ from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.finite.exact import AnyContact, Pressed
+from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.update import AnyContact
 
 NODES_PER_WIDTH, REFERENCE_ACCURACY = 14.0, 1e-3
 """Nodes over the width of a contact at this accuracy; errors decrease with their square, as the ends of a

@@ -25,8 +25,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.errors import CaseError, NumericalError
 
 MAX_RUNS = 3

@@ -23,17 +23,15 @@ from mlsanm_cli.app.scene.default_spacing import (
     leans,
     nodal_zone,
 )
-from mlsanm_cli.app.scene.field_spacing import field_zones
-from mlsanm_cli.app.scene.load_spacing import load_zones
+from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.narrow_parts import narrow_zones
+from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.app.scene.roots import root_zones
-from mlsanm_cli.app.scene.sharp_ends import sharp_ends
 from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
-from mlsanm_cli.case.model.files import Mesh, Points
+from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.mirror import SymmetryLine

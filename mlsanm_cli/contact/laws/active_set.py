@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.loose_bodies import PRESSURE_TOLERANCE, STIFFNESS_SEQUENCE, at_rest, springs
 from mlsanm_cli.contact.laws.many_unknowns import (
     FINAL_TOLERANCE,
@@ -23,7 +22,7 @@ from mlsanm_cli.contact.laws.many_unknowns import (
     ManyClosed,
     NotConvergedError,
 )
-from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
+from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, kkt_residual, moving
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
@@ -53,6 +52,11 @@ class ExactState:
     stuck: BoolArray
     solves: int
     residual: float
+
+    @property
+    def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Load factors, motions, pressures and tractions as arguments of linear maps."""
+        return self.factors, self.motion, self.pressure, self.traction
 
 
 def solve_exact(
