@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.accuracy import Accuracy, distance
+from mlsanm_cli.app.assessment.accuracy import ROUGH_SHARE, Accuracy, distance, together
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure
+from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure, roughness_of
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
@@ -48,7 +48,10 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
             )
             for name, body in built.scene.bodies.items()
         }
-        change = _change(built, last, bodies)
+        by = changes_of(condensed, built.scene, bodies)
+        change = _change(built, last, by)
+        lost = *roughness_of(condensed, built.scene, bodies), np.zeros_like(by[2])
+        rough = _change(built, last, lost)
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
@@ -57,7 +60,10 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     from_bulk: dict[str, float | None] = {}
     from_contact: dict[str, float | None] = {}
     for pair in condensed.pairings:
-        from_bulk[pair.name] = distance(built, pair, last, state.pressure + change.pressure)
+        from_bulk[pair.name] = together(
+            distance(built, pair, last, state.pressure + change.pressure),
+            distance(built, pair, last, state.pressure + ROUGH_SHARE * rough.pressure),
+        )
         if pair.grid is not None:
             from_contact[pair.name] = float(np.linalg.norm(grid_errors(condensed, pair.name, [last])))
         else:
@@ -75,10 +81,11 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     )
 
 
-def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactSolution:
-    """Response of the contact to the corrections of the bodies."""
+def _change(
+    built: CondensedScene, state: ExactState, by: tuple[FloatArray, FloatArray, FloatArray]
+) -> ContactSolution:
+    """Response of the contact to changes ``by`` gaps (m,), slips (n,) and force imbalance (k,)."""
     condensed = built.condensed
-    by = changes_of(condensed, built.scene, bodies)
     # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
