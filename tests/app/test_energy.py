@@ -280,7 +280,7 @@ def test_round_off_after_unloading_is_not_judged(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(
         "mlsanm_cli.app.assessment.checks.largest_force", lambda built, name, unknowns: unknowns[2].sum()
     )
-    end = SimpleNamespace(pressure=np.array([136.0]), factors=None, motion=None, traction=None)
+    end = SimpleNamespace(pressure=np.array([136.0]), unknowns=(None, None, np.array([136.0]), None))
     condensed = SimpleNamespace(friction_nodes=np.zeros(1, int), imbalance=lambda *_: np.array([1e-7, 0.0]))
     built: Any = SimpleNamespace(
         ends=[end], condensed=condensed, scene=SimpleNamespace(bodies={"plug": None})
