@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,13 +15,13 @@ from mlsanm_cli.app.assessment.accuracy import (
     squared_changes,
 )
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.accuracy import changes_of, frozen_change, halved_pressure
+from mlsanm_cli.contact.laws.accuracy import changes_of, frozen_change, halved_pressure, roughness_of
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import DEGREES, Corrected
+from mlsanm_cli.mechanics.defect import DEGREES
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
@@ -45,13 +44,18 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     )
     try:
         bodies = corrected_bodies(built, state.unknowns, memo)
-        change = _change(built, last, bodies)
+        by = changes_of(condensed, built.scene, bodies)
+        change = _change(built, last, by)
+        lost = *roughness_of(condensed, built.scene, bodies), np.zeros_like(by[2])
+        rough = _change(built, last, lost)
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
     error = squared_changes(built, bodies, change.motion, change.pressure, change.traction)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
-    pressures = pressure_errors(built, last, state.pressure + change.pressure, _halved(built, last))
+    pressures = pressure_errors(
+        built, last, state.pressure + change.pressure, rough.pressure, _halved(built, last)
+    )
     return replace(
         accuracy,
         displacement=relative(error + by_law, bodies),
@@ -62,10 +66,11 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     )
 
 
-def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactSolution:
-    """Response of the contact to the corrections of the bodies."""
+def _change(
+    built: CondensedScene, state: ExactState, by: tuple[FloatArray, FloatArray, FloatArray]
+) -> ContactSolution:
+    """Response of the contact to changes ``by`` gaps (m,), slips (n,) and force imbalance (k,)."""
     condensed = built.condensed
-    by = changes_of(condensed, built.scene, bodies)
     # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]

@@ -39,18 +39,34 @@ def corrected_state(
     return solve_exact(changed, state.factors, state.active)
 
 
+def rough_state(
+    condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
+) -> ExactState:
+    """The exact state without smoothing of the displacements of ``bodies`` along contact grids.
+
+    Raises NumericalError if it has none.
+    """
+    gaps, _ = roughness_of(condensed, scene, bodies)
+    if not gaps.any():
+        return state
+    return solve_exact(replace(condensed, gap=_shifted(condensed.gap, gaps)), state.factors, state.active)
+
+
+def roughness_of(
+    condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]
+) -> tuple[FloatArray, FloatArray]:
+    """What smoothing takes from gaps (m,) and slips (n,) by the displacements of ``bodies``."""
+    moved = {name: one.displacement for name, one in bodies.items()}
+    return _summed(condensed, scene, moved, lost=True)
+
+
 def changes_of(
     condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Changes of gaps (m,), slips (n,) and force imbalance of the rigid constraints (k,) by the displacement
     corrections of ``bodies``; the imbalance includes the stress of the better fits."""
-    gaps, slips = np.zeros(len(condensed.weight)), np.zeros(len(condensed.friction_nodes))
-    for pairing in condensed.pairings:
-        for name in dict.fromkeys(pairing.bodies):
-            gap, slip = changes(scene.bodies[name], name, pairing, bodies[name].change.reshape(-1, 2))
-            gaps[condensed.spans[pairing.name]] += gap
-            if pairing.friction:
-                slips[condensed.tangential[pairing.name]] += slip
+    corrections = {name: one.change.reshape(-1, 2) for name, one in bodies.items()}
+    gaps, slips = _summed(condensed, scene, corrections)
     imbalance = np.zeros(len(condensed.balance.constant))
     for row, (constraint, motion) in enumerate(scene.unknown_motions):
         if isinstance(constraint, Platen) and not motion.alone:
@@ -62,6 +78,20 @@ def changes_of(
                 carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
                 imbalance[row] += motion.direction @ carried
     return gaps, slips, imbalance
+
+
+def _summed(
+    condensed: Condensed, scene: Scene, displacements: Mapping[str, FloatArray], lost: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """:func:`changes` of gaps (m,) and slips (n,) of all contacts by ``displacements`` (N, 2) of bodies."""
+    gaps, slips = np.zeros(len(condensed.weight)), np.zeros(len(condensed.friction_nodes))
+    for pairing in condensed.pairings:
+        for name in dict.fromkeys(pairing.bodies):
+            gap, slip = changes(scene.bodies[name], name, pairing, displacements[name], lost)
+            gaps[condensed.spans[pairing.name]] += gap
+            if pairing.friction:
+                slips[condensed.tangential[pairing.name]] += slip
+    return gaps, slips
 
 
 def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
