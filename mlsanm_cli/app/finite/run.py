@@ -202,8 +202,9 @@ def _summary(
     }
 
 
-MIN_CONTACT_NODES = 4
-"""Number of nodes in a contact below which its pressures are not reliable."""
+MIN_CONTACT_NODES, MIN_FREE_NODES = 4, 6
+"""Number of nodes in a contact below which its pressures are not reliable; the second where it ends between
+nodes: of two half-disks with 3 and 5 nodes in contact forces were 4.9 and 0.8 % off, peaks 12 and 2 %."""
 MIN_LATERAL_SHARE = 1e-3
 """Lateral part of a force below which its direction is not reported."""
 RESOLVED_NODES = 20
@@ -226,7 +227,7 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
                     f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
-        elif closed.sum() < MIN_CONTACT_NODES:
+        elif closed.sum() < MIN_CONTACT_NODES or _few_to_free_ends(side, closed):
             lean = _lean(side, closed, pressed.normal[here])
             leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
             yield (
@@ -236,6 +237,15 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
             )
         elif isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
             yield from _ends(contact, closed, pressed.place[here])
+
+
+def _few_to_free_ends(side: ContactSide, closed: BoolArray) -> bool:
+    """Whether some ``closed`` nodes (c,) are next to open ones of a smooth part of a side, and few nodes are
+    closed, with their images behind planes of symmetry."""
+    ends = np.flatnonzero(closed & ~(np.roll(closed, 1) & np.roll(closed, -1)))
+    mirrored = any(axis is not None and closed[end] for end, axis in zip((0, -1), side.mirrors, strict=True))
+    few = closed.sum() * (2 if mirrored else 1) < MIN_FREE_NODES
+    return bool(few and not np.isin(ends, side.corners).all())
 
 
 def _lean(side: ContactSide, closed: BoolArray, normal: FloatArray) -> float:
