@@ -243,6 +243,7 @@ def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
     summary = solve(text, tmp_path / "run")
     assert summary["contacts"]["slit"]["force"][1] == pytest.approx(40.0, rel=0.01)
     assert summary["contacts"]["slit"]["peak_pressure"] == pytest.approx(10.0, rel=0.05)
+    assert [text for text in summary["warnings"] if "ends where a bond begins, near (4, 5)" in text]
     assert not [text for text in summary["warnings"] if "continues without a corner" in text]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import pairwise
@@ -136,8 +136,30 @@ def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing]) -> list[st
         ratio_message(one, ratio) for one, ratio in nodal if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF)
     ]
     return warnings + [
-        text for one, _ in nodal for text in (*_divided_warnings(one), *_stiffness_warnings(prepared, one))
+        text
+        for one, _ in nodal
+        for text in (
+            *_divided_warnings(one),
+            *_tip_warnings(one, prepared.pairings),
+            *_stiffness_warnings(prepared, one),
+        )
     ]
+
+
+def _tip_warnings(pairing: Pairing, pairings: Sequence[Pairing]) -> Iterator[str]:
+    """Warning of a contact that ends where a bond of the same bodies begins. A crack of 20 nodes, pressed and
+    sheared, slips within 0.2 %, but the pressure of its last nodes is 0 to 2 times the exact one."""
+    curve = pairing.slave.curve
+    bonds = [one for one in pairings if one.bonded and set(one.bodies) == set(pairing.bodies)]
+    for end in curve.points(np.array([0.0, curve.length])) if bonds and not curve.closed else ():
+        held = np.concatenate([one.points[one.candidate] for one in bonds])
+        if np.hypot(*(held - end).T).min() <= ROUND_OFF * curve.length:
+            yield (
+                f"contact {pairing.name} ends where a bond begins, near ({end[0]:.6g}, {end[1]:.6g}), as at "
+                f"the tip of a crack: the pressures of some nodes next to it, and so the peak, depend on the "
+                f"spacing"
+            )
+            return
 
 
 def _divided_warnings(pairing: Pairing) -> Iterator[str]:
