@@ -84,7 +84,7 @@ class _Form(FramedScene):
                 {"name": "under", "points": frame.places(under)},
                 {"name": "foot", "to": feet[3]},
                 {"name": "right", "to": feet[4]},
-                {"name": "head"},
+                {"name": "head", "to": feet[0]},
             ]
             made = body("base", self.material("base"), "outline", sides=sides)
         elif kind == "wavy":
@@ -157,6 +157,7 @@ class _Form(FramedScene):
         kind = self.chosen("tee", "notch", "nose", "wave", "half-ring", "chamfer", "holed")
         w = 0.5 * wide
         named = ["foot", "right", "head", "left"]
+        inside = -0.2 * w, 0.8 * high
         self.bent = kind in ("nose", "wave", "half-ring", "chamfer")
         if kind == "tee":
             inner, mid, r = 0.5 * w, 0.5 * high, 0.1 * high * frame.length
@@ -198,6 +199,7 @@ class _Form(FramedScene):
                 "top", self.material("top"), "sector", center=frame.at(0.0, w), radii=radius, angles=angles
             )
             self.high = w
+            inside = -0.5 * sum(radius) / frame.length, 0.95 * w
         elif kind == "holed":
             hole = {"center": frame.at(0.3 * w, 0.45 * high), "radius": 0.2 * min(w, high) * frame.length}
             made = self.sided("top", _box(w, 0.0, high), named, holes=[hole])
@@ -221,7 +223,7 @@ class _Form(FramedScene):
         foot = "top.outer" if kind == "half-ring" else "top.foot"
         face = "base.outer" if "ring" in self.words else f"{below}.head"
         self.tables["probe"] += [
-            {"name": "top", "body": "top", "point": self.frame.at(-0.75 * w, 0.75 * self.high)},
+            {"name": "top", "body": "top", "point": self.frame.at(*inside)},
             {"name": "base", "body": below, "point": self.frame.at(0.2 * w, -0.1 * self.deep)},
         ]
         sides = [foot, face] if rng.random() < 0.7 else [face, foot]

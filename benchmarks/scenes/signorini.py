@@ -151,12 +151,14 @@ class Model:
             for axis, (u, f) in enumerate((("ux", "fx"), ("uy", "fy"))):
                 force = sum(one.get(f, 0.0) for one in ones)
                 given = [one[u] for one in ones if u in one]
-                if given or (not rigid and not any(f in one for one in ones)):
+                driven = any(f in one for one in ones)
+                if given or not driven:
                     moves.append((sum(given), None))
                 else:
                     moves.append((0.0, len(self.extra)))
                     self.extra.append(force)
-                if rigid:
+                # Otherwise the side slides along its plate.
+                if rigid and (given or driven):
                     _, side = self.side(where)
                     for dof in np.unique(side.dofs[:, :, axis]):
                         self.fixed[int(dof)] = (moves[axis][0], moves[axis][1], 1.0)
