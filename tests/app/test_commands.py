@@ -293,7 +293,15 @@ def test_warmup() -> None:
 
 
 def test_json_on_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str], bar_run: Path) -> None:
-    case = write(tmp_path, BAR)
-    for arguments in (["check", str(case)], ["info", str(bar_run)], ["plot", str(bar_run)], ["warmup"]):
+    case, model = write(tmp_path, BAR), tmp_path / "model.vtu"
+    found: list[dict[str, Any]] = []
+    for arguments in (
+        ["check", str(case), "--write", str(model)],
+        ["plot", str(bar_run), "--format", "svg", "--format", "svg"],
+        ["info", str(bar_run)],
+        ["warmup"],
+    ):
         assert main([*arguments, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)
+        found.append(json.loads(capsys.readouterr().out))
+    assert model.is_file()
+    assert [Path(file).name for file in found[1]["files"]] == ["plot_force.svg", "plot_bodies.svg"]
