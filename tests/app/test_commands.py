@@ -19,6 +19,7 @@ from mlsanm_cli.app.results import views
 from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.plot_choice import Choice
 from mlsanm_cli.app.warmup import warmup
 from mlsanm_cli.cli import main
 from mlsanm_cli.cloud.quality import CloudQuality
@@ -162,7 +163,7 @@ def test_info_of_a_run_without_summary(hertz_run: Path, tmp_path: Path) -> None:
     contact = found["contacts"]["interface"]
     for key in ("peak_pressure", "half_width", "min_gap"):
         assert contact[key] == summary["contacts"]["interface"][key]
-    assert len(plot(killed)) == 4
+    assert len(plot(killed, choice=Choice(("pressure",)))) == 1
 
 
 def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
