@@ -77,11 +77,6 @@ class Spacing:
                 return False
         return True
 
-    @property
-    def finest(self) -> float:
-        """Smallest spacing anywhere."""
-        return min([self.far, *(zone.spacing for zone in self.zones)])
-
     def steps_along(
         self, curve: Curve, line: SymmetryLine | None = None, places: Sequence[float] = ()
     ) -> FloatArray:

@@ -19,6 +19,7 @@ from mlsanm_cli.app.results import views
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.path_lookup import pressures_at
 from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.plot_choice import Choice
 from mlsanm_cli.app.warmup import warmup
 from mlsanm_cli.cli import main
 from mlsanm_cli.cloud.quality import CloudQuality
@@ -162,7 +163,7 @@ def test_info_of_a_run_without_summary(hertz_run: Path, tmp_path: Path) -> None:
     contact = found["contacts"]["interface"]
     for key in ("peak_pressure", "half_width", "min_gap"):
         assert contact[key] == summary["contacts"]["interface"][key]
-    assert len(plot(killed)) == 4
+    assert len(plot(killed, choice=Choice(("pressure",)))) == 1
 
 
 def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
@@ -293,7 +294,15 @@ def test_warmup() -> None:
 
 
 def test_json_on_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str], bar_run: Path) -> None:
-    case = write(tmp_path, BAR)
-    for arguments in (["check", str(case)], ["info", str(bar_run)], ["plot", str(bar_run)], ["warmup"]):
+    case, model = write(tmp_path, BAR), tmp_path / "model.vtu"
+    found: list[dict[str, Any]] = []
+    for arguments in (
+        ["check", str(case), "--write", str(model)],
+        ["plot", str(bar_run), "--format", "svg", "--format", "svg"],
+        ["info", str(bar_run)],
+        ["warmup"],
+    ):
         assert main([*arguments, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)
+        found.append(json.loads(capsys.readouterr().out))
+    assert model.is_file()
+    assert [Path(file).name for file in found[1]["files"]] == ["plot_force.svg", "plot_bodies.svg"]

@@ -222,7 +222,6 @@ SLID = (
 CUT = {
     "friction, equations renewed": (SLID, 4),
     "series past limit points": (ARCH, 3),
-    "series, equations renewed": (BLOCK.replace("0.05", "0.1"), 1),
 }
 
 

@@ -16,7 +16,7 @@ from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
-from tests.app.scenes import FAST, Quiet, hertz, solve
+from tests.app.scenes import FAST, PUNCHES, Quiet, hertz, solve
 from tests.case_text import body, box, contact, disk, half_disk, head, item, load, material, plane, table
 
 SHEARED = (
@@ -146,6 +146,19 @@ def test_nothing_turns_before_the_first_load(tmp_path: Path) -> None:
     carried = max(float(np.abs(contact.traction[-1]).max()) for contact in contacts)
     assert max(float(np.abs(contact.slip[0]).max()) for contact in contacts) < 2e-3 * moved
     assert max(float(np.abs(contact.traction[0]).max()) for contact in contacts) < 1e-5 * carried
+
+
+def test_contacts_have_etas_of_their_own(tmp_path: Path) -> None:
+    etas = {"under-left": 1e-2, "under-right": 1e-4}
+    overrides = ["solver.polish=false"] + [
+        f"contact.{name}.regularization.eta={eta}" for name, eta in etas.items()
+    ]
+    assert solve(PUNCHES, tmp_path / "run", *overrides)["status"] == "done"
+    contacts = read_run(tmp_path / "run").contacts
+    # What open nodes feel is proportional to eta.
+    left, right = (contacts[name].pressure[-1] for name in etas)
+    ratio = left.min() / left.max() / (right.min() / right.max())
+    assert ratio >= 20.0
 
 
 def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:

@@ -116,7 +116,7 @@ def test_nodes_along_the_line_are_as_even_as_elsewhere(name: str, seed: int) -> 
     # Nor do nodes crowd there.
     assert cloud.separation.closest >= 0.5
     upon = np.sort(cloud.points[mirror.side == 0, 1 - line.axis])
-    assert (np.diff(upon) >= 0.5 * spacing.finest).all()
+    assert (np.diff(upon) >= 0.5 * spacing.at(cloud.points).min()).all()
 
 
 @pytest.mark.parametrize(
@@ -168,6 +168,28 @@ def test_clouds_of_a_memo_are_told_apart() -> None:
     # Symmetry counts, also where the nodes are the same.
     known = clouds[1]
     assert Cloud(known.points, known.spacing, known.surfaces).content != known.content
+
+
+@pytest.mark.parametrize("line", [UPRIGHT, LEVEL])
+def test_signs_of_derivatives(line: SymmetryLine) -> None:
+    # A polynomial's image, and what the mirror makes of its derivatives.
+    rng = np.random.default_rng(0)
+    at, c = rng.uniform(-1.0, 1.0, 2), rng.normal(size=6)
+
+    def derivatives(x: float, y: float) -> FloatArray:
+        found = [c @ [1, x, y, x * x, x * y, y * y], c[1] + 2 * c[3] * x + c[4] * y]
+        return np.array([*found, c[2] + c[4] * x + 2 * c[5] * y, 2 * c[3], c[4], 2 * c[5]])
+
+    step, image = 1e-5, line.reflect(at[None])[0]
+    mirror = Mirror(line, np.arange(1), np.zeros(1, dtype=np.int64), {})
+    x, y = step * line.signs
+    value = [derivatives(*(image + shift))[0] for shift in ([0, 0], [x, 0], [-x, 0], [0, y], [0, -y])]
+    slope = [(value[1] - value[2]) / (2 * step), (value[3] - value[4]) / (2 * step)]
+    found = derivatives(*image) * mirror.derivative_signs(6)
+    assert found[:3] == pytest.approx([value[0], *slope], abs=1e-8)
+    assert found[[3, 5]] == pytest.approx(derivatives(*image)[[3, 5]])
+    assert found[4] == -derivatives(*image)[4]
+    assert len(mirror.derivative_signs(3)) == 3
 
 
 @pytest.mark.parametrize(

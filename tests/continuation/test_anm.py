@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -165,6 +166,16 @@ def test_previous_piece_keeps_the_direction_behind_a_fold() -> None:
     # Without it the path would leave toward lam = 0.99, back over the fold.
     onward = follow(Circle(), last.x, last.lam, 0.99, previous=last.branch)
     assert next(onward.steps()).x[0] < last.x[0]
+
+
+def test_units_of_the_unknowns_change_nothing() -> None:
+    factor, (plain, _, _) = 1e3, hertz(30, 1e-2)
+    scaled = {name: getattr(plain, name) * factor for name in ("force", "eta", "p_ref")}
+    other = replace(plain, compliance=plain.compliance / factor, **scaled)
+    one = walked(plain, open_start(plain), 0.0, 1.0, AnmOptions())
+    two = walked(other, open_start(other), 0.0, 1.0, AnmOptions())
+    assert len(one) == len(two)
+    np.testing.assert_allclose(two[-1].x / other.scale, one[-1].x / plain.scale, rtol=0.0, atol=1e-9)
 
 
 def test_target_within_round_off_of_the_start_is_reached() -> None:
