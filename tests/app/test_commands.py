@@ -19,7 +19,7 @@ from mlsanm_cli.app.results import views
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.path_lookup import pressures_at
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice
+from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.warmup import warmup
 from mlsanm_cli.cli import main
 from mlsanm_cli.cloud.quality import CloudQuality
