@@ -17,6 +17,7 @@ from benchmarks.scenes.scene import (
     held,
     on_disk,
     pair,
+    pinned,
     polygon,
     pressed,
     probe,
@@ -158,6 +159,7 @@ def plate_rigid_pins() -> Scene:
             Figure("right", lambda r: r.force("right")[1], 2000.0 * 14.0 / 30.0),
         ],
         elements=True,
+        supports=[pinned("plate", (0.0, 4.0), "ux")],
     )
 
 
@@ -186,4 +188,5 @@ def plate_weight_pins() -> Scene:
             Figure("right", lambda r: abs(r.force("right")[1]), 2000.0 * 14.0 / 30.0),
         ],
         elements=True,
+        supports=[pinned("plate", (0.0, 4.0), "ux")],
     )

@@ -2,6 +2,7 @@
 
 from benchmarks.scenes import (  # noqa: F401
     assemblies,
+    assorted,
     beams,
     bending,
     fits,

@@ -193,11 +193,16 @@ def imbalance(given: Table, result: Result) -> float | None:
         add(listed(one["slave"])[0].split(".")[0], force)
         if "master" in one:
             add(listed(one["master"])[0].split(".")[0], -force)
+    held = set()
     for one in given.get("support", []):
         if "boundary" in one:
-            add(one["boundary"].split(".")[0], result.exerted(one["boundary"]))
+            first, *others = listed(one["boundary"])
+            held.add("+".join([first, *(side.split(".")[1] for side in others)]))
         else:
             free[one["body"]] &= np.array([key not in one for key in ("ux", "uy")])
+    for region in result.summary["forces"]:
+        if region.partition(" from ")[0] in held:
+            add(region.split(".")[0], result.exerted(region))
     for one in given.get("load", []):
         if one["kind"] in ("obstacle", "temperature"):
             continue

@@ -53,7 +53,7 @@ def drawn_frame(number: int) -> Frame:
 def framed(number: int, frame: Frame) -> tuple[Table, list[str], list[str]]:
     """The case of a number in a frame, the contacts that no sharp corner can reach, what it is made of."""
     rng = np.random.default_rng([17, number])
-    made = _Scene(frame, rng)
+    made = FramedScene(frame, rng)
     base = made.base()
     wide = float(rng.uniform(3.0, 8.0))
     level, below, smooth = 0.0, base, base in ("disk", "hole")
@@ -67,7 +67,7 @@ def framed(number: int, frame: Frame) -> tuple[Table, list[str], list[str]]:
     return made.case(), made.smooth, made.words
 
 
-class _Scene:
+class FramedScene:
     """A scene while it is drawn: upright in mm and N, written in its frame."""
 
     def __init__(self, frame: Frame, rng: Rng) -> None:

@@ -1,14 +1,14 @@
 """Random scenes of two to five bodies, judged by balance and by variants.
 
     python benchmarks/scenes/random_scenes.py [--count 40] [--first 0] [--keep DIR] [--only NUMBER ...]
-        [--features | --frames | --pairs | --limits] [--no-variants]
+        [--features | --forms | --frames | --pairs | --limits] [--no-variants]
 
 Stacks of rectangles, polygons with rounded corners, disks and half-disks with all materials and laws, with
 friction or not, pressed from above. A run that is done must balance (forces reported of every body add up to
 1e-6 of the largest), and agree with itself turned by 90 degrees and on other clouds: forces 1 %, peaks 3 %
-(not where contact reaches sharp corners), displacements 3 %; scenes of random_frames.py are compared with
-themselves upright in mm and N. Those of random_limits.py are judged by statics instead. Writes
-random_scenes.json (``--out``).
+(not where contact reaches sharp corners), displacements 3 %; scenes of random_frames.py and random_forms.py
+are compared with themselves upright in mm and N. Those of random_limits.py are judged by statics instead.
+Writes random_scenes.json (``--out``).
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from benchmarks.scenes.compared import difference, peaks, vectors
 from benchmarks.scenes.judge import SIDES, imbalance, run_case
 from benchmarks.scenes.judge import judged as judged_by_figures
 from benchmarks.scenes.random_features import featured
+from benchmarks.scenes.random_forms import formed
 from benchmarks.scenes.random_frames import Frame, drawn_frame, framed
 from benchmarks.scenes.random_limits import limited
 from benchmarks.scenes.random_pairs import drawn_pair
@@ -165,6 +166,7 @@ def _inside(one: Table) -> float:
 KINDS = {
     "stacks": ("seed", "turned"),
     "features": ("seed", "swapped"),
+    "forms": ("seed", "swapped", "upright"),
     "frames": ("seed", "upright"),
     "pairs": ("seed", "swapped", "turned", "mirrored"),
 }
@@ -180,15 +182,15 @@ def scene_of(number: int, kind: str) -> tuple[Table, list[str], list[str], list[
         return *featured(number), others
     if kind == "pairs":
         return *drawn_pair(number), [], others
-    frame = drawn_frame(number)
+    frame, draw = drawn_frame(number), formed if kind == "forms" else framed
     upright = Variant(
         "upright",
-        lambda _: framed(number, Frame())[0],
+        lambda _: draw(number, Frame())[0],
         np.array([frame.turned(1.0, 0.0), frame.turned(0.0, 1.0)]),
         1.0 / frame.length,
         1.0 / frame.stress,
     )
-    return *framed(number, frame), [*others, upright]
+    return *draw(number, frame), [*others, upright]
 
 
 def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
@@ -264,7 +266,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int, nargs="+")
-    for name in ("features", "frames", "pairs", "limits"):
+    for name in ("features", "forms", "frames", "pairs", "limits"):
         parser.add_argument(f"--{name}", dest="kind", action="store_const", const=name, default="stacks")
     parser.add_argument("--no-variants", action="store_true", help="run every scene once")
     parser.add_argument("--keep", type=Path)

@@ -108,7 +108,7 @@ def figures(model: Model, moved: Array, pressures: dict[str, Array]) -> Table:
         told[f"peak {patch.name}"] = float(p.max())
     for one in model.given.get("probe", []):
         told[f"moved {one['name']}"] = model.solids[one["body"]].at(one["point"], moved).tolist()
-    return told if "support" in model.given else floating(told)
+    return told if model.given["support"] else floating(told)
 
 
 def floating(told: Table) -> Table:
@@ -164,12 +164,13 @@ def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
         (folder / "case.toml").write_text(tomli_w.dumps(scene.case))
         case = load_case(folder / "case.toml", inspector=geometry_inspector).case
         outlines = {body.name: outline_of(case, body) for body in case.body}
+    given = {**scene.case, "support": [*scene.case.get("support", []), *scene.supports]}
     began = time.process_time()
-    zones = joined(corners(scene.case, outlines, 0.1), first_touches(scene.case, outlines))
+    zones = joined(corners(given, outlines, 0.1), first_touches(given, outlines))
     results, turns = [], dict[str, float]()
     for level, (base, edge, share) in enumerate(LEVELS[:meshes]):
         for _ in range(TURNS):
-            model = Model(scene.case, outlines, base, zones, {} if scene.straight_walls else turns)
+            model = Model(given, outlines, base, zones, {} if scene.straight_walls else turns)
             model.outlines = outlines  # type: ignore[attr-defined]
             moved, pressures = model.solve()
             before, turns = turns, {one.name: turned(one, pressures[one.name]) for one in model.patches}
@@ -181,7 +182,7 @@ def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
             results[-1],
             flush=True,
         )
-        zones = joined(corners(scene.case, outlines, edge), found_zones(model, pressures, share))
+        zones = joined(corners(given, outlines, edge), found_zones(model, pressures, share))
     told = {
         what: {"value": value, "change": change(results[-2], results[-1], what)}
         for what, value in results[-1].items()

@@ -126,6 +126,8 @@ class Scene:
     missing: str = ""
     elements: bool = False
     """Whether finite elements tell its forces, peaks and displacements, see elements.py."""
+    supports: Sequence[Table] = ()
+    """What holds loose bodies in finite elements against motions that only turned directions drive."""
     straight_walls: bool = False
     """Whether round bodies slide along straight sides that do not turn, whose normals are those of contacts
     then; otherwise the elements take the more curved surface's, as straight ones turn."""

@@ -15,8 +15,7 @@ import click
 
 from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, print_result
-from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.streams import say
+from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import BOLD, paint, table
 from mlsanm_cli.errors import RunError
 
@@ -87,7 +86,7 @@ def explain(settings: Settings, key: str, all_keys: bool) -> int:
     KEY is a dotted key, for instance body.refine.spacing. Without KEY, list the tables.
     """
     if all_keys:
-        from mlsanm_cli.case.reference import all_explanations, markdown
+        from mlsanm_cli.case.explain import all_explanations, markdown
 
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")

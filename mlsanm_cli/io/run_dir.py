@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import h5py
 
@@ -13,9 +13,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
 from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
 from mlsanm_cli.io.summary import INTERFACE_COLUMNS
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"

@@ -62,7 +62,7 @@ class BodyForce:
 @dataclass(frozen=True)
 class RigidMotion:
     """One rigid motion of a platen, an obstacle or a floating body: ``component`` 0 (x), 1 (y) or 2 (rotation
-    about its centre).
+    about its centre); an ``axis`` replaces x or y as the unit vector of a translation.
 
     ``prescribed`` (L,) is the motion per load factor, or None if it is unknown and balanced by ``force``
     (L,). ``alone``: nothing else holds a platen's body in this component; the platen force is then the
@@ -73,6 +73,18 @@ class RigidMotion:
     prescribed: FloatArray | None
     force: FloatArray
     alone: bool = True
+    axis: tuple[float, float] | None = None
+
+    @property
+    def direction(self) -> FloatArray:
+        """Velocity (3,) of the centre in x and y, and rotation, under a unit motion."""
+        return np.eye(3)[self.component] if self.axis is None else np.array([*self.axis, 0.0])
+
+    def pattern(self, points: FloatArray, center: tuple[float, float]) -> FloatArray:
+        """Displacements (n, 2) of ``points`` (n, 2) under a unit motion; it rotates about ``center``."""
+        if self.axis is None:
+            return rigid_pattern(points, center, self.component)
+        return np.tile(np.array(self.axis), (len(points), 1))
 
 
 @dataclass(frozen=True)
@@ -106,9 +118,9 @@ class Platen:
         """Surfaces of a body bonded to it."""
         return tuple(surface for owner, surface in self.held if owner == body)
 
-    def pattern(self, surface: Surface, points: FloatArray, component: int) -> FloatArray:
+    def pattern(self, surface: Surface, points: FloatArray, motion: RigidMotion) -> FloatArray:
         """Displacements (b, 2) of the surface's nodes under a unit motion."""
-        return rigid_pattern(points[surface.index], self.center, component)
+        return motion.pattern(points[surface.index], self.center)
 
 
 @dataclass(frozen=True)
@@ -258,7 +270,7 @@ class Scene:
         patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
         for column, (constraint, motion) in enumerate(self.unknown_motions):
             if isinstance(constraint, FloatingBody) and constraint.body == body:
-                patterns[:, column] = rigid_pattern(nodes, constraint.center, motion.component).ravel()
+                patterns[:, column] = motion.pattern(nodes, constraint.center).ravel()
         return patterns
 
     def _loose_patterns(self, body: str) -> FloatArray:

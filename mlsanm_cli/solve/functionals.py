@@ -38,11 +38,11 @@ def platen_displacements(built: CondensedScene, state: State | None = None) -> d
         moved = np.zeros(2)
         for motion in constraint.motions:
             free = motion.prescribed is None
-            if state is not None and motion.component < 2:
+            if state is not None:
                 value = (
                     state.motion[unknown] if motion.prescribed is None else motion.prescribed @ state.factors
                 )
-                moved[motion.component] = value
+                moved += value * motion.direction[:2]
             unknown += free
         found |= {built.scene.loads[number]: moved for number in constraint.loads}
     return found

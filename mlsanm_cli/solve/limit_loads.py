@@ -8,12 +8,11 @@ import itertools
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.limit_load import LimitLoad, limit_load
+from mlsanm_cli.contact.laws.limit_load import LimitLoad, SlidingError, limit_load
 from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
-from mlsanm_cli.contact.laws.sliding import SlidingError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
+from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
 MIN_REACHED = 0.85
@@ -103,7 +102,7 @@ def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[st
         else:
             points |= {f"body {n}": scene.bodies[n].model.cloud.points for n in constraint.bodies}
         for name, places in points.items():
-            pattern = rigid_pattern(places, constraint.center, motion.component)
+            pattern = motion.pattern(places, constraint.center)
             moved = part * float(np.hypot(*pattern.T).max())
             sizes[name] = max(sizes.get(name, 0.0), moved)
             turns[number] |= motion.component == ROTATION and moved > 0.0

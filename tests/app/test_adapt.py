@@ -15,7 +15,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.geometry.patches import contact_patches
+from mlsanm_cli.contact.geometry.profile import contact_patches
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, NODAL, PATCH, solve

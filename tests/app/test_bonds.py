@@ -11,8 +11,8 @@ import pytest
 
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
+from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError

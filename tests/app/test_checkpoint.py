@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.output.checkpoint import interrupted_run, plain_checkpoint
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
@@ -18,8 +17,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_origin
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
+from mlsanm_cli.solve.stop_events import load_path
 from tests.app.scenes import ANM, BAR, COARSE, FAST, Quiet, hertz
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED, SMOOTH
 

@@ -16,10 +16,10 @@ from mlsanm_cli.app.assessment import quality
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results import views
-from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.results.info import info
+from mlsanm_cli.app.results.path_lookup import pressures_at
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice
+from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.warmup import warmup
 from mlsanm_cli.cli import main
 from mlsanm_cli.cloud.quality import CloudQuality

@@ -15,15 +15,15 @@ from mlsanm_cli.app.comparison import compare as compare_module
 from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import SAME_LAW_FACTOR, Difference, other_law_limit
-from mlsanm_cli.app.comparison.methods import chosen_methods, law_of
+from mlsanm_cli.app.comparison.measure import chosen_methods, law_of
 from mlsanm_cli.case import Case, Solver, load_case
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
+from mlsanm_cli.solve.stop_events import load_path
 from tests.app.scenes import ANM, AS_SERIES, BAR, COARSE, FAST, PATCH, PUNCHES, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.assessment.checks import LINEAR_LIMIT
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.laws.coupling import DenseCoupling

@@ -10,10 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.results.history import pressures_at
-from mlsanm_cli.app.results.path_lookup import INTERPOLATED, level_at
+from mlsanm_cli.app.context import Clock, RunContext
+from mlsanm_cli.app.results.path_lookup import INTERPOLATED, level_at, pressures_at
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run

@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.results import animate, overlay
+from mlsanm_cli.app.results import overlay
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results.drawn import marks_at
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice, load_words
+from mlsanm_cli.app.results.views import Choice, load_words
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
@@ -170,7 +170,7 @@ def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, afterwards: pytest.M
 
 
 def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animate, "FRAMES", 5)
+    monkeypatch.setattr(plot_module, "FRAMES", 5)
     (file,) = plot(hertz_run, choice=Choice(animate=True, out=tmp_path / "p.gif"))
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames") == 5  # noqa: B009
@@ -187,7 +187,7 @@ def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch
 
 def test_mp4_by_ffmpeg(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program of this name gets all frames and says where it failed; the real one was tried by hand."""
-    monkeypatch.setattr(animate, "FRAMES", 5)
+    monkeypatch.setattr(plot_module, "FRAMES", 5)
     monkeypatch.setenv("PATH", str(tmp_path))
     moving = Choice(animate=True, out=tmp_path / "p.mp4")
     with pytest.raises(RunError, match="ffmpeg, which is not on PATH"):
@@ -225,7 +225,7 @@ def test_arrows_point_as_their_factors_say_and_go_with_the_bodies(tmp_path: Path
 
 
 def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animate, "FRAMES", 2)
+    monkeypatch.setattr(plot_module, "FRAMES", 2)
     case = tmp_path / "bar.toml"
     case.write_text(BAR)
     run_case(case, out=tmp_path / "run", console=Quiet())

@@ -27,6 +27,7 @@ from tests.case_text import (
     material,
     pin,
     plane,
+    polygon,
     pushed,
     support,
 )
@@ -160,6 +161,26 @@ def test_a_disk_held_at_its_top_may_turn_about_it(way: tuple[float, float]) -> N
         pendulum(way) + item("load", name="wind", kind="body-force", body="disk", body_force=aside)
     )
     assert driven.weak[0].idle is None
+
+
+@pytest.mark.parametrize("away", [(0.6, 0.8), (-0.8, 0.6)])
+def test_a_plate_pressed_on_an_oblique_plane_does_not_slip(away: tuple[float, float], tmp_path: Path) -> None:
+    # Held in x alone, it slid down by 4/3 of what it went in.
+    turn = np.array([[away[1], -away[0]], away])
+    corners = (np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]) @ turn).tolist()
+    text = (
+        head("stress")
+        + material("cork", E=100.0, nu=0.0)
+        + body("block", "cork", 0.4, polygon(corners, "foot right top left"))
+        + contact("floor", "block.foot", obstacle=plane([0.0, 0.0], list(away)))
+        + load("press", "block.top", "platen", force=[-4.0 * part for part in away])
+        + item("probe", name="middle", body="block", point=(np.array([2.0, 1.0]) @ turn).tolist())
+    )
+    summary = solve(text, tmp_path / "run")
+    middle = 1.0 * (4.0 / 4.0) / 100.0
+    assert summary["probes"]["middle"]["displacement"] == pytest.approx(-middle * np.array(away), rel=1e-6)
+    assert summary["contacts"]["floor"]["force"] == pytest.approx(4.0 * np.array(away), rel=1e-6)
+    assert summary["forces"]["press"] == pytest.approx(-4.0 * np.array(away), rel=1e-6)
 
 
 def test_a_motion_hardly_resisted_is_held_where_the_hold_carries_nothing(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
-from mlsanm_cli.cloud.relax import DOUBLINGS, MAX_STEP, NEIGHBORS, SEARCH_INTERVAL, STEP, SWEEPS, relax
+from mlsanm_cli.cloud.front import DOUBLINGS, MAX_STEP, NEIGHBORS, SEARCH_INTERVAL, STEP, SWEEPS, relax
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 BLOCK = rectangle((0.0, 2.0), (0.0, 1.0))

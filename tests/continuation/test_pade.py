@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import Branch
-from mlsanm_cli.continuation.pade import denominator, nearest_pole
+from mlsanm_cli.continuation.series import denominator, nearest_pole
 
 
 def rational_series(poles: list[complex], size: int, order: int) -> tuple[np.ndarray, np.ndarray]:

@@ -9,8 +9,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from mlsanm_cli.io.vtk_xml import VERTEX, write_grid
-from mlsanm_cli.io.vtu import StateWriter, VtuPart, write_parts
+from mlsanm_cli.io.vtu import VERTEX, StateWriter, VtuPart, write_grid, write_parts
 
 RNG = np.random.default_rng(3)
 

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.half_plane import surface_compliance
-from mlsanm_cli.mechanics.material import orthotropic
+from mlsanm_cli.mechanics.material import orthotropic, surface_compliance
 
 PLANES = st.sampled_from(["stress", "strain"])
 

@@ -22,10 +22,14 @@ from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels import multifrontal
 from mlsanm_cli.kernels.multifrontal import borders
-from mlsanm_cli.operators.linear import cholesky, fallback, scratch
-from mlsanm_cli.operators.linear.cholesky import CholeskyFactor, CholeskySolver
+from mlsanm_cli.operators.linear import cholesky, scratch
+from mlsanm_cli.operators.linear.cholesky import (
+    MAX_BACKWARD_ERROR,
+    CholeskyFactor,
+    CholeskySolver,
+    verified_or_superlu,
+)
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
-from mlsanm_cli.operators.linear.fallback import MAX_BACKWARD_ERROR, verified_or_superlu
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
 from mlsanm_cli.operators.normal import bordered
@@ -359,7 +363,7 @@ def test_what_a_correction_leaves_of_an_inaccurate_factor(
     matrix = sparse.csc_array(normal_equations(points))
     own = CholeskySolver().factor_definite(matrix, points)
     errors = {0: 2.8e-11, 1: corrected}
-    monkeypatch.setattr(fallback, "backward_error", lambda *given, corrections=0: errors[corrections])
+    monkeypatch.setattr(cholesky, "backward_error", lambda *given, corrections=0: errors[corrections])
     if sound:
         assert verified_or_superlu(own, matrix, points) is own
     else:

@@ -32,10 +32,9 @@ from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import FloatingBody, Scene
 from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.limit_loads import beyond_limit
-from mlsanm_cli.solve.load_factors import stage_factors
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
 MAX_SINGLE_TRIALS = 6
@@ -186,9 +185,7 @@ def _with_fixed_motions(
     """The scene with ``idle`` motions fixed at zero; None if it has no state, or if forces are needed to fix
     them."""
     constraints = tuple(
-        held_at_zero(one, [component for body, component in idle if body == one.body])
-        if isinstance(one, FloatingBody)
-        else one
+        held_at_zero(one, _velocities(one, idle)) if isinstance(one, FloatingBody) else one
         for one in prepared.rigid_constraints
     )
     motions = (*prepared.held_motions, *idle.values())
@@ -202,15 +199,23 @@ def _with_fixed_motions(
     return None
 
 
+def _velocities(body: FloatingBody, idle: Idle) -> dict[int, FloatArray]:
+    """Velocity (2,) of a body's centre in its ``idle`` motions, by component."""
+    found, (x, y) = {}, body.center
+    for (name, component), motion in idle.items():
+        if name == body.body:
+            along_x, along_y, turn = motion[name]
+            found[component] = np.array([along_x - turn * y, along_y + turn * x])
+    return found
+
+
 def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> bool:
     """Whether no force is needed to fix the motions ``held`` at the end of any stage: a body that its loads
     push out of its contacts is not in equilibrium."""
     for state in built.ends:
         pressed = float(built.condensed.weight @ state.pressure)
         for body, component in held:
-            carried = built.condensed.holding[body, component](
-                state.factors, state.motion, state.pressure, state.traction
-            )[0]
+            carried = built.condensed.holding[body, component](*state.unknowns)[0]
             if component == ROTATION:
                 carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
             if abs(carried) > MAX_CARRIED * pressed:

@@ -29,7 +29,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint
-from mlsanm_cli.solve.load_factors import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 
 BALANCE_TOLERANCE = 1e-3
 """Forces whose sum is below this part of their magnitudes cancel up to quadrature."""
@@ -84,7 +84,9 @@ def constrain_free_rigid_modes(
         for motion in constraint.motions
         if motion.prescribed is None
     ]
-    held, notes, problems = list[UnknownMotion](), list[str](), list[CaseProblem]()
+    held, notes, problems = dict[int, dict[int, FloatArray]](), list[str](), list[CaseProblem]()
+    # At finite strain the unknowns are those along the axes.
+    oblique = case.model.strain == "small"
     unresisted, loose = list[Mapping[str, FloatArray]](), list[Mapping[str, FloatArray]]()
     for slid in (True, False):
         found = []
@@ -96,20 +98,18 @@ def constrain_free_rigid_modes(
         free = free_motions(resistance)
         for pivot, direction in sorted(free, key=lambda one: kept[one[0]].motion.component != ROTATION):
             problems += _driven(case, kept, pivot, direction)
-            notes.append(_note(kept, pivot, direction))
+            owner, component = kept[pivot].constraint, kept[pivot].motion.component
+            along = _velocity(kept, owner, direction) if oblique else np.eye(3)[component, :2]
+            notes.append(_note(kept, pivot, direction, along))
+            held.setdefault(id(owner), {})[component] = along
             unresisted.append(_of_bodies(kept, direction))
             if all(isinstance(one.constraint, FloatingBody) for one in _moving(kept, direction)):
                 loose.append(unresisted[-1])
             found.append(kept[pivot])
-        held += found
         kept = [one for one in kept if one not in found]
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
-    still = {(id(one.constraint), one.motion.component) for one in held}
-    result = [
-        held_at_zero(constraint, [component for owner, component in still if owner == id(constraint)])
-        for constraint in rigid_constraints
-    ]
+    result = [held_at_zero(one, held.get(id(one), {})) for one in rigid_constraints]
     weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK_RESISTANCE)
     return Restrained(
         tuple(result),
@@ -120,13 +120,35 @@ def constrain_free_rigid_modes(
     )
 
 
-def held_at_zero(constraint: RigidConstraint, components: Collection[int]) -> RigidConstraint:
-    """The ``constraint`` with its motions in some ``components`` prescribed at zero."""
-    motions = tuple(
-        replace(one, prescribed=np.zeros(len(one.force))) if one.component in components else one
-        for one in constraint.motions
-    )
-    return replace(constraint, motions=motions)
+def held_at_zero(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> RigidConstraint:
+    """The ``constraint`` with the components that ``held`` names prescribed at zero: those by which motions
+    are fixed that move its centre along ``held[component]`` (2,).
+
+    Of a motion oblique to x and y its own direction is fixed: with x or y alone, displacements would depend
+    on the axes.
+    """
+    axes, motions = _own_axes(constraint, held), []
+    for one in constraint.motions:
+        if one.component in axes:
+            axis = axes[one.component]
+            forces = [each.force for each in constraint.motions if each.component != ROTATION]
+            one = replace(one, axis=axis, force=np.array(axis) @ forces)
+        still = one.component in held
+        motions.append(replace(one, prescribed=np.zeros(len(one.force))) if still else one)
+    return replace(constraint, motions=tuple(motions))
+
+
+def _own_axes(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> dict[int, tuple[float, float]]:
+    """Axes of the translations by component, if just one of two unknown ones is ``held`` and oblique."""
+    unknown = {one.component for one in constraint.motions if one.prescribed is None} - {ROTATION}
+    pivots = unknown & held.keys()
+    if len(unknown) < 2 or len(pivots) != 1:
+        return {}
+    pivot = pivots.pop()
+    if not held[pivot].all():
+        return {}
+    x, y = (float(part) for part in held[pivot] / np.hypot(*held[pivot]))
+    return {pivot: (x, y), 1 - pivot: (-y, x)}
 
 
 def free_motions(resistance: FloatArray, least: float = FREE_TOLERANCE) -> list[tuple[int, FloatArray]]:
@@ -173,14 +195,18 @@ def _driven(
         )
 
 
-def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray, along: FloatArray) -> str:
     one, together = unknown[pivot], _together(unknown, pivot, direction)
+    way = _way(one)
+    if one.motion.component != ROTATION and along.all():
+        x, y = along / np.hypot(*along)
+        way = f"the displacement along ({x:.3g}, {y:.3g})"
     if together:
         return (
-            f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness): it moves together with "
+            f"{_owner(one)}: {way} is fixed at 0 (no load and no stiffness): it moves together with "
             f"{together}; their relative motion stays free"
         )
-    return f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness in this direction)"
+    return f"{_owner(one)}: {way} is fixed at 0 (no load and no stiffness in this direction)"
 
 
 def _weakly_resisted(
@@ -207,6 +233,20 @@ def _together(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArra
 def _moving(unknown: Sequence[UnknownMotion], direction: FloatArray) -> list[UnknownMotion]:
     """The unknowns that a motion involves."""
     return [one for one, part in zip(unknown, direction, strict=True) if part]
+
+
+def _velocity(
+    unknown: Sequence[UnknownMotion], constraint: RigidConstraint, direction: FloatArray
+) -> FloatArray:
+    """Velocity (2,) of a constraint's centre in a motion."""
+    return sum(
+        (
+            part / one.lever * one.motion.direction[:2]
+            for one, part in zip(unknown, direction, strict=True)
+            if one.constraint is constraint
+        ),
+        np.zeros(2),
+    )
 
 
 def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[str, FloatArray]:

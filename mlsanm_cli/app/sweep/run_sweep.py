@@ -12,9 +12,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import Console
 from mlsanm_cli.app.results.collect import collect, write_rows
-from mlsanm_cli.app.results.finished import finished, held_case
+from mlsanm_cli.app.results.info import finished, held_case
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.sweep.engines import Engine, dask_engine, local_engine

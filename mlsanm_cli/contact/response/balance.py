@@ -107,14 +107,14 @@ class CondensedForces:
         return total
 
     def constraint(self, constraint: RigidConstraint, motion: RigidMotion) -> LinearMap:
-        """Force (1 row) that the constraint must exert in one component."""
-        row = slice(motion.component, motion.component + 1)
+        """Force (1 row) that the constraint must exert in the direction of one motion."""
+        along = motion.direction[None, :]
         if isinstance(constraint, Obstacle):
             pairing = next(p for p in self.pairings if p.name == constraint.contact)
-            return self.contact(pairing, pairing.slave_body, constraint.center).take(row)
+            return self.contact(pairing, pairing.slave_body, constraint.center).combined(along)
         if isinstance(constraint, FloatingBody) or motion.alone:
-            return -self.others(constraint).take(row)
-        parts = [self.measured[held].take(row) for held in constraint.held]
+            return -self.others(constraint).combined(along)
+        parts = [self.measured[held].combined(along) for held in constraint.held]
         return sum(parts[1:], parts[0])
 
 
@@ -148,20 +148,19 @@ def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
             report[name] = of_load(load.body, load.number)
     for constraint in scene.rigid_constraints:
         for number in constraint.loads:
-            rows = [columns.zeros(1), columns.zeros(1)]
+            total = columns.zeros(2)
             for motion in constraint.motions:
-                if motion.component > 1:
-                    continue
+                along = motion.direction[:2, None]
                 if motion.prescribed is None:
                     own = np.zeros((1, columns.loads))
                     own[0, number] = motion.force[number]
-                    rows[motion.component] = columns.of_loads(own)
+                    total = total + columns.of_loads(along * own)
                 elif number == next(
                     (n for n in constraint.loads if motion.prescribed[n]), constraint.loads[0]
                 ):
                     # Several loads may move one platen in this component: report its force once.
-                    rows[motion.component] = forces.constraint(constraint, motion)
-            report[scene.loads[number]] = stack(rows, columns)
+                    total = total + forces.constraint(constraint, motion).combined(along)
+            report[scene.loads[number]] = total
     for force in scene.body_forces:
         report[scene.loads[force.number]] = of_load(force.body, force.number)
     for heating in scene.heatings:

@@ -39,7 +39,7 @@ def body_load_vectors(
             if name in platen.bodies:
                 source = np.zeros(body.rows)
                 for surface in platen.surfaces_of(name):
-                    pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion.component)
+                    pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion)
                     source += body.source(surface, pattern, held=True)
                 if motion.prescribed is None:
                     few[:, unknown] = source

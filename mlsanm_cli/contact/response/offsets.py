@@ -25,10 +25,11 @@ def of_obstacles(
             if isinstance(constraint, Obstacle) and constraint.contact in rows:
                 pairing, own = rows[constraint.contact]
                 direction = pairing.normal if along == "normal" else pairing.tangent
+                change = direction @ motion.direction[:2]
                 if motion.prescribed is None:
-                    moved[own, unknown] -= direction[:, motion.component]
+                    moved[own, unknown] -= change
                 else:
-                    load[own] -= np.outer(direction[:, motion.component], motion.prescribed)
+                    load[own] -= np.outer(change, motion.prescribed)
             unknown += motion.prescribed is None
     return load, moved
 

@@ -118,7 +118,7 @@ def _prescribed(scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> Mapp
             unknown += motion.prescribed is None
             for name in platen.surfaces_of(body):
                 surface = cloud.surfaces[name]
-                total[name] += value * platen.pattern(surface, cloud.points, motion.component)
+                total[name] += value * platen.pattern(surface, cloud.points, motion)
     return total
 
 
