@@ -288,7 +288,7 @@ class _Path:
         """The step that ends in a state, with its counters. Equations far from their expansion point are
         renewed."""
         acting = self._scene.acting(state.whole, state.traction)
-        renewed = False
+        renewed, kept = False, self._kept(state.traction)
         for name, own in self._scene.parts(state.displacement).items():
             body, station = self._scene.bodies[name], self._projectors[name].station
             angle = body.turn(own) - body.turn(station)
@@ -305,9 +305,26 @@ class _Path:
             renewed = True
         if renewed:
             self.now = replace(self.now, free=self._repinned())
-        step = FiniteStep(state, saved, length, 0, self._iterations, self.spent, self._solves, (), renewed)
+        counts = (length, 0, self._iterations, self.spent, self._solves)
+        step = FiniteStep(state, saved, *counts, renewed=renewed, kept=kept)
         self.spent = self._iterations = self._solves = 0
         return step
+
+    def _kept(self, traction: FloatArray) -> float:
+        """Work of the ``traction`` (2s,) on the displacements that would remove the kept residuals."""
+        sides = [side for contact in self._scene.contacts for side in contact.sides]
+        moved = {
+            name: one.displaced(one.rest).reshape(-1, 2)
+            for name, one in self._projectors.items()
+            if one.rest.any()
+        }
+        total, first = 0.0, 0
+        for side in sides:
+            own = traction[first : first + 2 * side.count].reshape(-1, 2)
+            first += 2 * side.count
+            if side.body in moved:
+                total += float(side.weight @ (own * moved[side.body][side.nodes]).sum(axis=1))
+        return total
 
     def _repinned(self) -> FloatArray:
         """Free motions (d,) with the current rotation of the pins."""

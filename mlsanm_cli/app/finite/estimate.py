@@ -65,8 +65,15 @@ class EnergyError:
         """Estimated error."""
         return sum(float(one.sum()) for one in self.nodal.values())
 
-    def warning(self, scene: FiniteScene, estimate: float) -> str:
-        """Warning of a relative ``estimate``, with the place of its largest contribution."""
+    def warning(self, scene: FiniteScene, estimate: float, kept: float) -> str:
+        """Warning of a relative ``estimate``, with the place of its largest contribution, or that most of it
+        is due to residuals ``kept`` by equations."""
+        if kept > 0.5 * estimate:
+            return (
+                f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
+                f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to crushed "
+                "corners with friction: make the loads smaller"
+            )
         name = max(self.nodal, key=lambda one: float(self.nodal[one].max()))
         cloud, node = scene.bodies[name].elastic.model.cloud, int(np.argmax(self.nodal[name]))
         x, y = np.round(cloud.points[node] / scene.size, 9) * scene.size + 0.0

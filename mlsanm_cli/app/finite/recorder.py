@@ -51,6 +51,7 @@ TALLIES = (
     "stability",
     "residual",
     "unaccounted",
+    "kept",
     "missing",
     "energy",
     "iterations",
@@ -83,7 +84,7 @@ class FiniteRecorder(RunWriter):
         self.steps = self._saved = self.renewed = self._rows = 0
         self.last: FiniteState | None = None
         self.balance = self.largest = 0.0
-        self.unaccounted = self.energy = 0.0
+        self.unaccounted = self.kept = self.energy = 0.0
         self.missing: dict[str, float] = {}
         self.stability = float("inf")
         self.turns: list[Turn] = []
@@ -185,7 +186,8 @@ class FiniteRecorder(RunWriter):
         stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         tiny = ROUND_OFF * stiffest * float(np.abs(step.state.displacement).max())
         found = EnergyError.of(scene, step.state)
-        self.unaccounted = max(self.unaccounted, found.total)
+        self.kept = max(self.kept, abs(step.kept))
+        self.unaccounted = max(self.unaccounted, found.total + abs(step.kept))
         if before is not None:
             for ends in pairwise((before, *step.way, step.state)):
                 for name, one in missing_works(scene, *ends).items():

@@ -131,7 +131,8 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
     if recorder.estimate > ESTIMATE_WARNING:
-        recorder.warn(EnergyError.of(scene, recorder.last).warning(scene, recorder.estimate))
+        kept = recorder.kept / recorder.energy
+        recorder.warn(EnergyError.of(scene, recorder.last).warning(scene, recorder.estimate, kept))
     if text := check_work(scene, recorder.missing, recorder.energy_error):
         recorder.warn(text)
     for text in recorder.refinement.warnings:

@@ -67,7 +67,8 @@ class FiniteStep:
     """A finished step: the state at its end, the requested states within it in order (including its end),
     its counters, its limit points, and intermediate states ``way`` of a power series.
 
-    ``renewed``: the equations were renewed at its end; ``mark`` is the checkpoint at its end.
+    ``renewed``: the equations were renewed at its end; ``mark`` is the checkpoint at its end; ``kept``, the
+    work of contact tractions on the displacements that would remove the residuals which equations keep.
     """
 
     state: FiniteState
@@ -80,6 +81,7 @@ class FiniteStep:
     turns: tuple[Turn, ...] = ()
     renewed: bool = False
     mark: FiniteMark | None = None
+    kept: float = 0.0
     way: tuple[FiniteState, ...] = ()
 
 
