@@ -24,7 +24,7 @@ from mlsanm_cli.app.assessment.checks import (
 from mlsanm_cli.app.assessment.drawn_overlaps import overlap_warnings
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
-from mlsanm_cli.app.assessment.pressed_ends import end_warnings
+from mlsanm_cli.app.assessment.pressed_ends import end_warnings, tip_warnings
 from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
@@ -235,6 +235,7 @@ def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) ->
     if first is not None:
         yield from overlap_warnings(built, first, last)
     yield from end_warnings(built, last)
+    yield from tip_warnings(built, last)
     # First of the checks that fail for inconsistent units, so that the warning names the cause.
     yield from strain_warnings(built.case, energies.strains)
     yield from check_transfer(built, last)
