@@ -21,7 +21,13 @@ from mlsanm_cli.app.assessment.checks import (
     check_transfer,
     force_balance,
 )
-from mlsanm_cli.app.assessment.end_state import check_held, check_rolling, end_warnings, overlap_warnings
+from mlsanm_cli.app.assessment.end_state import (
+    check_held,
+    check_rolling,
+    end_warnings,
+    overlap_warnings,
+    tip_warnings,
+)
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
 from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
@@ -231,6 +237,7 @@ def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) ->
     if first is not None:
         yield from overlap_warnings(built, first, last)
     yield from end_warnings(built, last)
+    yield from tip_warnings(built, last)
     # First of the checks that fail for inconsistent units, so that the warning names the cause.
     yield from strain_warnings(built.case, energies.strains)
     yield from check_transfer(built, last)

@@ -138,6 +138,21 @@ def test_a_disk_rests_on_both_sides_of_an_elastic_groove_of_one_name(tmp_path: P
     assert [text for text in summary["warnings"] if "define a contact for each of both sides" in text]
 
 
+def test_the_pressure_at_a_sharp_rigid_tip_is_told_to_be_unbounded(tmp_path: Path) -> None:
+    for number, high in enumerate((5.0, 0.5)):
+        wedge = {"kind": "polyline", "points": [[-5.0, high], [0.0, 0.0], [5.0, high]]}
+        text = (
+            HEAD
+            + body("block", "steel", shape=box([-10.0, 10.0], [-10.0, 0.0]))
+            + support("block.bottom", ux=0.0, uy=0.0)
+            + pushed("press", "tip", fy=-10.0)
+            + contact("tip", "block.top", obstacle=wedge, accuracy=0.05)
+        )
+        summary = solve(text, tmp_path / f"run{number}", "output.fields=[]")
+        told = [text for text in summary["warnings"] if "times the contact modulus" in text]
+        assert len(told) == (high == 5.0)
+
+
 def test_pieces_that_do_not_join_are_told_by_name(tmp_path: Path) -> None:
     with pytest.raises(CaseError) as caught:
         solve(pad(0.3, ["pad.left", "pad.bottom"]), tmp_path / "pad")

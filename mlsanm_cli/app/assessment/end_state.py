@@ -11,6 +11,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Contact
 from mlsanm_cli.cloud.cloud import continuations
 from mlsanm_cli.contact.geometry.obstacles import Chain
+from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads, turns
@@ -20,6 +21,28 @@ END_DISTANCE = 0.75
 """Distance from an end, in spacings, within which nodes belong to it."""
 MIN_PRESSURE_SHARE = 0.2
 """Part of the mean pressure above which an end is pressed."""
+MAX_PRESSURE = 0.5
+"""Pressure over the contact modulus E* above which no elastic surfaces carry it: the peak of Hertz' line
+contact is half of E* where it is as wide as its cylinder."""
+
+
+def tip_warnings(built: CondensedScene, state: State) -> Iterator[str]:
+    """Warnings of peak pressures off the ends of contacts that no material carries, as at a rigid tip."""
+    for pairing in built.condensed.pairings:
+        pressure = state.pressure[built.condensed.spans[pairing.name]]
+        chosen = np.flatnonzero(pairing.candidate)
+        at = chosen[[int(np.argmax(pressure))]] if len(chosen) else chosen
+        materials = [built.scene.bodies[name].model.material for name in pairing.bodies]
+        compliance = sum(float(one.contact_compliance(pairing.normal[at]).sum()) for one in materials)
+        peak = regular_peak(pairing.arc[chosen], pressure)
+        if peak * compliance > MAX_PRESSURE:
+            x, y = pairing.points[at[0]].tolist()
+            yield (
+                f"contact {pairing.name}: the peak pressure {peak:.3g} near ({x:.6g}, {y:.6g}) is "
+                f"{peak * compliance:.3g} times the contact modulus, which no material carries; at a sharp "
+                f"tip or edge it is unbounded and depends on the grid: judge by forces, or round the tip; "
+                f"elsewhere check the units of the moduli against those of the loads"
+            )
 
 
 def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
