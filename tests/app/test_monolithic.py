@@ -36,8 +36,8 @@ SMOOTH = (f'{LAW}.law="hyperbolic"', f"{LAW}.eta=0.1", f"{LAW}.stick=1e-2")
 FRICTIONAL = (*COARSE, *SMOOTH, f"{LAW}.eta=0.02")
 
 EVEN = (
-    *("body.cylinder.spacing=0.1", "body.cylinder.seed=0"),
-    *("body.block.spacing=0.08", "body.block.seed=0"),
+    *("body.cylinder.spacing=0.1", "body.cylinder.refine=[]"),
+    *("body.block.spacing=0.08", "body.block.refine=[]"),
 )
 
 # Both motions are unknown, and the support at the side carries a part of what pushes along it.
@@ -64,7 +64,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "ghost": (hertz(), (*COARSE, SMOOTH[1], 'mls.scheme="ghost"')),
     "pushed": (PUSHED, SMOOTH[:2]),
     "tilting": (TILTING, SMOOTH[:2]),
-    "collocation": ("paper", (*EVEN, SMOOTH[1])),
+    "collocation": ("paper", (*EVEN, SMOOTH[1], 'mls.scheme="collocation"')),
 }
 
 

@@ -23,8 +23,7 @@ CASES = Path(__file__).parents[2] / "cases"
 def solve(name: str, directory: Path, *overrides: str) -> tuple[Mapping[str, Any], RunData]:
     summary = run(CASES / f"{name}.toml", overrides=overrides, out=directory, console=Quiet())
     assert summary["status"] == "done", summary
-    if name != "paper":
-        assert summary["force_balance"] <= 1e-8
+    assert summary["force_balance"] <= 1e-8
     return summary, read_run(directory)
 
 

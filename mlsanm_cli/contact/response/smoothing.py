@@ -34,5 +34,7 @@ def smoothing(points: FloatArray, length: float, spacing: float) -> FloatArray |
     waves[:, 0] = np.sqrt(1.0 / count)
     extent = points - points.mean(axis=0)
     more, size, _ = np.linalg.svd(extent - waves @ (waves.T @ extent), full_matrices=False)
-    shapes = np.hstack([waves, more[:, size > DEPENDENT * np.linalg.norm(extent)]])
+    more = more[:, size > DEPENDENT * np.linalg.norm(extent)]
+    # Small remainders lose their orthogonality.
+    shapes = np.linalg.qr(np.hstack([waves, more]))[0]
     return np.asarray(shapes @ shapes.T)
