@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mlsanm_cli.case.reference import all_explanations, sections
+from mlsanm_cli.case.explain import all_explanations, sections
 
 PAGE = Path(__file__).parent / "case-file.md"
 MARK = "do not edit below. -->\n"

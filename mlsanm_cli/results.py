@@ -195,7 +195,7 @@ class Run:
     ) -> list[Path]:
         """Draw the pictures of ``mlsanm plot`` into the run directory or ``out``; returns the files."""
         from mlsanm_cli.app.results.plot import plot
-        from mlsanm_cli.app.results.plot_choice import Choice
+        from mlsanm_cli.app.results.views import Choice
 
         choice = Choice(
             what=(what,) if what else (),

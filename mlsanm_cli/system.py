@@ -175,7 +175,7 @@ def peak_memory_mb() -> float:
     try:
         import resource
     except ImportError:
-        return _windows_peak() / MB
+        return float("nan")
     size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # In bytes on macOS, in KB elsewhere.
     return size / (MB if sys.platform == "darwin" else 1024.0)
@@ -185,46 +185,4 @@ def physical_memory_mb() -> float:
     """Memory of the machine; inf if the system does not report it."""
     if hasattr(os, "sysconf"):
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / MB
-    return _windows_memory() / MB
-
-
-def _windows_peak() -> float:
-    """Largest working set in bytes."""
-    import ctypes
-
-    class Counters(ctypes.Structure):
-        _fields_ = (
-            ("size", ctypes.c_uint32),
-            ("faults", ctypes.c_uint32),
-            ("peak", ctypes.c_size_t),
-            ("rest", 7 * ctypes.c_size_t),
-        )
-
-    found = Counters(size=ctypes.sizeof(Counters))
-    windows: Any = getattr(ctypes, "windll", None)
-    if windows is None:
-        return float("nan")
-    current = windows.kernel32.GetCurrentProcess
-    current.restype = ctypes.c_void_p
-    query = windows.kernel32.K32GetProcessMemoryInfo
-    query.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
-    return float(found.peak) if query(current(), ctypes.byref(found), found.size) else float("nan")
-
-
-def _windows_memory() -> float:
-    """Physical memory in bytes."""
-    import ctypes
-
-    class Status(ctypes.Structure):
-        _fields_ = (
-            ("length", ctypes.c_uint32),
-            ("load", ctypes.c_uint32),
-            ("physical", ctypes.c_uint64),
-            ("rest", 6 * ctypes.c_uint64),
-        )
-
-    found = Status(length=ctypes.sizeof(Status))
-    windows: Any = getattr(ctypes, "windll", None)
-    if windows is None or not windows.kernel32.GlobalMemoryStatusEx(ctypes.byref(found)):
-        return float("inf")
-    return float(found.physical)
+    return float("inf")

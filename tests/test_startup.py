@@ -119,7 +119,6 @@ SAME = (
 )
 ORDERS = {
     "lean, parts first": LEAN + PARTS + BLAS + WHOLE,
-    "lean, scipy first": LEAN + WHOLE + BLAS + PARTS,
     "parts first": PARTS + BLAS + WHOLE,
 }
 

@@ -46,7 +46,7 @@ def leaf_springs() -> Scene:
 
     def bent(force_at: float, seen_at: float) -> float:
         near, far = sorted((force_at, seen_at))
-        return near**2 * (3.0 * far - near) / (6.0 * stiffness)
+        return float(near**2 * (3.0 * far - near) / (6.0 * stiffness))
 
     long, middle, short = lengths
     tips = np.array(

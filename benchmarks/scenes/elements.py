@@ -5,6 +5,7 @@ Only outlines and places of vertices are shared with mlsanm; stiffness, loads an
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -178,3 +179,44 @@ def value_of(given: object, points: Array) -> Array:
         return np.full(len(points), float(given))  # type: ignore[arg-type]
     code = compile(given, "case", "eval")
     return np.array([float(eval(code, {"__builtins__": {}}, NAMES | {"x": x, "y": y})) for x, y in points])
+
+
+def obstacle_at(obstacle: Table, places: Array) -> tuple[Array, Array]:
+    """Closest points of an obstacle, and its outward normals."""
+    if obstacle["kind"] == "plane":
+        normal = np.array(obstacle["normal"]) / np.hypot(*obstacle["normal"])
+        away = (places - obstacle["point"]) @ normal
+        return places - away[:, None] * normal, np.tile(normal, (len(places), 1))
+    if obstacle["kind"] == "disk":
+        away = places - obstacle["center"]
+        normal = away / np.hypot(*away.T)[:, None] * (-1.0 if obstacle.get("inside") else 1.0)
+        sign = -1.0 if obstacle.get("inside") else 1.0
+        return np.array(obstacle["center"]) + sign * obstacle["radius"] * normal, normal
+    points = np.array(obstacle["points"], float)
+    best = np.full(len(places), np.inf)
+    to, out = np.zeros_like(places), np.zeros_like(places)
+    for a, b in itertools.pairwise(points):
+        way = b - a
+        t = np.clip((places - a) @ way / (way @ way), 0.0, 1.0)
+        near = a + t[:, None] * way
+        far = np.hypot(*(places - near).T)
+        closer = far < best
+        best = np.where(closer, far, best)
+        to[closer] = near[closer]
+        out[closer] = np.array([way[1], -way[0]]) / np.hypot(*way)  # the obstacle lies on the left
+    return to, out
+
+
+def area_of(outline: Outline) -> float:
+    """From points of the outline, its arcs by 4000 chords."""
+    area = 0.0
+    for curve in outline.curves:
+        p = curve.points(np.linspace(0.0, curve.length, 4001))
+        m, d = 0.5 * (p[1:] + p[:-1]), np.diff(p, axis=0)
+        area += 0.5 * float((m[:, 0] * d[:, 1] - m[:, 1] * d[:, 0]).sum())
+    return area
+
+
+def thickness(outline: Outline) -> float:
+    """Twice the area over the perimeter."""
+    return 2.0 * area_of(outline) / sum(curve.length for curve in outline.curves)

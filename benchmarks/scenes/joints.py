@@ -1,6 +1,8 @@
-"""Joints, anchors and grips: a bush that is twisted, a wedge anchor, a dowel, a bar clamp, a tilted punch."""
+"""Joints and grips: a lap joint, a twisted bush, a wedge anchor, a dowel, a bar clamp, a tilted punch."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from benchmarks.scenes.bending import STEEL
 from benchmarks.scenes.scene import (
     PLACE,
     Figure,
+    Refusal,
     Result,
     Scene,
     Table,
@@ -27,6 +30,57 @@ from benchmarks.scenes.scene import (
     scene,
     solid,
 )
+
+
+def lap_case(pull: float, friction: float) -> dict[str, Any]:
+    """Two strips of 60 x 3 that overlap on 20, clamped by pressure, pulled apart along x."""
+    clamp = "20.0 if abs(x - 50.0) < 10.0 else 0.0"
+    return case(
+        "stress",
+        {"steel": STEEL},
+        [box("lower", "steel", (0.0, 60.0), (-3.0, 0.0)), box("upper", "steel", (40.0, 100.0), (0.0, 3.0))],
+        support=[held("lower.left"), held("upper.right", "uy")],
+        contact=[
+            pair("lap", "upper.bottom", "lower.top", friction),
+            on_plane("anvil", "lower.bottom", (0.0, -3.0), (0.0, 1.0)),
+        ],
+        load=[
+            {"name": "clamp", "boundary": "upper.top", "kind": "pressure", "pressure": clamp},
+            platen("pull", "upper.right", fx=pull, uy=0.0),
+        ],
+        stage=[{"clamp": 1.0}, {"pull": 1.0}],
+    )
+
+
+@scene
+def lap_joint() -> Scene:
+    """Pulled by two thirds of what friction carries."""
+    given = lap_case(80.0, 0.3)
+    del given["support"][1]
+    return Scene(
+        "lap_joint",
+        "lap joint clamped and pulled",
+        given,
+        [
+            Figure("shear", lambda r: abs(r.force("lap")[0]), 80.0),
+            Figure("left", lambda r: abs(r.exerted("lower.left")[0]), 80.0),
+        ],
+    )
+
+
+@scene
+def lap_joint_slides() -> Scene:
+    """Pulled beyond the limit: both strips are guided, so that the clamping force alone presses."""
+    given = lap_case(240.0, 0.3)
+    del given["support"][1]
+    given["load"][1] = platen("pull", "upper.right", fx=240.0)
+    given["load"][1]["rotation"] = "fixed"
+    return Scene(
+        "lap_joint_slides",
+        "lap joint clamped and pulled",
+        given,
+        refusal=Refusal(("slide",), 1.0 + 0.3 * 400.0 / 240.0),
+    )
 
 
 @scene

@@ -6,16 +6,29 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.scenes.bending import write_mesh
 from benchmarks.scenes.halfplane import rough_contact
-from benchmarks.scenes.scene import Array, Figure, Move, Scene, box, case, held, platen, probe, scene, solid
+from benchmarks.scenes.mesh_files import write_mesh
+from benchmarks.scenes.scene import (
+    Array,
+    Figure,
+    Move,
+    Scene,
+    Table,
+    box,
+    case,
+    held,
+    platen,
+    probe,
+    scene,
+    solid,
+)
 from benchmarks.scenes.scene import body as make_body
 
 YOUNG, POISSON = 70e3, 0.3
 PLANE = YOUNG / (1.0 - POISSON**2)
 
 
-def polyline_case(profile: Array, wide: float, deep: float, force: float) -> dict:
+def polyline_case(profile: Array, wide: float, deep: float, force: float) -> Table:
     """A rigid profile (n, 2), pressed on a block between smooth walls."""
     return case(
         "strain",

@@ -21,20 +21,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.scenes import (  # noqa: F401  (they register their scenes)
-    assemblies,
-    bending,
-    fits,
-    joints,
-    layers,
-    machines,
-    mechanisms,
-    profiles,
-    wedges,
-)
 from benchmarks.scenes.compared import through_variants
+from benchmarks.scenes.every import SCENES
 from benchmarks.scenes.judge import Verdict, judged, run_case
-from benchmarks.scenes.scene import SCENES
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 OUTCOMES = (

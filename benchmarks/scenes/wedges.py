@@ -81,7 +81,7 @@ def wedge_indenter() -> Scene:
 
     def along(result: Result) -> Array:
         force = result.force("tip")
-        return np.array([-force[1], force[0]]) / np.hypot(*force)
+        return np.asarray(np.array([-force[1], force[0]]) / np.hypot(*force))
 
     def quarter(result: Result) -> float:
         x, p = profile(result)

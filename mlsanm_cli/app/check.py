@@ -8,9 +8,7 @@ from typing import Any
 
 from mlsanm_cli.app.assessment.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.assessment.references import check_reference
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.recording import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene

@@ -11,15 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import geometry_inspector
-from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir

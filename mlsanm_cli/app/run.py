@@ -21,26 +21,21 @@ from mlsanm_cli.app.assessment.checks import (
     check_transfer,
     force_balance,
 )
-from mlsanm_cli.app.assessment.drawn_overlaps import overlap_warnings
+from mlsanm_cli.app.assessment.end_state import check_held, check_rolling, end_warnings, overlap_warnings
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
-from mlsanm_cli.app.assessment.pressed_ends import end_warnings
 from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
-from mlsanm_cli.app.assessment.turning import check_held, check_rolling
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.output.summary import Ending, summarise
-from mlsanm_cli.app.results.finished import finished
+from mlsanm_cli.app.output.writer import attributes
+from mlsanm_cli.app.results.info import finished
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.causes import strain_warnings
 from mlsanm_cli.app.scene.imported import geometry_inspector
-from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
@@ -48,9 +43,8 @@ from mlsanm_cli.io.lock import locked
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import at_limit
-from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, State
-from mlsanm_cli.solve.stop_events import StoppedPath
+from mlsanm_cli.solve.stop_events import StoppedPath, load_path
 
 RESULTS = Path("results")
 
@@ -127,7 +121,9 @@ def resumable(directory: Path) -> Iterator[None]:
     try:
         yield
     except WriteError as error:
-        raise UnfinishedError(error.message, f"make room, then: mlsanm resume {directory}") from error
+        raise UnfinishedError(
+            error.message, f"make room, then: {run_dir.resume_command(directory)}"
+        ) from error
 
 
 def carry_out(
@@ -174,7 +170,7 @@ def carry_out(
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, adapted.prepared if adapted else prepared, built)
     except KeyboardInterrupt as stop:
-        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
+        ending = Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(recorder.directory)}")
         context.console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.scene.build import load_kernels
 from mlsanm_cli.kernels.aot.jit import is_warm
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 import sys
 import textwrap
@@ -14,8 +15,7 @@ import click
 
 from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, print_result
-from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.streams import say
+from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import BOLD, paint, table
 from mlsanm_cli.errors import RunError
 
@@ -57,9 +57,9 @@ def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: 
     except FileExistsError as error:
         raise RunError(f"{file} already exists", "use --force to overwrite it, or another name") from error
     result = {"file": str(file), "kind": kind}
-    steps = f"check: mlsanm check {file}\nsolve: mlsanm run {file}"
-    keys = file.with_name("mlsanm.schema.json")
-    editor = "" if keys.exists() else f"\nkeys in an editor: mlsanm schema > {keys}"
+    quoted, keys = shlex.quote(str(file)), file.with_name("mlsanm.schema.json")
+    steps = f"check: mlsanm check {quoted}\nsolve: mlsanm run {quoted}"
+    editor = "" if keys.exists() else f"\nkeys in an editor: mlsanm schema > {shlex.quote(str(keys))}"
     print_result(settings, result, f"{file}\n{steps}{editor}")
     return 0
 
@@ -86,7 +86,7 @@ def explain(settings: Settings, key: str, all_keys: bool) -> int:
     KEY is a dotted key, for instance body.refine.spacing. Without KEY, list the tables.
     """
     if all_keys:
-        from mlsanm_cli.case.reference import all_explanations, markdown
+        from mlsanm_cli.case.explain import all_explanations, markdown
 
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")

@@ -18,8 +18,7 @@ from mlsanm_cli.cli.options import (
     set_option,
     threads_option,
 )
-from mlsanm_cli.cli.settings import Settings, numerics
-from mlsanm_cli.cli.streams import say
+from mlsanm_cli.cli.settings import Settings, numerics, say
 from mlsanm_cli.cli.text import as_json
 
 

@@ -52,7 +52,7 @@ def names(*tables: str) -> Complete:
 
 def _known() -> list[str]:
     """All keys of the schema that are not tables."""
-    from mlsanm_cli.case.reference import value_keys
+    from mlsanm_cli.case.explain import value_keys
 
     return value_keys()
 

@@ -14,8 +14,7 @@ import click
 
 from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.console import TerminalConsole
-from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.streams import say
+from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import as_json, pretty
 from mlsanm_cli.inputs import is_text
 

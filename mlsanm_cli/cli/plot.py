@@ -1,4 +1,4 @@
-"""``mlsanm plot``."""
+"""``mlsanm plot`` and ``mlsanm report``."""
 
 from __future__ import annotations
 
@@ -72,8 +72,29 @@ def plot(
     with console_for(settings, "drawing"):
         with numerics(1):
             from mlsanm_cli.app.results.plot import plot as plot_run
-            from mlsanm_cli.app.results.plot_choice import Choice
+            from mlsanm_cli.app.results.views import Choice
         choice = Choice(what, contact, field, at, along, out, animate)
         files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)
     print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
+    return 0
+
+
+@click.command()
+@click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
+@click.option(
+    "-o", "--output", "out", type=FILE, help="Output file.  [default: report.html in the run directory]"
+)
+@common
+@click.pass_obj
+def report(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
+    """Write an HTML report on one run or several.
+
+    A self-contained file with case, pictures, tables, checks and provenance. For several runs it is written
+    to the current directory unless -o is given.
+    """
+    with console_for(settings, "drawing"):
+        with numerics(1):
+            from mlsanm_cli.app.results.report import report as write_report
+        path = write_report(rundirs, out)
+    print_result(settings, {"file": str(path)}, str(path))
     return 0

@@ -14,8 +14,7 @@ import click
 
 from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, console_for, pretty_result, print_result
-from mlsanm_cli.cli.settings import Settings, numerics
-from mlsanm_cli.cli.streams import say
+from mlsanm_cli.cli.settings import Settings, numerics, say
 from mlsanm_cli.cli.text import grid, label, number
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import plain

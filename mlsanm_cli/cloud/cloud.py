@@ -1,9 +1,9 @@
-"""The node cloud of one body."""
+"""The node cloud of one body, with nodes at points where they are wanted, on the outline or inside."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,16 +12,14 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.front import fill_region
+from mlsanm_cli.cloud.front import fill_region, relax
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import inside_body
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.places import Places
-from mlsanm_cli.cloud.relax import relax
+from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, Mirror, SymmetryLine
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.cloud.triangles import triangulate
@@ -274,3 +272,47 @@ def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
     order = np.argsort(strip, kind="stable")
     start = np.searchsorted(strip[order], np.arange(STRIPS + 1))
     return start.astype(np.int64), number[order].astype(np.int64), bottom, height
+
+
+@dataclass(frozen=True)
+class Places:
+    """Wanted ``points`` (k, 2), the index ``curve`` (k,) of the outline curve they lie on or next to (-1
+    inside), and the arc length ``arc`` (k,) of the closest point there."""
+
+    points: FloatArray
+    curve: IntArray
+    arc: FloatArray
+
+    @classmethod
+    def of(cls, outline: Outline, spacing: Spacing, points: FloatArray) -> Places:
+        """Locate ``points`` (k, 2)."""
+        number, arc, least = np.full(len(points), -1), np.zeros(len(points)), np.full(len(points), np.inf)
+        for k, curve in enumerate(outline.curves if len(points) else ()):
+            s = curve.closest(points)
+            away = np.hypot(*(curve.points(s) - points).T)
+            nearer = away < least
+            number[nearer], arc[nearer], least[nearer] = k, s[nearer], away[nearer]
+        number[least > MIN_DISTANCE * spacing.at(points)] = -1
+        return cls(points, number, arc)
+
+    def along(self, number: int) -> FloatArray:
+        """Arc lengths of the points on curve ``number``."""
+        return np.asarray(self.arc[self.curve == number])
+
+    def upon(self, line: SymmetryLine) -> bool:
+        """Whether all interior points are on a ``line``."""
+        points = self.points[self.curve < 0]
+        size = np.abs(points).max(initial=0.0) + abs(line.at)
+        return bool((np.abs(points[:, line.axis] - line.at) <= IMAGE_TOLERANCE * size).all())
+
+    def inside(self, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing) -> FloatArray:
+        """Interior points (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""
+        points = self.points[self.curve < 0]
+        if not len(points):
+            return points
+        room = MIN_DISTANCE * spacing.at(points)
+        kept = inside_body(boundary, *boundary_of(surfaces.values()), points)
+        for k in np.flatnonzero(kept):
+            others = np.flatnonzero(kept[:k])
+            kept[k] = (np.hypot(*(points[others] - points[k]).T) > room[k]).all()
+        return np.ascontiguousarray(points[kept])

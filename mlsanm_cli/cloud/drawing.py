@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
+from mlsanm_cli.cloud.membership import inside_polygon, signed_area
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.errors import Fault, OutlineError
 

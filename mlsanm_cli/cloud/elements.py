@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop
-from mlsanm_cli.cloud.polygon import signed_area
+from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.startup import cKDTree
 

@@ -17,8 +17,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.halves import surface_images
+from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface

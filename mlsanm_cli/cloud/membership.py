@@ -1,4 +1,5 @@
-"""Point-in-body test from the boundary nodes alone, as run.h5 stores them."""
+"""Point-in-polygon test, polygon area, and outlines that cross themselves; point-in-body test from the
+boundary nodes alone, as run.h5 stores them."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.polygon import BATCH_SIZE, inside_polygon
+from mlsanm_cli.startup import cKDTree
 
 SAGITTA_FACTOR = 1.1
 """Factor on the sagitta of an arc through two nodes: allowance for curves that are not arcs."""
@@ -58,3 +59,47 @@ def inside_body(
 def _batches(targets: IntArray, chords: int) -> list[IntArray]:
     """Batches of targets to be compared with all chords at once."""
     return np.array_split(targets, 1 + len(targets) * chords // BATCH_SIZE)
+
+
+BATCH_SIZE = 2**18
+"""Point-edge pairs processed at once: large for speed, small for memory."""
+
+
+def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
+    """Mask (n,) of ``points`` (n, 2) inside closed loops of ``edges`` (e, 4), by the even-odd rule."""
+    x0, y0, x1, y1 = edges[edges[:, 1] != edges[:, 3]].T
+    inside = np.zeros(len(points), dtype=bool)
+    step = max(1, BATCH_SIZE // max(1, len(x0)))
+    for first in range(0, len(points), step):
+        x, y = points[first : first + step].T
+        # Few edges cross the level of a point: only for these is the intersection computed.
+        point, edge = np.nonzero((y0 > y[:, None]) != (y1 > y[:, None]))
+        crossing = x0[edge] + (y[point] - y0[edge]) / (y1[edge] - y0[edge]) * (x1[edge] - x0[edge])
+        odd = np.bincount(point[x[point] < crossing], minlength=len(x)) % 2
+        inside[first : first + step] = odd == 1
+    return inside
+
+
+def signed_area(points: FloatArray) -> float:
+    """Area of a closed polygon ``points`` (k, 2), negative if clockwise."""
+    x, y = (points - points[0]).T
+    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+
+
+def first_crossing(chords: FloatArray) -> FloatArray | None:
+    """A point (2,) near the crossing of two ``chords`` (e, 4), or None; sharing an end is no crossing."""
+    start, end = chords[:, :2], chords[:, 2:]
+    reach = float(np.hypot(*(end - start).T).max())
+    pairs = cKDTree(0.5 * (start + end)).query_pairs(reach, output_type="ndarray")
+    a, b, c, d = start[pairs[:, 0]], end[pairs[:, 0]], start[pairs[:, 1]], end[pairs[:, 1]]
+    apart = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
+    if not apart.any():
+        return None
+    first = int(np.argmax(apart))
+    middle: FloatArray = 0.25 * (a + b + c + d)[first]
+    return middle
+
+
+def _side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    u, v = b - a, c - a
+    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.startup import cKDTree
 

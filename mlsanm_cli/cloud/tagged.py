@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop, turns
-from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
+from mlsanm_cli.cloud.membership import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.startup import cKDTree
 

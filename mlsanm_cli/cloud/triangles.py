@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.search import run_interruptible
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import Delaunay
@@ -28,13 +28,14 @@ def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion 
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
-    # Only triangles of three boundary nodes can lie outside, across a hollow or flat along a curve.
+    # Only triangles of three boundary nodes can lie outside, across a hollow or flat along a curve. Where
+    # slits are opened: drawn, those next to a slit's end may turn about and lie over their neighbours.
     on_boundary = np.zeros(len(points), dtype=bool)
     on_boundary[edges] = True
     outside = np.abs(twice) <= FLAT * ((b - a) ** 2).sum(axis=1)
     doubtful = np.flatnonzero(on_boundary[triangles].all(axis=1) & ~outside)
-    centers = points[triangles[doubtful]].mean(axis=1)
-    outside[doubtful] = ~inside_polygon(points[edges].reshape(-1, 4), centers)
+    centers = placed[triangles[doubtful]].mean(axis=1)
+    outside[doubtful] = ~inside_polygon(placed[edges].reshape(-1, 4), centers)
     inner: IntArray = triangles[~outside]
     if sight is not None:
         ends = np.roll(inner, -1, axis=1)

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from mlsanm_cli.continuation.corrector import Correction, correct
 from mlsanm_cli.continuation.follow import follow
-from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions, PathOptions
 from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
-from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
+from mlsanm_cli.continuation.problem import (
+    AnmOptions,
+    FloatArray,
+    NewtonOptions,
+    PathOptions,
+    Problem,
+    SingularTangentError,
+    Tangent,
+)
 from mlsanm_cli.continuation.series import Branch
 
 __all__ = [

@@ -15,9 +15,8 @@ import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct_end, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Series, expand
-from mlsanm_cli.continuation.options import AnmOptions
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
-from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError
+from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, SingularTangentError
 from mlsanm_cli.continuation.ranges import RangeOfValidity
 from mlsanm_cli.continuation.series import Branch
 

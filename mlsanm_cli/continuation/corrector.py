@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
-from mlsanm_cli.continuation.options import PathOptions
-from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
+from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
 
 # An update halved more often has failed: 2^-40 of a Newton step is no progress.

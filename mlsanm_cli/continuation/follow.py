@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 
 from mlsanm_cli.continuation.anm import AnmFollower
 from mlsanm_cli.continuation.newton import NewtonFollower
-from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions
 from mlsanm_cli.continuation.path import Follower
-from mlsanm_cli.continuation.problem import FloatArray, Problem
+from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, NewtonOptions, Problem
 from mlsanm_cli.continuation.series import Branch
 
 

@@ -26,9 +26,8 @@ from mlsanm_cli.continuation.corrector import (
     residual_norm,
 )
 from mlsanm_cli.continuation.expansion import ExpansionPoint
-from mlsanm_cli.continuation.options import NewtonOptions
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
-from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError
+from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
 
 # A failed step is repeated with half its length; many iterations shorten the next step by no more than that.

@@ -19,8 +19,7 @@ import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
-from mlsanm_cli.continuation.options import PathOptions
-from mlsanm_cli.continuation.problem import FloatArray, Problem
+from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem
 from mlsanm_cli.continuation.series import Branch
 
 

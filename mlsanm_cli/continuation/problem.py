@@ -1,8 +1,10 @@
-"""The equations R(x, lam) = 0 as continuation methods see them. This package contains no mechanics."""
+"""The equations R(x, lam) = 0 as continuation methods see them, and the options of path following. This
+package contains no mechanics."""
 
 from __future__ import annotations
 
-from typing import Protocol, TypeAlias
+from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,3 +68,89 @@ class Problem(Protocol):
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
         """Whether (x, lam) satisfies every constraint, for instance gaps > 0."""
+
+
+# The target of a correction as a part of the tolerance; the rest is left to the series that follows.
+_CORRECTION_TARGET = 0.01
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """Options of every method.
+
+    Attributes
+    ----------
+    tolerance : largest residual allowed anywhere on the path (Newton's method: at the ends of steps)
+    max_steps : the path stops after this number of steps
+    direction : direction at the start: load factor increasing (1), decreasing (-1), or (0) the direction of
+        the previous piece of path, else towards the target; later steps follow the path
+    min_length : a step shorter than this, in scaled units of the path, ends the path
+    max_corrections : largest number of Newton updates of one correction
+    """
+
+    tolerance: float = 1e-8
+    max_steps: int = 2000
+    direction: Literal[-1, 0, 1] = 0
+    min_length: float = 1e-10
+    max_corrections: int = 50
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise ValueError("tolerance must lie between 0 and 1")
+        if self.max_steps < 1 or self.max_corrections < 1:
+            raise ValueError("max_steps and max_corrections must be at least 1")
+        if self.direction not in (-1, 0, 1):
+            raise ValueError(f"direction must be -1, 0 or 1, not {self.direction}")
+        if not self.min_length > 0.0:
+            raise ValueError("min_length must be positive")
+
+    @property
+    def goal(self) -> float:
+        """Target for the residual of a correction."""
+        return self.tolerance * _CORRECTION_TARGET
+
+
+@dataclass(frozen=True)
+class AnmOptions(PathOptions):
+    """Options of a path followed by power series.
+
+    Attributes
+    ----------
+    order : order N of the series, 2 to 40; 15 to 30 is most efficient
+    pade : use a Padé approximant where that makes the step longer
+    """
+
+    order: int = 20
+    pade: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 2 <= self.order <= 40:
+            raise ValueError(f"order must lie between 2 and 40, not {self.order}")
+
+
+@dataclass(frozen=True)
+class NewtonOptions(PathOptions):
+    """Options of a path followed by Newton-Raphson iterations.
+
+    Attributes
+    ----------
+    control : every step solves at a given load factor ("load"), or on the plane normal to its first tangent
+        ("arc-length"), which passes folds
+    first : first step as a part of the straight way to the target load factor
+    wanted : steps grow if they take fewer iterations than this, and shrink if they take more
+    growth : largest ratio of the lengths of consecutive steps
+    """
+
+    max_corrections: int = 25
+    control: Literal["load", "arc-length"] = "load"
+    first: float = 0.1
+    wanted: int = 6
+    growth: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.control not in ("load", "arc-length"):
+            raise ValueError(f'control must be "load" or "arc-length", not {self.control!r}')
+        if not self.first > 0.0 or self.wanted < 1 or not self.growth >= 1.0:
+            raise ValueError("first must be positive, wanted and growth must be at least 1")

@@ -16,10 +16,8 @@ import numpy as np
 
 from mlsanm_cli.continuation.corrector import residual_norm
 from mlsanm_cli.continuation.expansion import Metric, Series
-from mlsanm_cli.continuation.options import AnmOptions
-from mlsanm_cli.continuation.pade import denominator, nearest_pole
-from mlsanm_cli.continuation.problem import FloatArray, Problem
-from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, Problem
+from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
 
 # A length is accepted if the residual there lies between the first and the last of these parts of the
 # tolerance (it grows as the power N + 1 of the length, so that steps are some 3 % shorter than the longest

@@ -5,17 +5,14 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.system import host, open_regular, try_lock
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 LOCK_FILE = "run.lock"
 UNLINKS_OPEN_FILES = os.name != "nt"

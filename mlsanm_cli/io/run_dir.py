@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from typing import TYPE_CHECKING
+import shlex
+from pathlib import Path
 
 import h5py
 
@@ -12,9 +13,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
 from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
 from mlsanm_cli.io.summary import INTERFACE_COLUMNS
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"
@@ -39,6 +37,11 @@ _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
 # In the metadata of every picture, see figures.py.
 PICTURE_SIGNATURE = b"mlsanm"
 _COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
+
+
+def resume_command(directory: Path) -> str:
+    """What continues a run, as a shell takes it."""
+    return f"mlsanm resume {shlex.quote(str(directory))}"
 
 
 def fields_name(index: int) -> str:

@@ -22,23 +22,20 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError, WriteError
 from mlsanm_cli.io.atomic import cannot_write, replacing
-from mlsanm_cli.io.path_table import path_table
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
+from mlsanm_cli.io.summary import path_table
 
 FORMAT = 1
 SAVE_INTERVAL = 30.0

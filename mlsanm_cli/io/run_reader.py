@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -12,14 +14,10 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.path_table import items_of, path_table
 from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_dir import RUN_FILE
 from mlsanm_cli.io.run_file import FORMAT
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
+from mlsanm_cli.io.summary import items_of, path_table
 
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""

@@ -116,16 +116,22 @@ class Corner:
             z = np.where(at, self.tip + place[0], z)
         return z
 
+    def mirrored(self, source: FloatArray) -> tuple[SurfaceForces, FloatArray] | None:
+        """Images, behind a frictionless wall, of unit forces at distances ``source`` (k,) from the tip, and
+        their components (k, 2, 2) per component of the forces; None without a wall."""
+        if not self.wedge.sliding:
+            return None
+        acts = source > 0.0
+        place = np.asarray(
+            self.tip + np.where(acts, source, self.length) * self.wedge.second, dtype=np.complex128
+        )
+        inward = np.full(len(source), self.wedge.inward[1])
+        return SurfaceForces(self.wedge.kernel, place, inward), acts[:, None, None] * self.wedge.image
+
     def images(self, source: FloatArray, force: FloatArray) -> tuple[Images, ...]:
         """Images, behind a frictionless wall, of forces (k, 2, c) at distances ``source`` (k,)."""
-        acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
-        if not (self.wedge.sliding and acting.any()):
-            return ()
-        source, force = source[acting], force[acting]
-        place = np.asarray(self.tip + source * self.wedge.second, dtype=np.complex128)
-        inward = np.full(len(source), self.wedge.inward[1])
-        image = np.einsum("fd,kdc->kfc", self.wedge.image, force)
-        return (Images(SurfaceForces(self.wedge.kernel, place, inward), image),)
+        found = self.mirrored(source)
+        return () if found is None else (Images(found[0], np.einsum("kfd,kdc->kfc", found[1], force)),)
 
     def face_forces(self, source: FloatArray, force: FloatArray) -> tuple[FaceForces, ...]:
         """Force densities along both faces for forces (k, 2, c) at distances ``source`` (k,); empty without

@@ -10,7 +10,6 @@ Equation (19) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,13 +17,11 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import rigid_pattern
 from mlsanm_cli.operators.stencils import build_stencils
-
-if TYPE_CHECKING:
-    from mlsanm_cli.mechanics.body_model import BodyModel
 
 RANK_TOLERANCE = 1e-13
 """Rigid motions with a mean square below this fraction of a unit motion's are undetermined (round-off)."""

@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
@@ -32,12 +31,10 @@ from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, c
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
-
-if TYPE_CHECKING:
-    from mlsanm_cli.mechanics.body_model import BodyModel
 
 BOUNDARY_NODES = 16
 """Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose some

@@ -8,6 +8,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes
 
 ITERATIONS = 8
 LOAD_TOLERANCE = 1e-6
@@ -21,7 +22,8 @@ def bulk_stability(body: ElasticBody) -> float:
 
         sigma = min |S u| / |u|        stability = sigma max_b |u_b| / |S b|        0 < stability
 
-    b are linearly varying body forces and u_b their displacements. In a sound discretisation hardly any
+    b are linearly varying body forces and u_b their displacements, both without their rigid part: how firmly
+    a body is held says nothing of its discretisation. In a sound discretisation hardly any
     residual causes more displacement than these; one that amplifies some rough residual a hundred times as
     much amplifies its own discretisation error likewise. The rows of pieces, thousands of times as strong,
     count in S u but not in S b. sigma is computed by a few steps of subspace iteration with the available
@@ -32,9 +34,19 @@ def bulk_stability(body: ElasticBody) -> float:
     # Ghosts carry no displacement of the body.
     measure = np.zeros((model.unknowns, 1))
     measure[: 2 * count, 0] = np.repeat(model.cloud.spacing, 2)
+    middle = model.cloud.points.mean(axis=0)
+    motions = RigidBodyModes((middle[0], middle[1]), (0, 1, ROTATION)).patterns(model.cloud.points)
+    rigid = np.zeros((model.unknowns, 3))
+    rigid[: 2 * count] = np.linalg.qr(measure[: 2 * count] * motions)[0]
+
+    def deforming(displacements: FloatArray) -> FloatArray:
+        """Displacements, one column each, in the measure and without their rigid part."""
+        measured = measure * displacements
+        return measured - rigid @ (rigid.T @ measured)
+
     forces = [body.force_source(force) for force in _linear_forces(model)]
     loads = sparse.csc_array(np.stack(forces, axis=1))
-    response = measure * system.solve(loads)
+    response = deforming(system.solve(loads))
     scaled = system.scaled(loads, strong=False)
     # Discard loads that vanish or coincide on a few nodes.
     _, sizes, turned = np.linalg.svd(scaled, full_matrices=False)
@@ -44,7 +56,7 @@ def bulk_stability(body: ElasticBody) -> float:
     space: FloatArray = np.concatenate([response, rough], axis=1)
     for _ in range(ITERATIONS):
         space = np.linalg.qr(space)[0]
-        image = measure * system.inverse_normal(measure * space)
+        image = deforming(system.inverse_normal(measure * space))
         largest = np.linalg.eigvalsh(0.5 * (space.T @ image + image.T @ space))[-1]
         space = image
     return float(np.sqrt(smooth / largest))

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.kernels.cubic import cubic_rows
+from mlsanm_cli.kernels.radial import cubic_rows
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, traction
 
 STEP, COUNT = 0.02, 4096

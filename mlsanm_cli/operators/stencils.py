@@ -1,4 +1,5 @@
-"""Stencils: the neighbours of a point and the weights of value and derivatives there.
+"""Stencils: the neighbours of a point and the weights of value and derivatives there; those of a symmetric
+cloud are built on one side and reflected.
 
 Equation (1) of docs/method.md.
 """
@@ -11,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
+from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
@@ -201,3 +203,30 @@ def _merge(
         worst,
     )
     return gathered.take(order)
+
+
+def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
+    """Stencils of all nodes (n) from those of the mirror's own nodes (h).
+
+    Stencils on the line are averaged with their images, as only one of two equidistant nodes may be included.
+    """
+    times = np.where(mirror.side == 0, 2, 1)
+    whole = stencils.take(np.repeat(mirror.place, times))
+    first = np.concatenate([[0], np.cumsum(times)])
+    imaged = np.repeat(mirror.side < 0, times)
+    imaged[first[1:][mirror.side == 0] - 1] = True
+    length = np.diff(whole.indptr)
+    beyond = np.repeat(imaged, length)
+    # In place, kind by kind, to save memory.
+    share = np.repeat(np.repeat(1.0 / times, times), length)
+    for kind, sign in enumerate(mirror.derivative_signs(whole.weights.shape[1])):
+        whole.weights[:, kind] *= np.where(beyond, sign, 1.0) * share
+    indices = np.where(beyond, mirror.image[whole.indices], whole.indices)
+    return replace(whole, indptr=whole.indptr[first], indices=indices)
+
+
+def reflected_numbers(numbers: IndexArray, mirror: Mirror) -> IndexArray:
+    """Node numbers (n, k) for all nodes from those (h, k) of the mirror's own nodes."""
+    whole, beyond = numbers[mirror.place], mirror.side < 0
+    whole[beyond] = mirror.image[whole[beyond]]
+    return whole

@@ -27,10 +27,9 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
-from mlsanm_cli.solve.direction_updates import turns, unturned
+from mlsanm_cli.solve.direction_updates import rolls_away, turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
-from mlsanm_cli.solve.rolling import rolls_away
 
 FIRST_HALF_WIDTH = 0.05
 """Half-width of the patches with which a search starts, relative to the range."""
@@ -44,9 +43,10 @@ EXACT_FACTOR, FRICTION_FACTOR, REGULARIZED_FACTOR = 0.25, 1.7, 10.0
 """Estimated error of a grid over the requested accuracy at which refinement ends: without friction, at hardly
 any cost; with friction, where every node that starts to slide is an event of the path; and with regularised
 friction, which is 0.6 % off partial slip whatever the grid."""
-MAX_PATCHES = 2
-"""Frictionless contacts with more patches are refined to the requested accuracy only, as their unknowns are
-solved for together."""
+MAX_PATCHES, MAX_ENDS = 2, 10
+"""Frictionless contacts with more patches, or on paths with more ends of stages and requested states, are
+refined to the requested accuracy only: their unknowns are solved for together, and one grid is fine at the
+ends of contact in all states."""
 
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
@@ -114,7 +114,8 @@ def _found(
     common, passed = dict(first.common), dict(first.passed)
     coarsened = bool(starts)
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
-    accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
+    few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
+    accuracy = {contact.name: contact.accuracy * _effort(contact, few) for contact in case.contact}
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
     responses = resolved = first.responses
@@ -227,10 +228,11 @@ def _turned(
     return None if _same(result, grids) else result
 
 
-def _effort(contact: Contact, count: int) -> float:
-    """Estimated error up to which a contact's grid is refined, over its accuracy."""
+def _effort(contact: Contact, few: bool) -> float:
+    """Estimated error up to which a contact's grid is refined, over its accuracy, on paths with ``few``
+    patches and states or not."""
     if not contact.friction:
-        return EXACT_FACTOR if count <= MAX_PATCHES else 1.0
+        return EXACT_FACTOR if few else 1.0
     law = contact.regularization
     return REGULARIZED_FACTOR if law.law == "hyperbolic" and law.friction_law == "memory" else FRICTION_FACTOR
 

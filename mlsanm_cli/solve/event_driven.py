@@ -8,16 +8,19 @@ from mlsanm_cli.contact.laws.contact_status import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
 from mlsanm_cli.contact.laws.event_driven import Event, event_driven_path
 from mlsanm_cli.contact.laws.event_driven import start as first_event
-from mlsanm_cli.contact.laws.sliding import SlidingError
+from mlsanm_cli.contact.laws.limit_load import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State, output_positions, stops
+from mlsanm_cli.solve.state import (
+    UNLOADED,
+    Checkpoint,
+    FrictionHistory,
+    PathStep,
+    State,
+    output_positions,
+    stops,
+)
 
-FADED_SHARE = 1e-3
-"""Residuals are relative to pressures of at least this part of those at earlier ends of stages: unloading
-leaves their round-off."""
-NOTHING_LEFT = 1e-3
-"""Contacts with less than this part of such pressures lose them without a warning of the jump."""
 MAX_ROWS = 40
 """Largest number of events of a stage with friction that are stored as steps, evenly distributed."""
 
@@ -71,7 +74,7 @@ class _Rows:
         """Step that ends at an event, if it is to be stored."""
         self._solves += event.solves
         self._pending = event
-        unloaded = _share(self._built, event.state, self._stage + event.fraction) < NOTHING_LEFT
+        unloaded = _share(self._built, event.state, self._stage + event.fraction) < UNLOADED
         if event.jumped and not self._unloaded:
             self._jump = (
                 f"the contact snaps to another state before position {self._stage + event.fraction:.6g}: "
@@ -131,5 +134,5 @@ def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -
 def _share(built: CondensedScene, state: CoulombState, position: float) -> float:
     """Pressures over the least by which residuals are measured, if they are below."""
     before = max((float(end.pressure.max(initial=0.0)) for end in built.ends[: int(position)]), default=0.0)
-    least, now = FADED_SHARE * before, float(state.values.pressure.max(initial=0.0))
+    least, now = UNLOADED * before, float(state.values.pressure.max(initial=0.0))
     return now / least if now < least else 1.0

@@ -119,9 +119,7 @@ def ranged(
     Nodes beyond a grid that touch are included in its range from then on: they are paired in directions other
     than those of the grid, and may be open on it.
     """
-    touched = [
-        condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in states
-    ]
+    touched = [condensed.touched(*state.unknowns) for state in states]
     result = dict(grids)
     for pairing in condensed.pairings:
         name = pairing.name
@@ -258,10 +256,7 @@ def passed_beyond(
         grid, span = pairing.grid, condensed.spans[pairing.name]
         if grid is None or pairing.bonded or not states:
             continue
-        touched = [
-            pairing.arc[condensed.touched(one.factors, one.motion, one.pressure, one.traction)[pairing.name]]
-            for one in states
-        ]
+        touched = [pairing.arc[condensed.touched(*one.unknowns)[pairing.name]] for one in states]
         seen = summits(condensed, pairing.name, ranges[pairing.name], states)
         closed = grid.hats.place[np.any([state.active[span] for state in states], axis=0)]
         places = np.concatenate([closed, seen, *touched])
@@ -290,7 +285,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     beyond = (places < hats.nodes[0]) | (places > hats.nodes[-1])
     chosen = np.zeros(len(places), dtype=bool)
     for state in states:
-        gap = condensed.watched(state.factors, state.motion, state.pressure, state.traction)[watched]
+        gap = condensed.watched(*state.unknowns)[watched]
         moved = np.concatenate([state.gap[span] - own, gap - others])
         closed = state.active[span]
         touching = np.pad(closed, 2)

@@ -11,10 +11,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.limit_load import limit_load
+from mlsanm_cli.contact.laws.limit_load import SlidingError, limit_load, slides_freely
 from mlsanm_cli.contact.laws.regularized_friction import FactorisationCount, RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import NoStateError
-from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
 from mlsanm_cli.continuation import (
     AnmOptions,
@@ -29,28 +28,26 @@ from mlsanm_cli.continuation import (
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
-from mlsanm_cli.solve.regularized_points import (
-    PathPoint,
-    between,
-    checkpoint_at,
-    inside,
-    moved,
-    restored,
-    series_of,
-    state_of,
-)
 from mlsanm_cli.solve.series import (
+    PathPoint,
     at,
     at_target,
+    between,
+    checkpoint_at,
     coupling_of,
     drawn,
+    inside,
     levels_in,
+    moved,
     path_options,
     path_step,
     previous_piece,
     problem_of,
     regularization,
+    restored,
+    series_of,
     start_point,
+    state_of,
     states_in,
     stopped,
 )

@@ -17,10 +17,10 @@ from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, Unbal
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
+from mlsanm_cli.solve.direction_updates import RollingError, turned_by_loads
 from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
-from mlsanm_cli.solve.load_factors import factors_at
-from mlsanm_cli.solve.rolling import RollingError, turned_by_loads
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""
@@ -135,7 +135,7 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
         if min(curvature) <= 0.0:
             continue
         for end in ends:
-            slip = condensed.slip(end.factors, end.motion, end.pressure, end.traction)[tangential]
+            slip = condensed.slip(*end.unknowns)[tangential]
             largest = float(np.abs(slip[end.pressure[span] > 0.0]).max(initial=0.0))
             # As the line between the centres of two disks.
             turn = largest / sum(1.0 / one for one in curvature)
@@ -250,7 +250,7 @@ def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
 
 def touched_nodes(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
     """Mask (w,) of paired nodes that are no candidates but overlap in one of the states, by contact."""
-    found = [condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in ends]
+    found = [condensed.touched(*state.unknowns) for state in ends]
     return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}
 
 

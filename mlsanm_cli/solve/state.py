@@ -15,6 +15,12 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
+UNLOADED = 1e-3
+"""Part of earlier pressures and forces that unloading leaves: contacts are solved to a tolerance relative to
+these, and regularised laws leave as much, on a few nodes. Smaller forces are not checked, residuals are
+relative to pressures of at least this part, and contacts with less than this part of these lose them without
+a warning of the jump."""
+
 
 @dataclass(frozen=True)
 class State:

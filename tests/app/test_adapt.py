@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,24 +11,15 @@ import pytest
 from benchmarks.formulas.lame import LameRing
 from mlsanm_cli.app.assessment import refinement as adapt
 from mlsanm_cli.app.assessment.refinement import LOW_DEGREE_RULE
-from mlsanm_cli.app.scene import assemble as scene
-from mlsanm_cli.app.scene import build
-from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.build import condense_scene, place
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.geometry.patches import contact_patches
+from mlsanm_cli.contact.geometry.profile import contact_patches
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.kernels.aot.jit import Loaded
-from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.solve.condensed_scene import CondensedScene
-from tests.app.scenes import BAR, COARSE, NODAL, PATCH, Quiet, assert_same_results, solve
-from tests.case_text import body, box, head, load, material, support
+from tests.app.scenes import BAR, NODAL, PATCH, solve
+from tests.case_text import body, head, load, material, support
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
 
@@ -45,11 +35,6 @@ RING = (
     + support("ring.start", uy=0.0)
     + support("ring.end", ux=0.0)
     + load("inside", "ring.inner", "pressure", pressure=100.0)
-)
-FAR = (
-    body("far", "steel", 0.2, box([20.0, 22.0], [0.0, 1.0]))
-    + support("far.left", ux=0.0, uy=0.0)
-    + load("pull", "far.right", "traction", traction=[1.0, 0.0])
 )
 
 
@@ -197,39 +182,3 @@ def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None
     summary = solve(NODAL, tmp_path / "overlap", *settings)
     assert summary["status"] == "done"
     assert len(summary["adapt"]) == 2
-
-
-def test_kernels_are_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(build, "load", lambda: Loaded(None, None, "compiled kernels cannot be kept"))
-    console = Quiet()
-    solve(RING, tmp_path / "run", "adapt.passes=1", console=console)
-    assert console.warnings.count("compiled kernels cannot be kept") == 1
-
-
-def test_a_body_that_no_pass_changes_keeps_its_operators(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[str] = []
-
-    def counted(model: BodyModel, *rest: Any, **named: Any) -> ElasticBody:
-        made.append(model.name)
-        return assemble(model, *rest, **named)
-
-    monkeypatch.setattr(scene, "assemble", counted)
-    text = NODAL + FAR
-    passes = len(solve(text, tmp_path / "kept", *COARSE, "adapt.passes=1")["adapt"])
-    assert passes > 1
-    assert (made.count("block"), made.count("far")) == (passes, 1)
-
-    def placed(*given: Any) -> SceneModel:
-        return place(*given[:3])
-
-    def completed(*given: Any) -> CondensedScene:
-        return condense_scene(*given[:3])
-
-    made.clear()
-    monkeypatch.setattr(adapt, "place", placed)
-    monkeypatch.setattr(adapt, "condense_scene", completed)
-    solve(text, tmp_path / "anew", *COARSE, "adapt.passes=1")
-    assert made.count("far") == passes
-    assert_same_results(tmp_path / "kept", tmp_path / "anew")

@@ -66,21 +66,6 @@ def test_bad_case(
     assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
 
 
-def test_all_problems_are_told_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = hertz()
-    for kind in ("misspelt key", "negative spacing", "unknown boundary"):
-        text = text.replace(BAD[kind][0], BAD[kind][1], 1)
-    (tmp_path / "case.toml").write_text(text)
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", "case.toml", "--set", "solver.ordr=12"]) == 2
-    err = capsys.readouterr().err
-    for part in ("nuu", "topp", "solver.ordr", "--set"):
-        assert part in err
-    assert "5 problems" in err
-
-
 def test_a_scene_that_memory_cannot_hold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -106,30 +91,3 @@ def test_an_existing_run_is_kept(
     assert "already holds a run" in err
     assert "--force" in err
     assert {p.name: (p.stat().st_mtime_ns, p.stat().st_size) for p in hertz_run.iterdir()} == before
-
-
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [(None, "there is no case file"), (b"\xff\xfe\x00\x01", "not UTF-8 text"), ("directory", "case.toml")],
-)
-def test_unreadable_file(
-    content: bytes | str | None,
-    told: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    if isinstance(content, bytes):
-        Path("case.toml").write_bytes(content)
-    elif content is not None:
-        Path("case.toml").mkdir()
-    assert main(["run", "case.toml"]) == 2
-    assert told in capsys.readouterr().err
-    assert not Path("results").exists()
-
-
-@pytest.mark.parametrize("command", ["info", "plot"])
-def test_no_run_there(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, str(tmp_path / "nothing")]) == 2
-    assert "is not a run" in capsys.readouterr().err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,46 +12,64 @@ import pytest
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
+from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import ANM, Quiet, solve
-
-HEAD = 'format = 1\n[model]\nplane = "{}"\n'
-PINNED = '[[support]]\nbody = "{}"\nnear = [{}, {}]\n{}\n'
-
-
-def material(name: str, modulus: float, alpha: float = 0.0) -> str:
-    return f"[material.{name}]\nE = {modulus}\nnu = 0.3\nalpha = {alpha}\n"
-
-
-def body(name: str, of: str, x: object, y: object, spacing: object = '"auto"') -> str:
-    shape = f'{{ kind = "rectangle", x = {x}, y = {y} }}'
-    return f'[[body]]\nname = "{name}"\nmaterial = "{of}"\nspacing = {spacing}\nshape = {shape}\n'
-
-
-def bond(name: str, slave: str, master: str) -> str:
-    return f'[[contact]]\nname = "{name}"\nslave = "{slave}"\nmaster = "{master}"\nfriction = "bonded"\n'
-
-
-def heat(name: str, degrees: float) -> str:
-    return f'[[load]]\nname = "heat-{name}"\nbody = "{name}"\nkind = "temperature"\ntemperature = {degrees}\n'
+from tests.case_text import (
+    annulus,
+    body,
+    box,
+    contact,
+    disk,
+    half_disk,
+    head,
+    item,
+    load,
+    material,
+    pin,
+    plane,
+    polygon,
+    support,
+)
 
 
-def load(name: str, boundary: str, kind: str, what: str) -> str:
-    return f'[[load]]\nname = "{name}"\nboundary = "{boundary}"\nkind = "{kind}"\n{what}\n'
+def soft(name: str = "a", modulus: float = 1000.0, alpha: float = 0.0) -> str:
+    return material(name, E=modulus, nu=0.3, alpha=alpha)
 
 
-@pytest.mark.parametrize("degree", [2, 4])
-@pytest.mark.parametrize("pair", [("low.top", "high.bottom"), ("high.bottom", "low.top")])
-def test_a_bimetal_strip_bends_as_timoshenko_says(degree: int, pair: tuple[str, str], tmp_path: Path) -> None:
+def bond(name: str, slave: str, master: str, **keys: Any) -> str:
+    return contact(name, slave, master, friction="bonded", **keys)
+
+
+def stacked(*spacings: float) -> str:
+    """Two blocks 2 x 1, one on the other; the lower one stands on its bottom."""
+    one, other = spacings or (None, None)
+    low = body("low", "a", one, box([0.0, 2.0], [-1.0, 0.0]))
+    return head("strain") + soft() + low + body("high", "a", other, box([0.0, 2.0], [0.0, 1.0]))
+
+
+PULL = load("pull", "high.top", "traction", traction=[0.0, 2.0])
+
+
+@pytest.mark.parametrize(("degree", "swapped"), [(2, False), (4, True)])
+def test_a_bimetal_strip_bends_as_timoshenko_says(degree: int, swapped: bool, tmp_path: Path) -> None:
     # Timoshenko, Journal of the Optical Society of America 11 (1925), 233; clouds of unlike spacing.
     length, thick, stiff, grows = 12.0, (0.5, 1.0), (200.0, 70.0), (1e-3, 2.4e-3)
-    text = HEAD.format("stress") + material("a", stiff[0], grows[0]) + material("b", stiff[1], grows[1])
-    text += body("low", "a", [0.0, length], [-thick[0], 0.0]) + body("high", "b", [0.0, length], [0.0, 1.0])
-    text += PINNED.format("low", 6.0, -0.5, "ux = 0.0\nuy = 0.0") + PINNED.format("low", 6.0, 0.0, "ux = 0.0")
-    text += heat("low", 10.0) + heat("high", 10.0) + bond("glue", *pair)
+    pair = ("low.top", "high.bottom")
+    text = (
+        head("stress")
+        + soft("a", stiff[0], grows[0])
+        + soft("b", stiff[1], grows[1])
+        + body("low", "a", None, box([0.0, length], [-thick[0], 0.0]))
+        + body("high", "b", None, box([0.0, length], [0.0, 1.0]))
+        + pin("low", [6.0, -0.5], ux=0.0, uy=0.0)
+        + pin("low", [6.0, 0.0], ux=0.0)
+        + "".join(load(name, None, "temperature", body=name, temperature=10.0) for name in ("low", "high"))
+        + bond("glue", *(pair[::-1] if swapped else pair))
+    )
     summary = solve(text, tmp_path / "run", f"mls.degree={degree}")
     assert summary["status"] == "done", summary
     assert summary["force_balance"] <= 1e-9
@@ -63,67 +82,63 @@ def test_a_bimetal_strip_bends_as_timoshenko_says(degree: int, pair: tuple[str, 
     expected = -6.0 * (grows[1] - grows[0]) * 10.0 * (1.0 + m) ** 2 / (1.5 * part)
     assert curvature == pytest.approx(expected, rel=2e-5)
     # Far from the ends nothing crosses the bond; all of it is free of resultants.
-    contact = data.contacts["glue"]
-    middle = np.abs(contact.points[:, 0] - 6.0) < 2.0
-    assert np.abs(contact.traction[-1][middle]).max() <= 1e-2 * np.abs(contact.traction[-1]).max()
+    found = data.contacts["glue"]
+    middle = np.abs(found.points[:, 0] - 6.0) < 2.0
+    assert np.abs(found.traction[-1][middle]).max() <= 1e-2 * np.abs(found.traction[-1]).max()
     np.testing.assert_allclose(summary["contacts"]["glue"]["force"], 0.0, atol=1e-9)
     assert summary["contacts"]["glue"]["peak_tension"] > 0.0
 
 
 def test_uniform_tension_goes_across_whatever_the_clouds(tmp_path: Path) -> None:
-    text = HEAD.format("strain") + material("a", 1000.0)
-    text += body("low", "a", [0.0, 2.0], [-1.0, 0.0], 0.15) + body("high", "a", [0.0, 2.0], [0.0, 1.0], 0.25)
-    text += '[[support]]\nboundary = "low.bottom"\nuy = 0.0\n' + PINNED.format("low", 0.0, -1.0, "ux = 0.0")
-    text += load("pull", "high.top", "traction", "traction = [0.0, 2.0]")
+    text = stacked(0.15, 0.25) + support("low.bottom", uy=0.0) + pin("low", [0.0, -1.0], ux=0.0) + PULL
     solved = solve(text + bond("glue", "low.top", "high.bottom"), tmp_path / "run")
     assert solved["status"] == "done", solved
-    contact = read_run(tmp_path / "run").contacts["glue"]
-    np.testing.assert_allclose(contact.pressure[-1], -2.0, atol=1e-7)
-    np.testing.assert_allclose(contact.traction[-1], 0.0, atol=1e-7)
+    found = read_run(tmp_path / "run").contacts["glue"]
+    np.testing.assert_allclose(found.pressure[-1], -2.0, atol=1e-7)
+    np.testing.assert_allclose(found.traction[-1], 0.0, atol=1e-7)
     assert solved["forces"]["low.bottom"][1] == pytest.approx(-4.0, rel=1e-9)
-    assert (contact.gap == 0.0).all()
-    assert plot(tmp_path / "run")
+    assert (found.gap == 0.0).all()
+    assert plot(tmp_path / "run", choice=Choice(("pressure",)))
 
 
 @pytest.mark.parametrize("slave", ["disk.arc", "ring.inner"])
 def test_a_disk_bonded_in_a_ring(slave: str, tmp_path: Path) -> None:
     # Lame's solution of two materials; the ring is pulled, so that the bond carries tension.
-    text = HEAD.format("strain") + material("a", 1000.0) + material("b", 100.0)
-    text += '[[body]]\nname = "disk"\nmaterial = "a"\n'
-    text += 'shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }\n'
-    text += '[[body]]\nname = "ring"\nmaterial = "b"\n'
-    text += 'shape = { kind = "annulus", center = [0.0, 0.0], radii = [1.0, 2.0] }\n'
-    text += PINNED.format("disk", 0.0, 0.0, "ux = 0.0\nuy = 0.0") + PINNED.format(
-        "disk", 1.0, 0.0, "uy = 0.0"
+    text = (
+        head("strain")
+        + soft()
+        + soft("b", 100.0)
+        + body("disk", "a", None, disk([0.0, 0.0], 1.0))
+        + body("ring", "b", None, annulus([0.0, 0.0], [1.0, 2.0]))
+        + pin("disk", [0.0, 0.0], ux=0.0, uy=0.0)
+        + pin("disk", [1.0, 0.0], uy=0.0)
+        + load("pull", "ring.outer", "pressure", pressure=-1.0)
+        + bond("glue", slave, "ring.inner" if slave == "disk.arc" else "disk.arc")
     )
-    text += load("pull", "ring.outer", "pressure", "pressure = -1.0")
-    other = "ring.inner" if slave == "disk.arc" else "disk.arc"
-    summary = solve(text + bond("glue", slave, other), tmp_path / "run")
-    assert summary["status"] == "done", summary
+    assert solve(text, tmp_path / "run")["status"] == "done"
     # Displacements at radius 1 per pressure there, and per pull.
-    disk = 1.3 * 0.4 / 1000.0
+    inner = 1.3 * 0.4 / 1000.0
     ring, pull = 1.3 / 100.0 * (0.4 + 4.0) / 3.0, 1.3 / 100.0 * (0.4 * 4.0 + 4.0) / 3.0
-    tension = pull / (disk + ring)
-    contact = read_run(tmp_path / "run").contacts["glue"]
-    np.testing.assert_allclose(contact.pressure[-1], -tension, rtol=1e-2)
-    np.testing.assert_allclose(contact.traction[-1], 0.0, atol=1.5e-2 * tension)
+    tension = pull / (inner + ring)
+    found = read_run(tmp_path / "run").contacts["glue"]
+    np.testing.assert_allclose(found.pressure[-1], -tension, rtol=1e-2)
+    np.testing.assert_allclose(found.traction[-1], 0.0, atol=1.5e-2 * tension)
 
 
 def coated(split: bool) -> str:
     """A half-disk on a block, of one piece or of a layer on the rest of it, of one material."""
-    text = HEAD.format("strain") + material("a", 1000.0)
-    text += '[[body]]\nname = "punch"\nmaterial = "a"\n'
-    text += 'shape = { kind = "half-disk", center = [0.0, 4.0], radius = 4.0, side = "lower" }\n'
+    base = box([-4.0, 4.0], [-4.0, -1.0 if split else 0.0])
+    text = head("strain") + soft() + body("punch", "a", None, half_disk([0.0, 4.0], 4.0))
+    text += body("base", "a", None, base)
     if split:
-        text += body("coat", "a", [-4.0, 4.0], [-1.0, 0.0]) + body("base", "a", [-4.0, 4.0], [-4.0, -1.0])
-        text += bond("glue", "coat.bottom", "base.top")
-    else:
-        text += body("base", "a", [-4.0, 4.0], [-4.0, 0.0])
-    text += '[[support]]\nboundary = "base.bottom"\nuy = 0.0\n' + PINNED.format("base", 0.0, -4.0, "ux = 0.0")
-    text += PINNED.format("punch", 0.0, 4.0, "ux = 0.0")
-    text += load("press", "punch.flat", "platen", "fy = -20.0")
-    top = "coat" if split else "base"
-    return text + f'[[contact]]\nname = "c"\nslave = "punch.arc"\nmaster = "{top}.top"\n'
+        text += body("coat", "a", None, box([-4.0, 4.0], [-1.0, 0.0])) + bond(
+            "glue", "coat.bottom", "base.top"
+        )
+    text += (
+        support("base.bottom", uy=0.0) + pin("base", [0.0, -4.0], ux=0.0) + pin("punch", [0.0, 4.0], ux=0.0)
+    )
+    text += load("press", "punch.flat", "platen", fy=-20.0)
+    return text + contact("c", "punch.arc", "coat.top" if split else "base.top")
 
 
 def test_a_layer_of_the_same_material_is_not_seen(tmp_path: Path) -> None:
@@ -143,20 +158,28 @@ def test_a_layer_of_the_same_material_is_not_seen(tmp_path: Path) -> None:
         np.testing.assert_array_equal(seen["gap"], 0.0)
 
 
+def fibre(stiff: float, spacings: tuple[float, float | None], half: float) -> str:
+    """A disk of radius 1 bonded in a square matrix of modulus 1, with a probe in its middle."""
+    corners = [[-half, -half], [half, -half], [half, half], [-half, half]]
+    hole = {"center": [0.0, 0.0], "radius": 1.0, "name": "hole"}
+    return (
+        head("strain")
+        + soft("glass", stiff)
+        + soft("resin", 1.0)
+        + body("fibre", "glass", spacings[0], disk([0.0, 0.0], 1.0))
+        + body("matrix", "resin", spacings[1], {**polygon(corners, "b r t l"), "holes": [hole]})
+        + bond("grip", "fibre.arc", "matrix.hole")
+        + item("probe", name="middle", body="fibre", point=[0.0, 0.0])
+    )
+
+
 def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
     # Uniform inside, see Eshelby 1957; Muskhelishvili, Some Basic Problems, section 59: p (k + 1) / 2 and
     # s (k + 1) / k of the mean stress p and of half the difference s, with k = 3 - 4 nu of the matrix.
-    text = HEAD.format("strain") + material("glass", 3e4) + material("resin", 1.0)
-    text += '[[body]]\nname = "fibre"\nmaterial = "glass"\nspacing = 0.16\n'
-    text += '[body.shape]\nkind = "disk"\ncenter = [0.0, 0.0]\nradius = 1.0\n'
-    text += '[[body]]\nname = "matrix"\nmaterial = "resin"\n[body.shape]\nkind = "polygon"\n'
-    text += "points = [[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]]\n"
-    text += 'names = ["b", "r", "t", "l"]\nholes = [{ center = [0.0, 0.0], radius = 1.0, name = "hole" }]\n'
-    text += PINNED.format("matrix", -20.0, 0.0, "uy = 0.0") + PINNED.format("matrix", 20.0, 0.0, "uy = 0.0")
-    text += PINNED.format("matrix", 0.0, 20.0, "ux = 0.0") + bond("grip", "fibre.arc", "matrix.hole")
-    text += load("right", "matrix.r", "traction", "traction = [1.0, 0.0]")
-    text += load("left", "matrix.l", "traction", "traction = [-1.0, 0.0]")
-    text += '[[probe]]\nname = "middle"\nbody = "fibre"\npoint = [0.0, 0.0]\n'
+    text = fibre(3e4, (0.16, None), 20.0)
+    text += pin("matrix", [-20.0, 0.0], uy=0.0) + pin("matrix", [20.0, 0.0], uy=0.0)
+    text += pin("matrix", [0.0, 20.0], ux=0.0) + load("right", "matrix.r", "traction", traction=[1.0, 0.0])
+    text += load("left", "matrix.l", "traction", traction=[-1.0, 0.0])
     across, along, _ = solve(text, tmp_path / "run")["probes"]["middle"]["stress"]
     k = 3.0 - 4.0 * 0.3
     assert across + along == pytest.approx(0.5 * (k + 1.0), rel=3e-3)
@@ -172,17 +195,8 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
 
 def test_few_nodes_around_a_fibre_bond_it_and_are_told(tmp_path: Path) -> None:
     # Three knots around, three spacings apart, had left it half of its load, without a word.
-    text = HEAD.format("strain") + material("glass", 3.0) + material("resin", 1.0)
-    text += '[[body]]\nname = "fibre"\nmaterial = "glass"\nspacing = 0.6\n'
-    text += '[body.shape]\nkind = "disk"\ncenter = [0.0, 0.0]\nradius = 1.0\n'
-    text += '[[body]]\nname = "matrix"\nmaterial = "resin"\nspacing = 0.6\n[body.shape]\nkind = "polygon"\n'
-    text += "points = [[-8.0, -8.0], [8.0, -8.0], [8.0, 8.0], [-8.0, 8.0]]\n"
-    text += 'names = ["b", "r", "t", "l"]\nholes = [{ center = [0.0, 0.0], radius = 1.0, name = "hole" }]\n'
-    text += '[[support]]\nboundary = "matrix.l"\nux = 0.0\n' + PINNED.format("matrix", -8.0, 0.0, "uy = 0.0")
-    text += bond("grip", "fibre.arc", "matrix.hole")
-    text += load("right", "matrix.r", "traction", "traction = [0.01, 0.0]")
-    text += '[[probe]]\nname = "middle"\nbody = "fibre"\npoint = [0.0, 0.0]\n'
-    summary = solve(text, tmp_path / "run")
+    text = fibre(3.0, (0.6, 0.6), 8.0) + support("matrix.l", ux=0.0) + pin("matrix", [-8.0, 0.0], uy=0.0)
+    summary = solve(text + load("right", "matrix.r", "traction", traction=[0.01, 0.0]), tmp_path / "run")
     # Eshelby's formulas in an infinite plate.
     outer, inner, k = 1.0 / 2.6, 3.0 / 2.6, 3.0 - 4.0 * 0.3
     mean = inner * (k + 1.0) / (2.0 * inner + outer * (k - 1.0))
@@ -193,20 +207,17 @@ def test_few_nodes_around_a_fibre_bond_it_and_are_told(tmp_path: Path) -> None:
 
 def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
     # Two posts, one above the other, each held by nothing but its bond, pulled aside: a cantilever.
-    def post(split: bool) -> str:
-        text = HEAD.format("stress") + material("a", 1000.0)
-        cuts = [0.0, 2.0, 5.0] if split else [0.0, 5.0]
-        for number, (low, high) in enumerate(pairwise(cuts)):
-            text += body(f"b{number}", "a", [0.0, 1.0], [low, high], 0.1)
-        text += '[[support]]\nboundary = "b0.bottom"\nux = 0.0\nuy = 0.0\n'
-        last = "b1" if split else "b0"
-        text += load("push", f"{last}.top", "traction", "traction = [0.1, 0.0]")
-        text += f'[[probe]]\nname = "tip"\nbody = "{last}"\npoint = [0.5, 5.0]\n'
-        return text + (bond("glue", "b1.bottom", "b0.top") if split else "")
+    def post(*cuts: float) -> str:
+        text = head("stress") + soft() + support("b0.bottom", ux=0.0, uy=0.0)
+        for number, pair in enumerate(pairwise(cuts)):
+            text += body(f"b{number}", "a", 0.1, box([0.0, 1.0], pair))
+        last = f"b{len(cuts) - 2}"
+        text += load("push", f"{last}.top", "traction", traction=[0.1, 0.0])
+        return text + item("probe", name="tip", body=last, point=[0.5, 5.0])
 
     # Bonded bodies have degree 2.
-    whole = solve(post(split=False), tmp_path / "whole", "mls.degree=2")
-    split = solve(post(split=True), tmp_path / "split")
+    whole = solve(post(0.0, 5.0), tmp_path / "whole", "mls.degree=2")
+    split = solve(post(0.0, 2.0, 5.0) + bond("glue", "b1.bottom", "b0.top"), tmp_path / "split")
     assert split["status"] == "done", split
     tips: list[FloatArray] = [np.array(some["probes"]["tip"]["displacement"]) for some in (whole, split)]
     np.testing.assert_allclose(tips[1], tips[0], atol=3e-3 * np.abs(tips[0]).max())
@@ -217,36 +228,41 @@ def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
     # Two blocks glued along a part of their faces, pressed: stresses are those of one. The corner of the
     # other block, far off, was taken for the end of the contact, with a pressure of 1000 there; and the
     # contact had been asked to take in the glued part.
-    text = HEAD.format("strain") + material("a", 1000.0)
-    text += body("low", "a", [0.0, 10.0], [0.0, 5.0], 0.5) + body("high", "a", [0.0, 10.0], [5.0, 10.0], 0.5)
-    text += '[[support]]\nboundary = "low.bottom"\nuy = 0.0\n'
-    text += '[[support]]\nbody = "low"\nnear = [0.0, 0.0]\nux = 0.0\n'
-    text += load("press", "high.top", "pressure", "pressure = 10.0")
-    glue = bond("glue", "high.bottom", "low.top")
-    slit = glue.replace("glue", "slit").replace('friction = "bonded"\n', "")
-    text += glue + "from = [4.0, 5.0]\nto = [10.0, 5.0]\n" + slit + "from = [0.0, 5.0]\nto = [4.0, 5.0]\n"
+    faces = ("high.bottom", "low.top")
+    text = (
+        head("strain")
+        + soft()
+        + body("low", "a", 0.5, box([0.0, 10.0], [0.0, 5.0]))
+        + body("high", "a", 0.5, box([0.0, 10.0], [5.0, 10.0]))
+        + support("low.bottom", uy=0.0)
+        + pin("low", [0.0, 0.0], ux=0.0)
+        + load("press", "high.top", "pressure", pressure=10.0)
+        + bond("glue", *faces, from_=[4.0, 5.0], to=[10.0, 5.0])
+        + contact("slit", *faces, from_=[0.0, 5.0], to=[4.0, 5.0])
+    )
     summary = solve(text, tmp_path / "run")
     assert summary["contacts"]["slit"]["force"][1] == pytest.approx(40.0, rel=0.01)
     assert summary["contacts"]["slit"]["peak_pressure"] == pytest.approx(10.0, rel=0.05)
+    assert [text for text in summary["warnings"] if "ends where a bond begins, near (4, 5)" in text]
     assert not [text for text in summary["warnings"] if "continues without a corner" in text]
 
 
 def test_a_bond_ends_where_a_surface_goes_on(tmp_path: Path) -> None:
     # A post on a block, against both of one piece; the block is cut where the post begins and ends.
-    push = load("push", "post.right", "traction", "traction = [-0.5, 0.0]")
-    probe = '[[probe]]\nname = "tip"\nbody = "{}"\npoint = [2.0, 3.0]\n'
-    clamp = '[[support]]\nboundary = "block.bottom"\nux = 0.0\nuy = 0.0\n'
-    text = HEAD.format("strain") + material("a", 1000.0) + clamp
-    one = text + '[[body]]\nname = "block"\nmaterial = "a"\nspacing = 0.1\n[body.shape]\nkind = "polygon"\n'
-    one += "points = [[0, -1], [4, -1], [4, 0], [2, 0], [2, 3], [1, 3], [1, 0], [0, 0]]\n"
-    one += 'names = ["bottom", "r", "b", "right", "top", "left", "a", "l"]\n'
-    for x in (1.0, 2.0):
-        one += f"[[body.refine]]\nat = [{x}, 0.0]\nspacing = 0.01\nradius = 0.02\n"
-    whole = solve(one + push.replace("post", "block") + probe.format("block"), tmp_path / "whole")
-    text += body("block", "a", [0.0, 4.0], [-1.0, 0.0]) + body("post", "a", [1.0, 2.0], [0.0, 3.0]) + push
+    def pushed(of: str) -> str:
+        push = load("push", f"{of}.right", "traction", traction=[-0.5, 0.0])
+        return push + item("probe", name="tip", body=of, point=[2.0, 3.0])
+
+    text = head("strain") + soft() + support("block.bottom", ux=0.0, uy=0.0)
+    corners = [[0, -1], [4, -1], [4, 0], [2, 0], [2, 3], [1, 3], [1, 0], [0, 0]]
+    fine = [{"at": [x, 0.0], "spacing": 0.01, "radius": 0.02} for x in (1.0, 2.0)]
+    one = body("block", "a", 0.1, polygon(corners, "bottom r b right top left a l"), refine=fine)
+    whole = solve(text + one + pushed("block"), tmp_path / "whole")
+    text += body("block", "a", None, box([0.0, 4.0], [-1.0, 0.0]))
+    text += body("post", "a", None, box([1.0, 2.0], [0.0, 3.0])) + pushed("post")
     tips = [whole["probes"]["tip"]["displacement"]]
     for pair in (("post.bottom", "block.top"), ("block.top", "post.bottom")):
-        split = solve(text + bond("glue", *pair) + probe.format("post"), tmp_path / pair[0])
+        split = solve(text + bond("glue", *pair), tmp_path / pair[0])
         assert split["status"] == "done", split
         sign = 1.0 if pair[0] == "post.bottom" else -1.0
         np.testing.assert_allclose(split["contacts"]["glue"]["force"], [1.5 * sign, 0.0], atol=1e-8)
@@ -256,32 +272,24 @@ def test_a_bond_ends_where_a_surface_goes_on(tmp_path: Path) -> None:
 
 def test_check_and_faults(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
-    text = HEAD.format("strain") + material("a", 1000.0)
-    text += body("low", "a", [0.0, 2.0], [-1.0, 0.0]) + body("high", "a", [0.0, 2.0], [0.0, 1.0])
-    text += '[[support]]\nboundary = "low.bottom"\nux = 0.0\nuy = 0.0\n'
-    text += load("pull", "high.top", "traction", "traction = [0.0, 2.0]") + bond(
-        "glue", "high.bottom", "low.top"
-    )
+    pair = ("high.bottom", "low.top")
+    held = stacked() + support("low.bottom", ux=0.0, uy=0.0) + PULL
+    text = held + bond("glue", *pair)
     case.write_text(text)
     assert check(case, console=Quiet())["contacts"]["glue"]
-    for more, words in (
-        ("gap = 0.1\n", r"contact.glue.gap.*bonded"),
-        ("interference = 0.1\n", r"contact.glue.interference.*bonded"),
-        ("regularization = { eta = 1e-3 }\n", r"contact.glue.regularization.*bonded"),
+    ground = plane([0.0, 0.0], [0.0, 1.0])
+    for wrong, words in (
+        (held + bond("glue", *pair, gap=0.1), r"contact.glue.gap.*bonded"),
+        (held + bond("glue", *pair, interference=0.1), r"contact.glue.interference.*bonded"),
+        (held + bond("glue", *pair, regularization={"eta": 1e-3}), r"contact.glue.regularization.*bonded"),
+        (text.replace("[0.0, 1.0]", "[0.1, 1.0]"), r"contact.glue.friction.*at least 0.1 apart"),
+        (text + "[adapt]\npasses = 1\n", r"adapt.passes.*bonded"),
+        (text.replace('"bonded"', '"glued"'), r'contact.glue.friction.*"bonded"'),
+        (
+            held + contact("glue", "high.bottom", friction="bonded", obstacle=ground),
+            r"contact.glue.friction.*rigid obstacle",
+        ),
     ):
-        case.write_text(text + more)
+        case.write_text(wrong)
         with pytest.raises(CaseError, match=words):
-            check(case, console=Quiet())
-    case.write_text(text.replace("y = [0.0, 1.0]", "y = [0.1, 1.0]"))
-    with pytest.raises(CaseError, match=r"contact.glue.friction.*at least 0.1 apart"):
-        run(case, out=tmp_path / "run", console=Quiet())
-    case.write_text(text + "[adapt]\npasses = 1\n")
-    with pytest.raises(CaseError, match=r"adapt.passes.*bonded"):
-        check(case, console=Quiet())
-    case.write_text(text.replace('"bonded"', '"glued"'))
-    with pytest.raises(CaseError, match=r'contact.glue.friction.*"bonded"'):
-        check(case, console=Quiet())
-    obstacle = 'obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }'
-    case.write_text(text.replace('master = "low.top"', obstacle))
-    with pytest.raises(CaseError, match=r"contact.glue.friction.*rigid obstacle"):
-        check(case, console=Quiet())
+            run(case, out=tmp_path / "run", console=Quiet())

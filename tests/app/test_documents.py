@@ -15,7 +15,7 @@ from click import Context
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
-from mlsanm_cli.app.results import animate
+from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
@@ -59,7 +59,7 @@ def test_the_two_commands(tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys
     assert Path("results/hertz/plot_bodies.png").is_file()
     assert main(["run", "cases/hertz.toml", "--out", "results/fine", "--set", "mls.degree=3"]) == 0
     # Frames of an animation are drawn alike, and two are enough.
-    afterwards.setattr(animate, "FRAMES", 2)
+    afterwards.setattr(plot_module, "FRAMES", 2)
     for line in "".join(blocks(PICTURES, "sh")).splitlines():
         assert main(line.split()[1:]) == 0, line
         assert Path(line.split()[-1]).stat().st_size > 5000

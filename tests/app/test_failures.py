@@ -21,8 +21,8 @@ from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
-from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.stop_events import load_path
 from tests.app.scenes import ANM, BAR, NODAL, PATCH, hertz, solve
 from tests.app.test_friction import EXACT, SHEARED
 
@@ -90,15 +90,6 @@ def test_a_certificate(
     # Nothing was solved: the model is shown.
     mesh = meshio.read(tmp_path / "run" / "failure.vtu")
     assert {"normal", "partner", "spacing"} <= mesh.point_data.keys()
-
-
-@pytest.mark.usefixtures("by_nodes")
-def test_like_spacings_are_not_what_a_contact_fails_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # The hint had been to bring spacings closer together that differed by a factor of 1.
-    monkeypatch.setattr(certificate, "contact_stability", lambda *arguments: 0.0)
-    assert "larger spacings" in solve(PATCH, tmp_path / "run")["hint"]
 
 
 @pytest.mark.usefixtures("by_nodes")

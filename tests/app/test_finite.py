@@ -154,7 +154,7 @@ def test_arch_snaps_through(arch: tuple[Mapping[str, Any], Path]) -> None:
 
 def test_series_and_newton_go_the_same_way(tmp_path: Path) -> None:
     case = tmp_path / "beam.toml"
-    case.write_text(BEAM)
+    case.write_text(BEAM.replace('"60 *', '"20 *'))
     wishes = CompareOptions(("newton",), levels=2, picture=False)
     result = compare(case, wishes, out=tmp_path / "out", console=Quiet())
     assert result["status"] == "agree"
@@ -222,7 +222,6 @@ SLID = (
 CUT = {
     "friction, equations renewed": (SLID, 4),
     "series past limit points": (ARCH, 3),
-    "series, equations renewed": (BLOCK.replace("0.05", "0.1"), 1),
 }
 
 

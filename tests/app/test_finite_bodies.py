@@ -189,7 +189,7 @@ def test_what_no_contact_keeps_out_is_told(tmp_path: Path) -> None:
 
 
 def test_a_body_is_dragged_along_another(tmp_path: Path) -> None:
-    """Half a disk dragged by 1.5 contact widths along a block, with friction: pairs follow, no force is lost,
+    """Half a disk dragged by a contact width along a block, with friction: pairs follow, no force is lost,
     and the work is what friction dissipates."""
     at, along = (
         "{ at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2 }",
@@ -202,15 +202,15 @@ def test_a_body_is_dragged_along_another(tmp_path: Path) -> None:
         text[: text.index("[output]")]
         + '[[load]]\nname = "drag"\nboundary = "disk.flat"\nkind = "displacement"\n'
     )
-    text += "displacement = [0.4, 0.0]\n[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n"
-    text += "[output]\nat = [1.0, 1.4, 2.0]\n"
+    text += "displacement = [0.3, 0.0]\n[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n"
+    text += "[output]\nat = [1.0, 1.5, 2.0]\n"
     summary = solve(text, tmp_path / "run")
     assert summary["status"] == "done"
     touch = summary["contacts"]["touch"]
     np.testing.assert_allclose(touch["force"], -np.array(touch["force_master"]), atol=1e-9)
     run = read_run(tmp_path / "run")
-    slips = run.path.position >= 1.4
-    work = -0.4 * float(
+    slips = run.path.position >= 1.5
+    work = -0.3 * float(
         np.trapezoid(run.path.resultants["contact touch"][slips, 0], run.path.position[slips])
     )
     lost = run.contacts["touch"].dissipated_work
@@ -372,32 +372,6 @@ def test_a_pin_in_half_a_bearing(tmp_path: Path) -> None:
     top = int(np.argmax(pressed))
     # At degree 4 pressures fall by 0.022 of the peak at one node.
     assert (np.diff(pressed[: top + 1]) > -0.03 * pressed[top]).all()
-
-
-def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -> None:
-    """Half a rubber disk pressed down by 0.4 R sways under a dead pressure, not between plate and base:
-    refused with a stability of -170, at this spacing only."""
-    arc = [{"along": "arc", "spacing": 0.04, "radius": 0.1, "growth": 0.6}]
-    text = (
-        head("strain", strain="finite")
-        + material("soft", E=3.0, nu=0.4, law="neo-hookean")
-        + material("hard", E=300.0, nu=0.3, law="neo-hookean")
-        + body(
-            "bump",
-            "soft",
-            0.1,
-            half_disk([0.0, 0.0], 1.0, "upper"),
-            refine=arc,
-        )
-        + body("plate", "hard", 0.125, box([-2.0, 2.0], [1.0, 1.6]))
-        + support("bump.flat", ux=0.0, uy=0.0)
-        + load("hit", "plate.top", "displacement", displacement=[0.0, -0.4])
-        + contact("c", "bump.arc", "plate.bottom", friction=0.3)
-    )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
-    # With half of the spacing, and at degree 4.
-    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.01)
 
 
 @pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "too few nodes")])

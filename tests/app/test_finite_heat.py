@@ -34,17 +34,6 @@ def heated(temperature: float | str) -> str:
 
 
 @pytest.mark.parametrize("law", KINDS)
-def test_a_free_sheet_expands_without_stress(law: str, tmp_path: Path) -> None:
-    summary = solve(block(law, "stress") + heated(3.0), tmp_path / "run")
-    with h5py.File(tmp_path / "run" / "run.h5", "r") as file:
-        last, points = file["fields/0/block"], file["bodies/block/points"][()]
-        np.testing.assert_allclose(last["displacement"][()], 0.3 * points, atol=1e-9)
-        np.testing.assert_allclose(last["stress"][()], 0.0, atol=1e-9)
-        np.testing.assert_allclose(last["volume_ratio"][()], 1.3**3, rtol=1e-9)
-    assert summary["status"] == "done"
-
-
-@pytest.mark.parametrize("law", KINDS)
 def test_stretches_that_fit_together_leave_no_stress(law: str, tmp_path: Path) -> None:
     """Free stretches |f'| of a conformal map f turn and stretch a sheet by f: here z + z**2 / 5."""
     text = block(law, "stress", 0.1).replace(support("block.left", ux=0.0), "")
@@ -120,9 +109,9 @@ def test_springs_pull_back_in_their_own_directions(tmp_path: Path) -> None:
     np.testing.assert_allclose(summary["forces"]["bar.bottom+top"], [0.0, force], rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("spring", [0.2, 50.0])
-def test_springs_carry_a_pulled_block(spring: float, tmp_path: Path) -> None:
-    """One that gives way and one stiffer than the body: the end moves by t / k, the body stretches alike."""
+def test_springs_carry_a_pulled_block(tmp_path: Path) -> None:
+    """The end moves by t / k, the body stretches alike."""
+    spring = 0.2
     held, sprung = (
         support("block.bottom", uy=0.0),
         item("support", boundary="block.bottom", spring=[0.0, spring]),

@@ -34,7 +34,7 @@ def pressed(spacing: float | None = None, depth: float = 0.01) -> str:
     return (
         head("strain", strain="finite")
         + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-        + body("pad", "rubber", spacing, box([-1.0, 1.0], [0.0, 1.0]))
+        + body("pad", "rubber", spacing, box([-0.7, 0.7], [0.3, 1.0]))
         + support("pad.bottom", ux=0.0, uy=0.0)
         + table("mls", degree=2)
         + contact("c", "pad.top", obstacle=obstacle)

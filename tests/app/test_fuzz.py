@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from copy import deepcopy
 from pathlib import Path
 
-import h5py
-import pytest
 import tomli_w
 
 from benchmarks.forked import mlsanm, preload, run_all
-from benchmarks.fuzz_cases import CASES, READERS, Trial, broken_case, damaged_run, faults
+from benchmarks.fuzz_cases import CASES, Trial, broken_case, damaged_run, faults
 
 BROKEN, DAMAGED = 30, 8
 
@@ -30,22 +27,6 @@ def test_broken_cases_end_well_or_say_why(tmp_path: Path) -> None:
 
 def test_damaged_runs_are_read_or_refused(tmp_path: Path) -> None:
     assert trouble([damaged_run(0, number, tmp_path / str(number)) for number in range(DAMAGED)]) == []
-
-
-@pytest.mark.parametrize("command", READERS, ids=lambda command: f"{command[0]} {command[-1]}")
-def test_a_run_with_torn_metadata(command: tuple[str, ...], patch_run: Path, tmp_path: Path) -> None:
-    """A broken checksum inside an HDF5 file shows when an object is opened, not when the file is."""
-    shutil.copytree(patch_run, tmp_path / "run")
-    (tmp_path / "case.toml").write_text((tmp_path / "run" / "resolved.toml").read_text())
-    file = tmp_path / "run" / "run.h5"
-    with h5py.File(file, "r") as root:
-        place = h5py.h5o.get_info(root.id).addr
-    content = bytearray(file.read_bytes())
-    content[place + 10] ^= 0xFF
-    file.write_bytes(content)
-    outcome = mlsanm(command, tmp_path)
-    assert outcome.sound, outcome.err
-    assert outcome.err or command[0] == "collect"
 
 
 def test_supports_of_a_coarse_plate_that_leave_it_free(tmp_path: Path) -> None:

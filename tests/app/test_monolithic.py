@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.assessment.checks import LINEAR_LIMIT
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
@@ -62,7 +61,6 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
             "output.at=[0.7, 1.0]",
         ),
     ),
-    "newton": (hertz(), (*COARSE, SMOOTH[1], 'solver.method="newton"')),
     "ghost": (hertz(), (*COARSE, SMOOTH[1], 'mls.scheme="ghost"')),
     "pushed": (PUSHED, SMOOTH[:2]),
     "tilting": (TILTING, SMOOTH[:2]),

@@ -10,11 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from benchmarks.eta_homotopy import lowered
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.results.history import pressures_at
-from mlsanm_cli.app.results.path_lookup import INTERPOLATED, level_at
+from mlsanm_cli.app.context import Clock, RunContext
+from mlsanm_cli.app.results.path_lookup import INTERPOLATED, level_at, pressures_at
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
@@ -103,15 +100,3 @@ def test_a_path_cut_short_says_so(tmp_path: Path) -> None:
     summary = solve(hertz(), tmp_path / "run", NEWTON, "solver.max_steps=3")
     assert (summary["status"], summary["steps"]) == ("failed", 3)
     assert "max steps" in summary["stop_reason"]
-
-
-def test_eta_lowered_at_full_load(tmp_path: Path) -> None:
-    case = tmp_path / "case.toml"
-    case.write_text(NODAL + '[solver]\nmethod = "newton"\n')
-    built = built_of(case)
-    (end,) = saved(built, method="newton", tolerance=1e-10, polish=False)
-    *_, last = lowered(built, (1.0, 1e-1, 1e-2, 1e-3, 1e-4))
-    m = len(end.pressure)
-    assert built.case.contact[0].regularization.eta == 1e-4
-    assert np.abs(last.x[:m] - end.pressure).max() <= 1e-9 * end.pressure.max()
-    assert np.abs(last.x[m : 2 * m] - end.gap).max() <= 1e-9 * end.gap.max()

@@ -11,16 +11,15 @@ import pytest
 from PIL import Image
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.results import animate, overlay
+from mlsanm_cli.app.results import overlay
 from mlsanm_cli.app.results import plot as plot_module
-from mlsanm_cli.app.results.drawn import marks_at, marks_of
+from mlsanm_cli.app.results.drawn import marks_at
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice, load_words
+from mlsanm_cli.app.results.views import Choice, load_words
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 from tests.app.test_paraview import CYLINDER
@@ -171,7 +170,7 @@ def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, afterwards: pytest.M
 
 
 def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animate, "FRAMES", 5)
+    monkeypatch.setattr(plot_module, "FRAMES", 5)
     (file,) = plot(hertz_run, choice=Choice(animate=True, out=tmp_path / "p.gif"))
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames") == 5  # noqa: B009
@@ -188,7 +187,7 @@ def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch
 
 def test_mp4_by_ffmpeg(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program of this name gets all frames and says where it failed; the real one was tried by hand."""
-    monkeypatch.setattr(animate, "FRAMES", 5)
+    monkeypatch.setattr(plot_module, "FRAMES", 5)
     monkeypatch.setenv("PATH", str(tmp_path))
     moving = Choice(animate=True, out=tmp_path / "p.mp4")
     with pytest.raises(RunError, match="ffmpeg, which is not on PATH"):
@@ -225,36 +224,14 @@ def test_arrows_point_as_their_factors_say_and_go_with_the_bodies(tmp_path: Path
     np.testing.assert_allclose([point[0] for point, _ in pulls], moved, rtol=1e-6)
 
 
-def test_arrows_are_where_expressions_are_not_zero(tmp_path: Path) -> None:
-    text = BAR.replace("pressure = 40.0", 'pressure = "40 if x < 0.9 else -40 if x > 1.1 else 0"')
-    case = stored_case(text)
-    solve(text, tmp_path / "run")
-    run = read_run(tmp_path / "run")
-    arrows = [
-        (point, way) for point, way, _, name in marks_of(case, run.bodies, {}, {}).arrows if name == "squeeze"
-    ]
-    assert arrows
-    assert all(
-        way[1] == (-1.0 if point[0] < 0.9 else 1.0) and abs(point[0] - 1.0) > 0.1 for point, way in arrows
-    )
-
-
 def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animate, "FRAMES", 2)
+    monkeypatch.setattr(plot_module, "FRAMES", 2)
     case = tmp_path / "bar.toml"
     case.write_text(BAR)
     run_case(case, out=tmp_path / "run", console=Quiet())
     (file,) = plot(tmp_path / "run", choice=Choice(animate=True))
     run_case(case, out=tmp_path / "run", force=True, console=Quiet())
     assert not file.exists()
-
-
-def test_curves_of_other_lengths_are_refused(tmp_path: Path) -> None:
-    bad = PlotCurve(np.zeros(2), np.zeros(3), "bad")
-    with pytest.raises(ValueError, match="bad: x has shape"):
-        plot_curves(tmp_path / "a.png", [bad], "x", "y", "title")
-    with pytest.raises(ValueError, match="no curve"):
-        plot_curves(tmp_path / "a.png", [], "x", "y", "title")
 
 
 def test_the_model_is_drawn_before_it_is_solved(tmp_path: Path, capsys: Any) -> None:

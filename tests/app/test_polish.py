@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.assessment.checks import POLISH_WARNING, check_polish
-from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.path_lookup import pressures_at
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json

@@ -13,7 +13,6 @@ from mlsanm_cli.app.results.path_lookup import SERIES, level_at
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.io.summary import read_json
 from tests.app.scenes import AS_SERIES, BAR, PATCH, hertz, solve
 
 LOAD = -226.0
@@ -247,10 +246,3 @@ def test_wrong_probes(setting: str, key: str, words: str, tmp_path: Path) -> Non
     with pytest.raises(CaseError) as error:
         solve(BAR, tmp_path / "bar", setting)
     assert any(p.key == key and words in p.message for p in error.value.problems), error.value.problems
-
-
-def test_nothing_is_stored_where_nothing_was_asked_for(patch_run: Path) -> None:
-    run = read_run(patch_run)
-    assert not run.probes
-    assert "probes" not in read_json(patch_run / "summary.json")
-    assert not any(run.maps.values())

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice
+from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import resumed_differences

@@ -245,15 +245,13 @@ def test_a_support_far_from_its_body_is_refused() -> None:
     assert problem.key == f"support.{SQUEEZED.count('[[support]]')}.near"
 
 
-@pytest.mark.parametrize("swapped", [False, True])
-def test_disks_lean_by_their_displaced_centres(tmp_path: Path, swapped: bool) -> None:
-    """Two disks in a rigid shaft press on each other along the line of their centres, whichever is the slave.
+def test_disks_lean_by_their_displaced_centres(tmp_path: Path) -> None:
+    """Two disks in a rigid shaft press on each other along the line of their centres.
 
     The master's rotation was left free, as its normals were taken to be those of the pressures' directions,
     and what pressed on it was 0.3 % off to the other side; directions that are off by less than 0.003 stayed.
     """
     rise = float(np.sqrt(100.0 - 49.0))
-    roles = ("high.arc", "low.arc")[:: -1 if swapped else 1]
     text = (
         head("strain")
         + material("steel", E=210e3, nu=0.3)
@@ -262,7 +260,7 @@ def test_disks_lean_by_their_displaced_centres(tmp_path: Path, swapped: bool) ->
         + contact("floor", "low.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
         + contact("left", "low.arc", obstacle=plane([0.0, 0.0], [1.0, 0.0]))
         + contact("right", "high.arc", obstacle=plane([17.0, 0.0], [-1.0, 0.0]))
-        + contact("pair", *roles)
+        + contact("pair", "low.arc", "high.arc")
         + weight("high", -8.0)
     )
     text += item("probe", name="low", body="low", point=[5.0, 5.0])

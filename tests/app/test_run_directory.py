@@ -17,7 +17,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.memo import Memo
-from tests.app.scenes import AS_SERIES, BAR, FAST, NODAL, Quiet, assert_same_results, hertz, solve
+from tests.app.scenes import BAR, FAST, NODAL, Quiet, assert_same_results, hertz, solve
 
 SUMMARY_KEYS = {
     "status", "stop_reason", "position", "steps", "factorizations", "solves", "nodes", "unknowns",
@@ -150,15 +150,6 @@ def test_interface_table_is_the_last_row(hertz_run: Path) -> None:
         assert np.isnan(table["slip"]).all()
 
 
-def test_events(hertz_run: Path) -> None:
-    events = [json.loads(line) for line in (hertz_run / "events.jsonl").read_text().splitlines()]
-    assert events[0]["event"] == "start"
-    assert events[-1]["event"] == "end"
-    steps = [event for event in events if event["event"] == "step"]
-    assert [event["index"] for event in steps] == list(range(summary_of(hertz_run)["steps"] + 1))
-    assert [e["message"] for e in events if e["event"] == "warning"] == summary_of(hertz_run)["warnings"]
-
-
 def test_vtu_files_hold_the_stored_fields(hertz_run: Path) -> None:
     with h5py.File(hertz_run / "run.h5", "r") as file:
         for number, (state, body) in enumerate((s, b) for s in range(3) for b in ("cylinder", "block")):
@@ -222,21 +213,6 @@ def test_units_do_not_matter(tmp_path: Path) -> None:
     compare("fields/0/block/von_mises", 1e6, bound=1e-7)
     for found in (one, other):
         assert (found["path/residual"] <= 1e-8).all()
-
-
-def test_fields_inside_a_step_come_from_the_series(tmp_path: Path) -> None:
-    """The state at 0.7 is what a path that stops there finds; the law keeps the scale of the whole path."""
-    solve(NODAL, tmp_path / "inside", "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
-    text = NODAL + "\n[[stage]]\npress = 0.7\n[[stage]]\npress = 1.0\n"
-    solve(text, tmp_path / "stops", "output.at=[1.0]", *AS_SERIES)
-    inside, stops = numbers(tmp_path / "inside"), numbers(tmp_path / "stops")
-    assert 0.7 not in inside["path/position"]
-    assert 1.0 in stops["path/position"]
-    for body in ("cylinder", "block"):
-        for field in ("displacement", "stress"):
-            expected = stops[f"fields/0/{body}/{field}"]
-            found = inside[f"fields/1/{body}/{field}"]
-            assert np.abs(found - expected).max() <= 1e-6 * np.abs(expected).max()
 
 
 def test_two_contacts(punches_run: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app.signals import Stopper
+from mlsanm_cli.app.context import Stopper
 from mlsanm_cli.app.sweep.point import SweepPoint, solve_point
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.system import STOPPING

@@ -21,12 +21,3 @@ def test_every_starter_runs(kind: str, tmp_path: Path) -> None:
     for contact in summary["contacts"].values():
         if "reference" in contact:
             assert contact["reference"]["pressure_error_l2"] <= 0.05
-
-
-def test_starters_teach() -> None:
-    for kind, title in kinds().items():
-        text = starter(kind)
-        assert title
-        assert text.startswith("#")
-        assert text.count("#") >= 4
-        assert max(map(len, text.splitlines())) <= 120

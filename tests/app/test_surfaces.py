@@ -36,6 +36,7 @@ from tests.case_text import (
     contact,
     disk,
     head,
+    item,
     load,
     material,
     pin,
@@ -118,6 +119,23 @@ def test_sides_that_face_nobody_change_nothing(side: str, tmp_path: Path) -> Non
     assert joined["force_balance"] < 1e-9
     up = 5.0 if side == "slave" else -5.0
     assert joined["contacts"]["foot"]["force"] == pytest.approx([0.0, up], abs=1e-6)
+
+
+def test_a_disk_rests_on_both_sides_of_an_elastic_groove_of_one_name(tmp_path: Path) -> None:
+    # A contact grid on one of the sides alone left nothing to hold the disk; a warning tells what is better.
+    low, high = -(2.0**0.5), 3.0 - 2.0**0.5
+    groove = [[-3.0, high], [0.0, low], [3.0, high], [3.0, -4.0], [-3.0, -4.0]]
+    text = (
+        HEAD
+        + body("disk", "steel", shape=disk([0.0, 0.0], 1.0))
+        + body("rail", "steel", shape=polygon(groove, "groove groove right base left"))
+        + support("rail.base", ux=0.0, uy=0.0)
+        + item("load", name="weight", kind="body-force", body="disk", body_force=[0.0, -1.0])
+        + contact("both", "disk.arc", "rail.groove")
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["contacts"]["both"]["force"] == pytest.approx([0.0, np.pi], abs=0.01)
+    assert [text for text in summary["warnings"] if "define a contact for each of both sides" in text]
 
 
 def test_pieces_that_do_not_join_are_told_by_name(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from mlsanm_cli.case.explain import Explanation, explain
-from mlsanm_cli.case.schema import json_schema, tables, walk
+from mlsanm_cli.case.schema import json_schema
 from mlsanm_cli.errors import RunError
 
 
@@ -89,16 +89,3 @@ def test_unknown_keys_get_the_nearest(key: str, words: str) -> None:
         explain(key)
     assert words in error.value.hint
     assert error.value.exit_code == 2
-
-
-def test_every_key_can_be_explained() -> None:
-    schema = json_schema()
-    keys: dict[str, bool] = {}
-    walk(schema, lambda path, node, _: keys.update({".".join(path): bool(tables(schema, node))}))
-    for key, is_table in keys.items():
-        for found in explain(key):
-            assert found.key == key
-            assert found.meaning
-            assert found.keys if is_table else found.type
-            if found.example:
-                tomllib.loads(found.example)

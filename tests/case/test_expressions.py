@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.case.model.expressions import FUNCTIONS, ExpressionError, compile_expression, value_at
+from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression, value_at
 
 
 @pytest.mark.parametrize(
@@ -107,9 +107,3 @@ def test_values_that_do_not_exist(text: str, words: str) -> None:
 def test_any_text_is_a_value_or_an_error(text: str) -> None:
     with contextlib.suppress(ExpressionError):
         assert math.isfinite(value_at(text, 0.3, -0.7))
-
-
-def test_every_function_takes_its_smallest_number_of_arguments() -> None:
-    for name, (_, least, most) in FUNCTIONS.items():
-        assert math.isfinite(value_at(f"{name}({', '.join(['0.5'] * least)})", 0.0, 0.0))
-        assert most >= least

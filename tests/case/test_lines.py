@@ -6,9 +6,6 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from hypothesis import given
-from hypothesis import strategies as st
-
 from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
 
 NASTY = r'''# [not.a.table] = 1
@@ -105,92 +102,3 @@ def test_missing_key_gets_the_header_of_its_table() -> None:
 
 def test_header_wins_over_the_sub_table_that_came_first() -> None:
     assert key_lines("[a.b]\nx = 1\n[a]\ny = 2\n")["a",] == 3
-
-
-KEYS = st.text(alphabet="ab-_ .\"'#=[]\\ü", min_size=1, max_size=4)
-
-
-@st.composite
-def documents(draw: st.DrawFn) -> dict[str, Any]:
-    """Nested tables, lists of tables and arrays whose leaves are unique whole numbers."""
-    numbers = iter(range(100_000, 999_999))
-
-    def leaf(depth: int) -> Any:
-        kind = draw(st.sampled_from(["number", "number", "text", "array", "inline"]))
-        if kind == "array" and depth < 2:
-            return [leaf(depth + 1) for _ in range(draw(st.integers(0, 3)))]
-        if kind == "inline" and depth < 2:
-            return {key: leaf(depth + 1) for key in draw(st.lists(KEYS, max_size=2, unique=True))}
-        if kind == "text":
-            return draw(st.text(alphabet="ab \n\"'\\#[]={},", max_size=6))
-        return next(numbers)
-
-    def table(depth: int) -> dict[str, Any]:
-        made: dict[str, Any] = {}
-        for key in draw(st.lists(KEYS, max_size=3, unique=True)):
-            kind = draw(st.sampled_from(["leaf", "leaf", "table", "tables"])) if depth < 3 else "leaf"
-            if kind == "leaf":
-                made[key] = leaf(0)
-            elif kind == "table":
-                made[key] = table(depth + 1)
-            else:
-                made[key] = [table(depth + 1) for _ in range(draw(st.integers(1, 3)))]
-        return made
-
-    return table(0)
-
-
-def _quote(text: str, multiline: bool) -> str:
-    body = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"""\n{body}"""' if multiline else '"' + body.replace("\n", "\\n") + '"'
-
-
-def _emit_value(value: Any, draw: st.DrawFn) -> str:
-    """TOML for a value, with line breaks and comments where TOML allows them."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{_quote(k, False)} = {_emit_value(v, draw)}" for k, v in value.items()) + "}"
-    if isinstance(value, list):
-        gap = draw(st.sampled_from([" ", "\n", " # ], [x\n  "]))
-        return "[" + "".join(f"{gap}{_emit_value(v, draw)}{gap}," for v in value) + gap + "]"
-    return _quote(value, draw(st.booleans())) if isinstance(value, str) else str(value)
-
-
-def _emit(table: dict[str, Any], path: tuple[str, ...], draw: st.DrawFn) -> str:
-    def is_tables(value: Any) -> bool:
-        return isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
-
-    text = ""
-    later: list[tuple[str, Any]] = []
-    for key, value in table.items():
-        if (isinstance(value, dict) or is_tables(value)) and draw(st.booleans()):
-            later.append((key, value))
-        else:
-            text += draw(st.sampled_from(["", "\n", "# [c]\n"]))
-            text += f"{_quote(key, False)} = {_emit_value(value, draw)}\n"
-    for key, value in later:
-        name = " . ".join(_quote(part, False) for part in (*path, key))
-        for item in [value] if isinstance(value, dict) else value:
-            text += f"[{name}]\n" if isinstance(value, dict) else f"[[ {name} ]] # x\n"
-            text += _emit(item, (*path, key), draw)
-    return text
-
-
-@st.composite
-def written_documents(draw: st.DrawFn) -> tuple[dict[str, Any], str]:
-    document = draw(documents())
-    return document, _emit(document, (), draw)
-
-
-@given(written_documents())
-def test_every_number_stands_on_the_line_given(written: tuple[dict[str, Any], str]) -> None:
-    document, text = written
-    assert tomllib.loads(text) == document
-    lines = key_lines(text)
-    rows = text.split("\n")
-    assert set(lines) == set(_paths(document))
-    for path in _paths(document):
-        value: Any = document
-        for part in path:
-            value = value[part]
-        if isinstance(value, int):
-            assert str(value) in rows[lines[path] - 1]

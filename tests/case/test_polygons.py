@@ -11,7 +11,7 @@ import pytest
 from mlsanm_cli.app.scene.imported import geometry_of
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.cloud.curves import Arc, Outline
-from mlsanm_cli.cloud.polygon import signed_area
+from mlsanm_cli.cloud.membership import signed_area
 from tests.case.scenes import only, parse, problems
 from tests.case_text import body, head, item, load, material, support, table
 

@@ -26,8 +26,6 @@ EXACT = 'contact.interface.regularization.law="exact"'
 SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
 FINE = "contact.interface.accuracy=5e-5"
 FACTOR = 3.0
-DEGREE_4 = 6.0
-"""Where estimates scatter more: half to a fifth of the displacement's error at degree 4."""
 NEARBY = 0.25
 """Displacements nearer to the contact are not interpolated from nodes: their fields are in closed form."""
 
@@ -106,15 +104,13 @@ def test_the_over_refined_pressure_is_that_of_finite_elements(hertz: Truth) -> N
         [],
         [SMOOTH],
         ["mls.degree=2", "body.cylinder.spacing=0.3", "body.block.spacing=0.4"],
-        ["body.cylinder.spacing=0.1", "body.block.spacing=0.15"],
-        ["mls.degree=4"],
         ["contact.interface.accuracy=1e-2"],
     ],
-    ids=["published", "hyperbolic", "coarser", "finer", "degree 4", "coarser grid"],
+    ids=["published", "hyperbolic", "coarser", "coarser grid"],
 )
 def test_hertz(tmp_path: Path, hertz: Truth, overrides: list[str]) -> None:
     summary, data = solve("hertz", tmp_path / "run", EXACT, *overrides)
-    check(summary, data, hertz, DEGREE_4 if "mls.degree=4" in overrides else FACTOR)
+    check(summary, data, hertz)
     accuracy = {(): 1e-3, ("contact.interface.accuracy=1e-2",): 1e-2}.get(tuple(overrides))
     if accuracy is not None:
         assert summary["nodes"] <= 400
@@ -128,7 +124,7 @@ def test_two_cylinders(tmp_path: Path, cylinders: Truth) -> None:
     check(*solve("two_cylinders", tmp_path / "run", *sizes), cylinders)
 
 
-@pytest.mark.parametrize(("degree", "spacing"), [(2, 0.1), (2, 0.025), (4, 0.14), (4, 0.05)])
+@pytest.mark.parametrize(("degree", "spacing"), [(2, 0.1), (4, 0.05)])
 def test_lame(tmp_path: Path, degree: int, spacing: float) -> None:
     sizes = (f"body.ring.spacing={spacing!r}", f"body.ring.refine.0.spacing={0.5 * spacing!r}")
     summary, data = solve("lame", tmp_path / "run", f"mls.degree={degree}", *sizes)
@@ -141,7 +137,7 @@ def test_lame(tmp_path: Path, degree: int, spacing: float) -> None:
     assert summary["error_estimate"]["pressure"] == {}
 
 
-@pytest.mark.parametrize("degree", [1, 5, 6])
+@pytest.mark.parametrize("degree", [1, 6])
 def test_no_figure_is_made_up_for_other_degrees(tmp_path: Path, degree: int) -> None:
     summary, _ = solve("lame", tmp_path / "run", f"mls.degree={degree}")
     assert summary["error_estimate"] == {"displacement": None, "pressure": {}}
@@ -163,10 +159,9 @@ def turned_back(tmp_path_factory: pytest.TempPathFactory) -> Truth:
     return Truth(solve("cattaneo_mindlin", tmp_path_factory.mktemp("t") / "turned", EXACT, *sizes)[1])
 
 
-@pytest.mark.parametrize("law", [EXACT, SMOOTH], ids=["exact", "hyperbolic"])
-def test_friction_whose_loads_have_turned_back(tmp_path: Path, law: str, turned_back: Truth) -> None:
+def test_friction_whose_loads_have_turned_back(tmp_path: Path, turned_back: Truth) -> None:
     sizes = ("body.cylinder.spacing=0.12", "body.block.spacing=0.2", *TURNED)
-    summary, data = solve("cattaneo_mindlin", tmp_path / "run", law, *sizes)
+    summary, data = solve("cattaneo_mindlin", tmp_path / "run", EXACT, *sizes)
     true, told = turned_back.errors(data)[0], summary["error_estimate"]["displacement"]
     # Between the two runs lie 0.2 %, of which a part is what histories on unlike grids differ by.
     assert true / 5.0 <= told <= true * FACTOR

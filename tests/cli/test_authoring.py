@@ -9,7 +9,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 
 from mlsanm_cli.case.schema import json_schema
@@ -35,6 +34,9 @@ def test_new_writes_a_starter_once(capsys: Capture) -> None:
     assert Path("punch.toml").read_text() == first + starter("hertz")
     assert main(["new", "punch", "--kind", "patch", "--force", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"file": "punch.toml", "kind": "patch"}
+    # Commands are shown as a shell takes them.
+    assert main(["new", "my punch"]) == 0
+    assert "mlsanm run 'my punch.toml'\n" in capsys.readouterr().out
     assert Path("punch.toml").read_text() == first + starter("patch")
 
 
@@ -105,19 +107,6 @@ def test_probe_of_a_force(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> N
     assert [float(row["fy"]) for row in rows] == [-0.5, -1.0]
     assert main([*common, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["levels"][0]["how"] == "series"
-
-
-def test_probe_of_a_contact(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
-    nodes = {"arc_length": np.array([0.0, 0.1]), "pressure": np.array([1.0, 2.0])}
-    rows = [{"position": at, "how": "stored", **nodes} for at in (0.5, 1.0)]
-    install(monkeypatch, probe_contact=lambda *arguments: rows)
-    assert main(["probe", "there", "--contact", "c", "--csv"]) == 0
-    found = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
-    assert [(row["position"], row["pressure"]) for row in found] == [
-        ("0.5", "1.0"), ("0.5", "2.0"), ("1.0", "1.0"), ("1.0", "2.0"),
-    ]  # fmt: skip
-    assert main(["probe", "there", "--contact", "c"]) == 0
-    assert capsys.readouterr().out.count("contact c, position") == 2
 
 
 @pytest.mark.parametrize(

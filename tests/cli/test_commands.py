@@ -75,20 +75,6 @@ def test_run_passes_everything_on(
     assert "\x1b" not in out + err
 
 
-def test_run_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[dict[str, Any]] = []
-
-    def run(case: Path, **options: Any) -> dict[str, Any]:
-        calls.append(options)
-        return SUMMARY
-
-    install(monkeypatch, "run", run)
-    assert main(["run", "a.toml"]) == 0
-    assert (calls[0]["overrides"], calls[0]["out"], calls[0]["force"]) == ((), None, False)
-    assert (calls[0]["threads"], os.environ["OPENBLAS_NUM_THREADS"]) == (1, "1")
-    assert calls[0]["max_wall"] is None
-
-
 def test_resume_uses_the_threads_of_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     calls: list[tuple[Any, Any, Any]] = []
 
@@ -229,36 +215,6 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
             assert option in text
 
 
-def test_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    seen: list[dict[str, Any]] = []
-
-    def check(case: Path, **options: Any) -> dict[str, Any]:
-        seen.append(options)
-        bodies = {
-            "block": {"nodes": 100, "largest_hole": 1.25},
-            "cylinder": {"nodes": 20, "largest_hole": 1.5},
-        }
-        return {
-            "unknowns": 240,
-            "bodies": bodies,
-            "size": {"memory_mb": 12.5},
-            "notes": ["a node faces nothing"],
-            "warnings": ["told on stderr"],
-        }
-
-    install(monkeypatch, "check", check)
-    assert main(["check", "a.toml", "--set", "mls.degree=4", "--write", "m.vtu"]) == 0
-    assert seen[0].pop("console") is not None
-    assert seen[0] == {"overrides": ("mls.degree=4",), "write": Path("m.vtu"), "picture": None, "threads": 1}
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert ["unknowns", "240"] in lines
-    assert ["nodes", "largest", "hole"] in lines
-    assert ["cylinder", "20", "1.5"] in lines
-    assert ["memory", "in", "MB", "12.5"] in lines
-    assert ["-", "a", "node", "faces", "nothing"] in lines
-    assert ["-", "told", "on", "stderr"] not in lines
-
-
 @pytest.mark.parametrize(
     ("arguments", "threads"),
     [
@@ -280,24 +236,6 @@ def test_threads_are_set_before_the_numerics_are_loaded(
     install(monkeypatch, arguments[0], function)
     assert main(arguments) == 0
     assert seen == [threads] * 4
-
-
-def test_info_plot_warmup(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    install(monkeypatch, "info", lambda rundir: {"status": "done", "directory": rundir})
-    assert main(["info", "there"]) == 0
-    assert "there" in capsys.readouterr().out
-    install(
-        monkeypatch,
-        "plot",
-        lambda rundirs, formats, choice: [rundirs[0] / f"pressure.{kind}" for kind in formats],
-    )
-    assert main(["plot", "there"]) == 0
-    assert capsys.readouterr().out == "there/pressure.png\n"
-    assert main(["plot", "there", "--format", "pdf", "--format", "svg", "--format", "pdf", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"files": ["there/pressure.pdf", "there/pressure.svg"]}
-    install(monkeypatch, "warmup", lambda console: {"kernels": 5})
-    assert main(["warmup"]) == 0
-    assert "kernels" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

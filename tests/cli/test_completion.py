@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from click.shell_completion import BashComplete
 
-from mlsanm_cli.case.reference import value_keys
+from mlsanm_cli.case.explain import value_keys
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
 

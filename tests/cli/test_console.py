@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from mlsanm_cli.app.signals import Stopper
+from mlsanm_cli.app.context import Stopper
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
 from mlsanm_cli.cli.text import pretty

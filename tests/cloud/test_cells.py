@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, cell_quadrature, measure
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle
@@ -56,16 +55,6 @@ def test_groups_of_cells_are_their_sums(name: str) -> None:
     few = measure(cloud.points, cloud.faces, cloud.surfaces, np.where(labels >= 3, labels + 5, -1))
     np.testing.assert_allclose(few.area, groups.area[3:], rtol=1e-12)
     np.testing.assert_allclose(few.middle, groups.middle[3:], atol=1e-12)
-
-
-def test_the_whole_body_is_one_closed_group() -> None:
-    for name, (_, _, area, middle) in BODIES.items():
-        cloud = cloud_of(name)
-        labels: IntArray = np.zeros(len(cloud.points), dtype=np.int64)
-        assert not len(cloud.faces.between(labels).one)
-        whole = measure(cloud.points, cloud.faces, cloud.surfaces, labels)
-        assert whole.area == pytest.approx([area], rel=1e-6)
-        assert whole.middle[0] == pytest.approx(middle, abs=1e-6)
 
 
 def test_a_missing_face_leaves_cells_open() -> None:

@@ -15,8 +15,7 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.cloud.search import BATCH_SIZE, nearest, run_interruptible
-from mlsanm_cli.cloud.size import estimate_nodes
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, estimate_nodes
 
 BLOCK = rectangle((-2.0, 2.0), (-2.0, 0.0))
 FINE = Spacing(0.15, (Zone.around((0.0, 0.0), 0.01, 0.1, 0.12),))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.cloud.cover import LIMIT, SPACING_TOLERANCE, cover
 from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import LIMIT, SPACING_TOLERANCE, Spacing, Zone, cover
 
 X = np.linspace(-1.0, 1.0, 41)
 POINTS = np.stack(np.meshgrid(X, X), axis=-1).reshape(-1, 2)

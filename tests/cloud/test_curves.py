@@ -71,15 +71,6 @@ def test_outlines_close_and_run_counter_clockwise(outline: Outline, area: float)
     assert enclosed == pytest.approx(area, rel=1e-5)
 
 
-def test_boundaries_lie_where_their_names_say() -> None:
-    sides = dict(zip(OUTLINES[0].names, OUTLINES[0].curves, strict=True))
-    middles = {name: curve.points(np.array([0.5 * curve.length]))[0] for name, curve in sides.items()}
-    assert middles["bottom"] == pytest.approx([0.5, 0.5])
-    assert middles["top"] == pytest.approx([0.5, 1.0])
-    assert middles["left"] == pytest.approx([-1.0, 0.75])
-    assert middles["right"] == pytest.approx([2.0, 0.75])
-
-
 @pytest.mark.parametrize(
     ("side", "towards"), [("lower", (0, -1)), ("upper", (0, 1)), ("left", (-1, 0)), ("right", (1, 0))]
 )
@@ -91,28 +82,6 @@ def test_half_disks_bulge_to_their_side(side: str, towards: tuple[float, float])
     assert arc.normals(middle)[0] == pytest.approx(towards, abs=1e-12)
     assert arc.points(middle)[0] == pytest.approx(np.array([0.3, 0.2]) + 1.5 * np.array(towards))
     assert flat.normals(np.zeros(1))[0] == pytest.approx([-towards[0], -towards[1]], abs=1e-12)
-
-
-def test_a_sector_turns_its_back_on_its_hole() -> None:
-    outline = sector((0.0, 0.0), (1.0, 2.0), (0.0, 0.5 * math.pi))
-    assert outline.names == ("outer", "end", "inner", "start")
-    middles = {
-        name: (
-            curve.points(np.array([0.5 * curve.length]))[0],
-            curve.normals(np.array([0.5 * curve.length]))[0],
-        )
-        for name, curve in zip(outline.names, outline.curves, strict=True)
-    }
-    half = math.sqrt(0.5)
-    expected = {
-        "outer": ([2.0 * half, 2.0 * half], [half, half]),
-        "end": ([0.0, 1.5], [-1.0, 0.0]),
-        "inner": ([half, half], [-half, -half]),
-        "start": ([1.5, 0.0], [0.0, -1.0]),
-    }
-    for name, (point, normal) in expected.items():
-        assert middles[name][0] == pytest.approx(point, abs=1e-12)
-        assert middles[name][1] == pytest.approx(normal, abs=1e-12)
 
 
 def test_only_whole_circles_are_closed() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops
-from mlsanm_cli.cloud.polygon import signed_area
+from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import GeometryError
 
 NONE = EdgeNames(np.zeros((0, 2), dtype=np.int64), (), {})

@@ -7,7 +7,7 @@ import pytest
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import annulus, disk, rectangle
-from mlsanm_cli.cloud.membership import boundary_chords, inside_body
+from mlsanm_cli.cloud.membership import boundary_chords
 from mlsanm_cli.cloud.spacing import Spacing
 
 
@@ -46,12 +46,3 @@ def test_chords_close_every_loop() -> None:
     index = np.array([0, 1, 2, 2, 3, 0, 7, 8, 9])
     chords = boundary_chords(index, ["a"] * 3 + ["b"] * 3 + ["hole"] * 3)
     assert index[chords].tolist() == [[0, 1], [1, 2], [2, 3], [3, 0], [7, 8], [8, 9], [9, 7]]
-
-
-def test_the_rule_needs_nothing_but_boundary_nodes(coarse: Cloud) -> None:
-    (arc,) = coarse.surfaces.values()
-    boundary = coarse.points[arc.index]
-    targets = np.array([[0.3, 0.2], [2.0, 0.0]])
-    names = ["arc"] * len(boundary)
-    found = inside_body(boundary, np.arange(len(boundary)), arc.normal, names, targets)
-    assert found.tolist() == [True, False]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
-from mlsanm_cli.cloud.relax import DOUBLINGS, MAX_STEP, NEIGHBORS, SEARCH_INTERVAL, STEP, SWEEPS, relax
+from mlsanm_cli.cloud.front import DOUBLINGS, MAX_STEP, NEIGHBORS, SEARCH_INTERVAL, STEP, SWEEPS, relax
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 BLOCK = rectangle((0.0, 2.0), (0.0, 1.0))
@@ -80,12 +79,3 @@ def test_nothing_to_move() -> None:
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     assert np.array_equal(relax(points, 3, Spacing(1.0)), points)
     assert np.array_equal(relax(points[:1], 0, Spacing(1.0)), points[:1])
-
-
-@pytest.mark.parametrize("unit", [1e-3, 1e3])
-def test_units_do_not_matter(unit: float) -> None:
-    points = build_cloud(BLOCK, Spacing(0.15), 0).points
-    points[40:] += np.random.default_rng(1).uniform(-0.03, 0.03, points[40:].shape)
-    one = relax(points, 40, Spacing(0.15))
-    other = relax(points * unit, 40, Spacing(0.15 * unit)) / unit
-    assert np.abs(one - other).max() <= 1e-12

@@ -91,19 +91,6 @@ def test_a_steep_zone_narrower_than_the_first_samples_is_not_missed(at: float) -
     assert np.count_nonzero(np.abs(x - at) <= 1e-3) == pytest.approx(21, abs=2)
 
 
-def test_facing_surfaces_get_the_same_spacing_in_a_shared_zone() -> None:
-    zone = Zone.around((0.0, 0.0), 0.005, 0.1, 0.12)
-    arc = Arc((0.0, 1.0), 1.0, math.pi, math.pi)
-    line = Segment((-3.0, 0.0), (2.0, 0.0))
-    across = np.linspace(-0.1, 0.1, 21)
-    spacings = []
-    for curve, far in ((arc, 0.2), (line, 0.35)):
-        s = Spacing(far, (zone,)).steps_along(curve)
-        x = curve.points(0.5 * (s[1:] + s[:-1]))[:, 0]
-        spacings.append(np.interp(across, x, np.diff(s)))
-    assert spacings[0] / spacings[1] == pytest.approx(1.0, abs=0.02)
-
-
 def test_an_even_curve_is_cut_into_equal_steps() -> None:
     assert np.diff(Spacing(0.3).steps_along(LINE)) == pytest.approx(4.0 / 13.0, rel=1e-12)
     # Halves: the same number in every system of units.
@@ -115,8 +102,3 @@ def test_an_even_curve_is_cut_into_equal_steps() -> None:
 def test_short_curves_keep_a_node_in_their_middle_and_circles_eight() -> None:
     assert len(Spacing(100.0).steps_along(LINE)) == 3
     assert len(Spacing(100.0).steps_along(Arc((0.0, 0.0), 1.0, 0.0, 2.0 * math.pi))) == 9
-
-
-def test_finest_spacing() -> None:
-    assert Spacing(0.3).finest == 0.3
-    assert Spacing(0.3, (Zone.around((0.0, 0.0), 0.02, 0.1, 0.1),)).finest == 0.02

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.crossings import first_crossing
-from mlsanm_cli.cloud.polygon import signed_area
+from mlsanm_cli.cloud.membership import first_crossing, signed_area
 from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
 from mlsanm_cli.errors import GeometryError
 

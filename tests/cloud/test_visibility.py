@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.cloud.cells import measure as cell_measures
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.drawing import polygon
@@ -118,6 +119,17 @@ def test_rounded_edges_of_a_slot_are_no_holes() -> None:
     cloud = build_cloud(Outline(names, curves), Spacing(0.8, (fine,)), 0)
     assert cloud.sight is not None
     assert measure(cloud).hole < 1.2
+
+
+def test_cells_close_where_a_slit_opens_with_rounded_lips() -> None:
+    # Where a slit was opened, a triangle of three nodes of a lip lay over its neighbours.
+    sides = [(-3.0, 1.5), (-3.0, -1.0), (3.0, -1.0), (3.0, 1.5), (0.3, 1.5), (0.3, 0.0), (-0.3, 0.0)]
+    names, curves = zip(
+        *polygon([*sides, (-0.3, 1.5)], [], [*[0.0] * 4, 0.8, 0.0, 0.0, 0.8], []), strict=True
+    )
+    cloud = build_cloud(Outline(names, curves), Spacing(0.1), 0)
+    cells = np.arange(len(cloud.points))
+    assert cell_measures(cloud.points, cloud.faces, cloud.surfaces, cells).closed.all()
 
 
 def test_targets_on_a_face_belong_to_their_side() -> None:

@@ -21,7 +21,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.solve.load_factors import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 from tests.case_text import body, contact, head, item, load, material, pin, support, table
 
 

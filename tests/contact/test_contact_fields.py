@@ -11,7 +11,7 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.obstacles import Plane
-from mlsanm_cli.contact.response.contact_fields import fields_of
+from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.mechanics.near_field import Isotropic, SurfaceForces, as_complex
 
 KERNEL = Isotropic(1.0, 1.8)
@@ -26,7 +26,7 @@ BELOW = as_complex(
 
 def fields(pressure: FloatArray, traction: FloatArray) -> FloatArray:
     """Displacements and stresses (e, 5) below the grid."""
-    found = fields_of(GRID, KERNEL, True, BELOW, pressure[:, None], traction[:, None])
+    found = NearFields.at(GRID, KERNEL, True, BELOW)(pressure[:, None], traction[:, None])
     return np.concatenate(found, axis=1)[..., 0]
 
 

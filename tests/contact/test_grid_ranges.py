@@ -58,9 +58,7 @@ def test_summits_are_looked_at_where_they_may_overlap(clear: float) -> None:
         watched_of=lambda name: slice(0, 0),
         watched=lambda *state: np.zeros(0),
     )
-    state: Any = SimpleNamespace(
-        gap=moved, active=active, factors=None, motion=None, pressure=None, traction=None
-    )
+    state: Any = SimpleNamespace(gap=moved, active=active, unknowns=())
     room: Any = SimpleNamespace(drawn_gaps=(places, drawn))
     found = summits(condensed, "c", room, [state])
     assert found == pytest.approx([] if clear else [0.89, 0.9, 0.91])

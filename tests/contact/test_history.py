@@ -13,7 +13,7 @@ from mlsanm_cli.contact.laws import event_driven as history
 from mlsanm_cli.contact.laws.contact_status import ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.laws.event_driven import Event, event_driven_path, start
-from mlsanm_cli.contact.laws.sliding import SlidingError
+from mlsanm_cli.contact.laws.limit_load import SlidingError
 from mlsanm_cli.contact.response.condensed import Condensed
 from tests.contact.friction import HalfPlanes, half_planes
 

@@ -11,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
 from tests.contact.derivatives import highest_terms, tangent_times
-from tests.contact.friction import in_units
 from tests.contact.test_regularized_friction import random_problem as random_friction
 
 
@@ -56,17 +55,6 @@ def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed
     x = np.concatenate([state(problem, seed)[None], rng.normal(size=(order, problem.size))])
     found, expected, largest = highest_terms(problem, x, rng.normal(size=order + 1))
     assert np.abs(found - expected).max() <= 1e-7 * max(1.0, largest)
-
-
-@given(**sizes)
-def test_units_change_no_digit(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
-    changed = in_units(problem.condensed, problem.law, 2.0**-20, 2.0**40)
-    other = HolonomicContact(DenseCoupling.of(*changed), problem.start, problem.start + problem.change)
-    x, rhs = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
-    unit = other.scale / problem.scale
-    assert (other.residual(x * unit, 0.3) == problem.residual(x, 0.3)).all()
-    assert (other.tangent(x * unit, 0.3).solve(rhs) == unit * problem.tangent(x, 0.3).solve(rhs)).all()
 
 
 def test_traction_is_the_laws() -> None:

@@ -9,7 +9,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
-from mlsanm_cli.contact.laws.scales import MAX_GAP_RATIO, regularize
+from mlsanm_cli.contact.laws.scales import regularize
 from mlsanm_cli.errors import NumericalError
 from tests.contact.scenes import Small, cylinder, synthetic
 from tests.contact.test_regularized_friction import random_problem, state
@@ -67,22 +67,6 @@ def test_regularised_pressure_goes_to_the_exact_one(hertz: Small) -> None:
     # Between eta^0.5 of the continuous problem and eta^1 of a fixed set of nodes, none of them just touching.
     assert 0.4 <= np.polyfit(np.log(etas), np.log(errors), 1)[0] <= 1.1
     assert errors[2] <= 0.01
-
-
-def test_law_does_not_know_the_units(hertz: Small) -> None:
-    exact = hertz.exact()
-    law = regularize(hertz.condensed, [exact], 1e-4)
-    assert law.pressure == exact.pressure.max()
-    # Nodes drawn far apart have a longer length and pull the less; what a pressure leaves open is the same.
-    far = law.delta > MAX_GAP_RATIO * law.gap * (1.0 + 1e-12)
-    assert 0 < far.sum() < len(far)
-    assert (law.eta[~far] == 1e-4 * law.pressure).all()
-    assert (law.delta >= law.gap).all()
-    assert (law.eta * law.delta)[far] == pytest.approx(1e-4 * law.pressure * MAX_GAP_RATIO * law.gap)
-    double = cylinder(0.006, "load.press.force=[0.0, -453.132]")
-    twice = regularize(double.condensed, [double.exact()], 1e-4)
-    assert twice.pressure / law.pressure == pytest.approx(np.sqrt(2.0), rel=0.02)
-    assert twice.force / law.force == pytest.approx(2.0, rel=1e-6)
 
 
 def test_several_states_give_the_largest_scales(hertz: Small) -> None:

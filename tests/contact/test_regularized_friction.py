@@ -13,8 +13,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
-from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
+from mlsanm_cli.contact.laws.scales import Regularization
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.contact.response.linear_map import Columns
 from tests.contact.derivatives import highest_terms, lack_of_orders, tangent_times

@@ -137,53 +137,6 @@ class Circle:
         return True
 
 
-class Bratu:
-    """u'' + lam exp(u) = 0 on (0, 1), u = 0 at the ends, as R = u - lam G exp(u); fold at 3.513830719.
-
-    G is minus the inverse of the second derivative by Chebyshev collocation (spectrally accurate).
-    exp(u) has the series k e_k = sum_j j u_j e_{k-j}.
-    """
-
-    def __init__(self, intervals: int) -> None:
-        self.size = intervals - 1
-        self.scale = np.ones(self.size)
-        self.counts = Counts()
-        nodes = np.cos(np.pi * np.arange(intervals + 1) / intervals)
-        sign = (-1.0) ** np.arange(intervals + 1)
-        sign[[0, -1]] *= 2.0
-        distance = nodes[:, None] - nodes + np.eye(intervals + 1)
-        derivative = sign[:, None] / sign / distance
-        derivative -= np.diag(derivative.sum(axis=1))
-        # The interval (0, 1) is half as long as (-1, 1).
-        second = 4.0 * (derivative @ derivative)[1:-1, 1:-1]
-        self.inverse: FloatArray = np.asarray(-np.linalg.inv(second), dtype=np.float64)
-
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        self.counts.residuals += 1
-        return np.asarray(x - lam * (self.inverse @ np.exp(x)))
-
-    def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        self.counts.tangents += 1
-        return DenseTangent(np.eye(self.size) - lam * self.inverse * np.exp(x), self.counts)
-
-    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        return np.asarray(-self.inverse @ np.exp(x))
-
-    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
-        order = lam.size
-        exponential = np.empty((order + 1, self.size))
-        exponential[0] = np.exp(x[0])
-        ranks = np.arange(1.0, order)[:, None]
-        for k in range(1, order + 1):
-            top = min(k, order - 1)
-            terms = ranks[:top] * x[1 : top + 1] * exponential[k - top : k][::-1]
-            exponential[k] = terms.sum(axis=0) / k
-        return np.asarray(self.inverse @ (lam @ exponential[order:0:-1]))
-
-    def admissible(self, x: FloatArray, lam: float) -> bool:
-        return True
-
-
 class Truss:
     """Shallow two-bar (von Mises) truss: apex at height w, unloaded at 1, lam = (1 - w^2) w / 2.
 

@@ -18,8 +18,7 @@ from mlsanm_cli.continuation import (
 )
 
 from .contact_problems import hertz, open_start
-from .problems import Bratu, Circle, Scalar, Truss
-from .test_anm import BRATU_FOLD
+from .problems import Circle, Scalar, Truss
 from .test_corrector import watched
 
 ARC = NewtonOptions(control="arc-length")
@@ -74,13 +73,6 @@ def test_contact_as_by_series(eta: float, control: Literal["load", "arc-length"]
         x, _ = branch.evaluate(branch.parameter_at(level))
         assert np.abs(found[level] - x)[:60].max() <= 1e-6 * peak
     assert np.abs(follower.outcome.x - series.outcome.x)[:60].max() <= 1e-7 * peak
-
-
-def test_the_fold_of_bratus_equation() -> None:
-    follower = follow(Bratu(24), np.zeros(23), 0.0, 5.0, ARC, barrier=turning)
-    steps = list(follower.steps())
-    assert follower.outcome.reason is StopReason.EVENT
-    assert steps[-1].lam == pytest.approx(BRATU_FOLD, abs=1e-6)
 
 
 def test_the_truss_snaps_through_both_folds() -> None:
@@ -183,13 +175,6 @@ def test_work_is_counted(control: Literal["load", "arc-length"]) -> None:
     assert problem.counts.tangents == end.factorizations == sum(step.factorizations for step in steps)
     assert problem.counts.solves == end.solves == sum(step.solves for step in steps)
     assert end.iterations == sum(step.iterations for step in steps) >= end.factorizations - len(steps)
-
-
-def test_steps_grow_where_it_is_easy() -> None:
-    follower = follow(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=0.01))
-    rises = np.diff([step.lam for step in follower.steps()])
-    assert rises[1] == pytest.approx(2.0 * rises[0])
-    assert follower.outcome.steps <= 8
 
 
 def test_step_limit_and_stopping() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import Branch
-from mlsanm_cli.continuation.pade import denominator, nearest_pole
+from mlsanm_cli.continuation.series import denominator, nearest_pole
 
 
 def rational_series(poles: list[complex], size: int, order: int) -> tuple[np.ndarray, np.ndarray]:
@@ -39,16 +39,6 @@ def test_approximant_is_exact_where_the_series_diverges() -> None:
     np.testing.assert_allclose(branch.evaluate(0.9)[0], value, rtol=1e-5)
     taylor = Branch(coefficients, np.zeros(16), 1.0)
     assert np.abs(taylor.evaluate(0.9)[0] - value).max() > 10.0
-
-
-def test_denominator_does_not_depend_on_units_of_the_parameter() -> None:
-    coefficients, _ = rational_series([1.0 + 0.0j, -1.2 + 0.0j, 1.0 + 1.0j, 1.0 - 1.0j], 6, 12)
-    one = denominator(coefficients, 0.5)
-    powers = 2.0 ** np.arange(13.0)
-    two = denominator(coefficients * powers[:, None], 0.25)
-    assert one is not None
-    assert two is not None
-    np.testing.assert_allclose(two, one * powers[: one.size], rtol=1e-9)
 
 
 def test_short_or_overflowing_series_have_none() -> None:

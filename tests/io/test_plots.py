@@ -151,17 +151,6 @@ def test_open_contact_and_single_node_still_give_a_picture(kept: list[Figure]) -
         assert left < right
 
 
-def test_path_draws_one_curve_per_quantity(kept: list[Figure]) -> None:
-    plot_path(Path("a.png"), ARC, {"press": ARC, "block.bottom": -ARC}, "position", "force", "Forces")
-    (axes,) = kept[0].axes
-    press, support = axes.get_lines()
-    np.testing.assert_array_equal(press.get_ydata(), ARC)
-    np.testing.assert_array_equal(support.get_ydata(), -ARC)
-    assert press.get_color() != support.get_color()
-    assert press.get_marker() != support.get_marker()
-    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == ("position", "force", "Forces")
-
-
 def annulus() -> CloudBody:
     rings = []
     for radius in np.linspace(1.0, 2.0, 11):

@@ -64,14 +64,6 @@ def test_reader_gives_back_what_was_written_in_the_order_of_the_case(tmp_path: P
     np.testing.assert_array_equal(data.states[0].bodies["upper"]["von_mises"], np.arange(5.0))
 
 
-def test_rows_survive_many_chunks(tmp_path: Path) -> None:
-    with start_run(tmp_path / "run.h5") as run:
-        write_steps(run, range(600))
-    data = read_run(tmp_path)
-    np.testing.assert_array_equal(data.path.solves, 20 * np.arange(600))
-    np.testing.assert_array_equal(data.contacts["interface"].slip[:, 0], np.arange(600) + 0.3)
-
-
 def test_a_run_without_contacts_loads_or_candidates_can_be_stored(tmp_path: Path) -> None:
     with RunFile.create(tmp_path / "run.h5", {}) as run:
         empty = np.empty(0)

@@ -54,38 +54,6 @@ def test_create_never_overwrites_and_reports_a_missing_directory(tmp_path: Path)
 
 
 ROOT = Path(__file__).parents[2]
-FULL_DISK = """
-import resource, signal, sys
-from pathlib import Path
-from mlsanm_cli.errors import RunError
-from tests.io.run_files import start_run, write_steps
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
-run = start_run(Path(sys.argv[1]))
-try:
-    for step in range(0, 100000, 10):
-        write_steps(run, range(step, step + 10))
-        run.save()
-        print(step, flush=True)
-except RunError as error:
-    print(error.message, flush=True)
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit on the size of files")
-def test_a_full_disk_is_a_run_error_and_keeps_the_steps_before_it(tmp_path: Path) -> None:
-    output = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(tmp_path / "run.h5")],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        check=False,
-    )
-    *steps, message = output.stdout.splitlines()
-    assert message.startswith("cannot write "), output.stderr
-    assert read_run(tmp_path).path.rows == 10 * len(steps) > 50
-    assert [path.name for path in tmp_path.iterdir()] == ["run.h5"]
 
 
 def test_reader_names_what_is_wrong(tmp_path: Path) -> None:

@@ -8,11 +8,8 @@ from typing import Any
 
 import meshio
 import numpy as np
-import pytest
 
-from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.vtk_xml import VERTEX, write_grid
-from mlsanm_cli.io.vtu import StateWriter, VtuPart, write_parts
+from mlsanm_cli.io.vtu import VERTEX, StateWriter, VtuPart, write_grid, write_parts
 
 RNG = np.random.default_rng(3)
 
@@ -87,11 +84,6 @@ def test_one_file_joins_bodies_and_keeps_shared_data(tmp_path: Path) -> None:
     assert mesh.point_data["body"].tolist() == [0] * 3 + [1] * 5
     np.testing.assert_array_equal(mesh.points[3:, :2], second.points)
     assert set(mesh.point_data) == {"body", *second.data}
-
-
-def test_a_missing_directory_is_a_run_error(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="cannot write"):
-        StateWriter(tmp_path / "none").write(0.0, {"a": part(2)})
 
 
 def test_triangles_fill_a_body_and_points_in_none_stay_vertices(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.kernels.cubic import cubic_rows
+from mlsanm_cli.kernels.radial import cubic_rows
 
 
 def test_interpolation_is_the_polynomial_through_four_rows() -> None:

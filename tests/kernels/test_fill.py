@@ -88,37 +88,6 @@ def test_front_is_its_slow_twin(far: float, zones: list[Zone], seed: int, round_
     assert np.abs(points - expected).max() <= 1e-9
 
 
-@settings(max_examples=20)
-@given(zones=zones, seed=st.integers(0, 1000))
-def test_no_two_nodes_are_closer_than_their_spacing(zones: list[Zone], seed: int) -> None:
-    spacing = Spacing(0.15, tuple(zones))
-    points, boundary = front(SQUARE, spacing, seed)
-    h = spacing.at(points)
-    interior = np.arange(boundary, len(points))
-    assert len(interior)
-    distance = cdist(points[interior], points)
-    distance[np.arange(len(interior)), interior] = np.inf
-    # A node is at least min(its own h, its parent's h) away from the others, its parent one h(parent) off.
-    growth = max((zone.growth for zone in zones), default=0.0)
-    least = np.minimum(h[interior][:, None], h[None, :]) / (1.0 + growth)
-    assert (distance >= (1.0 - 1e-9) * least).all()
-
-
-def test_same_seed_same_bits_other_seed_other_nodes() -> None:
-    spacing = Spacing(0.1, (Zone.around((0.5, 1.0), 0.01, 0.1, 0.12),))
-    first, again = (build_cloud(SQUARE, spacing, 7).points for _ in range(2))
-    assert np.array_equal(first, again)
-    other = build_cloud(SQUARE, spacing, 8).points
-    assert other.shape != first.shape or not np.allclose(other, first)
-
-
-def test_nodes_lie_inside_their_chain() -> None:
-    spacing = Spacing(0.08, (Zone.around((0.0, -1.0), 0.02, 0.05, 0.2),))
-    cloud = build_cloud(disk((0.0, 0.0), 1.0), spacing, 0)
-    count = len(cloud.boundary_nodes)
-    assert even_odd(cloud.points[:count], cloud.points[count:]).all()
-
-
 def test_a_front_that_outgrows_its_limit_is_refused() -> None:
     with pytest.raises(RunError, match="more than 200 nodes"):
         build_cloud(SQUARE, Spacing(0.02), 0, limit=200)

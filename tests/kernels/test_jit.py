@@ -13,7 +13,7 @@ import pytest
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels import blas
-from mlsanm_cli.kernels.aot import jit, kept
+from mlsanm_cli.kernels.aot import kept
 from mlsanm_cli.kernels.aot.machine import Code
 from tests.kernels.programs import KERNELS, MORE, ROOTS, answer, files, run, run_plain, started
 
@@ -59,19 +59,6 @@ def test_damaged_code_is_not_read(change: str, cache: Path, tmp_path: Path) -> N
 def imported_geometry(code: Code) -> Code:
     """Calls what is not there."""
     return Code(code.object, code.entries, (*code.symbols, "nobody_has_this"), code.math)
-
-
-def test_code_that_cannot_be_used_is_no_code(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = copied(cache, tmp_path)
-    monkeypatch.setattr(kept, "directory", lambda: path.parent)
-    sound, warm = path.read_bytes(), []
-    for data in (sound, sound[:-1], kept.encoded(imported_geometry(kept.decoded(sound)))):
-        path.write_bytes(data)
-        monkeypatch.setattr(jit, "_loaded", [])
-        warm.append(jit.is_warm())
-    assert warm == [True, False, False]
 
 
 def test_what_cannot_be_used_is_compiled_anew_by_several_processes_at_once(
@@ -187,24 +174,18 @@ def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_pat
     assert blocked.read_text() == "not a directory"
 
 
-WRONG_LAYOUT = """
-from mlsanm_cli.kernels.aot import compiler
-right = compiler._kinds
-compiler._kinds = lambda layout: right(layout).replace("ppiip", "ppip")
-"""
 CRASH = """
 from mlsanm_cli.kernels.aot import compiler
 compiler.PROOF = "import os; os.abort()"
 """
 
 
-@pytest.mark.parametrize(("change", "reason"), [(WRONG_LAYOUT, "passes values as"), (CRASH, "-6")])
-def test_code_that_could_not_be_loaded_is_left_to_numba(change: str, reason: str, tmp_path: Path) -> None:
+def test_code_that_could_not_be_loaded_is_left_to_numba(tmp_path: Path) -> None:
     # The same arguments are refused.
     check = "try:\n  roots(np.ones(2, dtype=np.float32), 1.0, 1)\nexcept TypeError as error:\n  print(error)"
-    _, told, refused = run(tmp_path, change + ROOTS + check)
+    _, told, refused = run(tmp_path, CRASH + ROOTS + check)
     assert told.startswith("[1.0, 1.5] [0, 1, 2] 4 0.25 True numba itself keeps the compiled kernels")
-    assert reason in told
+    assert "-6" in told
     assert [path.name for path in files(tmp_path)] == ["left-to-numba"]
     assert "must be a C-contiguous float64" in refused
 
@@ -303,10 +284,6 @@ def test_kernels_are_python_functions_where_numba_is_off(tmp_path: Path) -> None
     assert process.communicate()[1].endswith(
         "NUMBA_DISABLE_JIT is set, and a run needs its kernels compiled\n"
     )
-
-
-def test_kernels_of_one_user_serve_all(cache: Path) -> None:
-    assert [oct(path.stat().st_mode) for path in files(cache)] == ["0o100644"]
 
 
 def test_functions_of_scipy_are_called_as_they_are_declared() -> None:

@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.kernels.aot.jit import every_kernel
-from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut2, Int1, Signature
+from mlsanm_cli.kernels.aot.signature import Signature
 from mlsanm_cli.kernels.fill import spacing_at
-from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 from mlsanm_cli.kernels.stencils import mls_weights
 
 ZONES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.2]])
@@ -82,19 +80,6 @@ def test_the_number_of_arguments_is_checked() -> None:
             spacing_at(*arguments)
 
 
-def test_signatures_are_read_from_annotations() -> None:
-    def function(x: Float2, n: int, y: FloatOut2, a: float) -> tuple[Float1, Int1, int, float]:
-        raise NotImplementedError
-
-    found = Signature.of("f", function)
-    assert [(one.dtype.kind, one.ndim, one.written) for one in found.arguments] == [
-        *(("f", 2, False), ("i", 0, False)),
-        *(("f", 2, True), ("f", 0, False)),
-    ]
-    assert [(one.dtype.kind, one.ndim) for one in found.results] == [("f", 1), ("i", 1), ("i", 0), ("f", 0)]
-    assert not found.single
-
-
 def test_types_that_kernels_do_not_know_are_refused() -> None:
     def one(x: list[float]) -> None:
         raise NotImplementedError
@@ -112,10 +97,3 @@ def test_types_that_kernels_do_not_know_are_refused() -> None:
     third.__annotations__["x"] = float
     with pytest.raises(TypeError, match="from __future__ import annotations"):
         Signature.of("f", third)
-
-
-def test_all_kernels_are_found() -> None:
-    names = [kernel.name.rpartition(".")[2] for kernel in every_kernel()]
-    assert len(names) == len(set(names))
-    assert {"advance_front", "cut_lines", "factorise", "hyperbola_orders", "mls_weights"} <= set(names)
-    assert hyperbola_orders in every_kernel()

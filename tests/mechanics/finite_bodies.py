@@ -13,10 +13,11 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.law import Kind, Law
+from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 from mlsanm_cli.mechanics.finite.projector import Projector, Weights
+from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from tests.mechanics.bodies import build

@@ -10,7 +10,7 @@ from mlsanm_cli.cloud.curves import half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
+from mlsanm_cli.mechanics.body_model import ghost_owners, ghost_points
 from mlsanm_cli.operators.settings import Scheme
 from mlsanm_cli.operators.square import Square
 from tests.mechanics.bodies import build, jittered_square

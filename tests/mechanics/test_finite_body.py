@@ -10,8 +10,9 @@ from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.forces import Forces
-from mlsanm_cli.mechanics.finite.law import Kind, Law
+from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, cofactor_normal
+from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from tests.mechanics.bodies import jittered_square, with_body_force
 from tests.mechanics.finite_bodies import (

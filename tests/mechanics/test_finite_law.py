@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.finite.law import Kind, Law, cauchy_stress, determinant, stretches
+from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, stretches
+from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.material import isotropic
 from tests.mechanics.finite_bodies import KINDS, NU, E
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.half_plane import surface_compliance
-from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic
+from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic, surface_compliance
 from mlsanm_cli.mechanics.near_field import (
     Anisotropic,
     ComplexArray,

@@ -16,12 +16,11 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.operators.linear.dissection import LEAF_SIZE, nested_dissection
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
+from mlsanm_cli.operators.linear.dissection import nested_dissection
+from mlsanm_cli.operators.linear.superlu import elimination_order
 from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress
 from mlsanm_cli.operators.square import Square
 from mlsanm_cli.operators.square import factorise as square_of
@@ -61,19 +60,6 @@ def test_dissection_is_a_permutation_with_its_tree(count: int, seed: int, stretc
             assert set(later[later > f]) <= set(ancestors)
 
 
-def test_the_last_nodes_separate_the_others() -> None:
-    x = np.arange(30.0)
-    points = np.stack(np.meshgrid(x, x[:12]), axis=-1).reshape(-1, 2)
-    graph = neighbour_graph(points, 5)
-    order = nested_dissection(points, graph).order
-    # Without the first separator, one column of 12 nodes, the graph falls apart into two halves.
-    rest = order[: len(points) - 12]
-    pieces, label = sparse.csgraph.connected_components(graph[rest][:, rest])
-    assert pieces == 2
-    assert np.bincount(label).min() >= 12 * 14
-    assert len(points) > LEAF_SIZE
-
-
 def fill(matrix: sparse.csc_array, order: IntArray) -> int:
     """Entries of the Cholesky factor in the given order."""
     permuted = sparse.csc_matrix(matrix[order][:, order])
@@ -91,26 +77,6 @@ def test_dissection_beats_the_order_of_the_front_in_fill(fine: float) -> None:
     order = elimination_order(matrix, points)
     assert np.array_equal(np.sort(order), np.arange(2 * len(points)))
     assert fill(matrix, order) <= 0.5 * fill(matrix, np.arange(2 * len(points)))
-
-
-def test_superlu_against_a_dense_solution() -> None:
-    points = np.random.default_rng(3).uniform(0.0, 1.0, (150, 2))
-    matrix = positive_definite(points)
-    factor = factor_in_order(matrix, elimination_order(matrix, points))
-    for shape in ((300,), (300, 4)):
-        rhs = np.random.default_rng(4).normal(size=shape)
-        expected = np.linalg.solve(matrix.toarray(), rhs)
-        assert np.abs(factor.solve(rhs) - expected).max() <= 1e-13
-
-
-def test_a_singular_matrix_is_refused() -> None:
-    points = np.random.default_rng(3).uniform(0.0, 1.0, (20, 2))
-    matrix = positive_definite(points).tolil()
-    matrix[7, :] = 0.0
-    matrix[:, 7] = 0.0
-    broken = sparse.csc_array(matrix)
-    with pytest.raises(NumericalError, match="could not be factorised"):
-        factor_in_order(broken, elimination_order(broken, points))
 
 
 def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray, FloatArray]:
@@ -136,17 +102,6 @@ def test_least_squares_against_numpy(seed: int) -> None:
     b = np.random.default_rng(seed + 1).normal(size=(300, 3))
     expected = np.linalg.lstsq(weight[:, None] * rows, weight[:, None] * b, rcond=None)[0]
     assert np.abs(system.solve(sparse.csc_array(b)) - expected).max() <= 1e-11 * np.abs(expected).max()
-
-
-def test_a_corrected_step_gives_back_the_digits_the_normal_equations_lose() -> None:
-    system, rows, _ = least_squares(1e-4)
-    # An exact solution, so that no reference's own error counts.
-    expected = np.random.default_rng(5).normal(size=120)
-    b = sparse.csc_array((rows @ expected)[:, None])
-    alone = system.factor.solve(system.rows.T @ system.scaled(b))
-    errors = [float(np.abs(x[:, 0] - expected).max()) for x in (alone, system.solve(b))]
-    assert errors[0] >= 1e-10
-    assert errors[1] <= 1e-11
 
 
 def test_refinement_goes_on_where_one_step_is_not_enough() -> None:

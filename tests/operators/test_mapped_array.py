@@ -54,11 +54,6 @@ def test_only_the_last_one_is_in_memory() -> None:
     assert (second.values == 2.0).all()
 
 
-def test_small_ones_lie_in_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "_mapped", lambda size: pytest.fail("a file"))
-    assert (filled(3.0).values == 3.0).all()
-
-
 @pytest.mark.usefixtures("all_large")
 def test_a_full_disk_and_one_that_cannot_be_written_are_done_without(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:

@@ -82,19 +82,3 @@ def test_bordered_equations_against_dense_ones(places: int, nodes: int, seed: in
     # One block for each pair of neighbours.
     line_of = np.repeat(np.arange(found.shape[0] // 2), np.diff(found.indptr))
     assert len(np.unique(line_of * found.shape[0] + found.indices)) == len(found.indices)
-
-
-@pytest.mark.parametrize("most", [481, 482])
-def test_more_entries_than_bordered_equations_can_count_are_refused(
-    most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """400 blocks of 20 nodes, 40 for the two vertices of the rows, twice, and 2 of their own."""
-    plain = sparse.csr_array(np.ones((2, 40)))
-    rows, owner = sparse.csr_array(np.ones((3, 40))), np.zeros(3, dtype=np.int64)
-    whole = bordered(plain, rows, owner, 2)
-    monkeypatch.setattr(structure, "MAX_ENTRIES", most)
-    if most < len(whole.indices):
-        with pytest.raises(NumericalError, match=f"have {len(whole.indices)} entries"):
-            bordered(plain, rows, owner, 2)
-    else:
-        assert np.array_equal(bordered(plain, rows, owner, 2).toarray(), whole.toarray())

@@ -13,7 +13,6 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.neighbors import nearest_nodes
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
@@ -83,18 +82,6 @@ def test_targets_need_not_be_nodes(degree: int) -> None:
     assert largest_error(points, targets, stencils, degree) <= 5e-12
 
 
-@pytest.mark.parametrize("cloud", CLOUDS)
-def test_nodes_looked_for_before_give_the_same_bits(cloud: str) -> None:
-    points = CLOUDS[cloud]
-    tree, settings = cKDTree(points), MlsSettings(2)
-    own = build_stencils(points, tree, points, 2, settings)
-    for size in (settings.stencil_size, 24, 60):
-        near = nearest_nodes(tree, points, size)
-        known = build_stencils(points, tree, points, 2, settings, known=near)
-        np.testing.assert_array_equal(known.indices, own.indices)
-        np.testing.assert_array_equal(known.weights, own.weights)
-
-
 def test_rank_check_enlarges_the_stencils_of_an_exact_lattice() -> None:
     points = CLOUDS["lattice"]
     tree = cKDTree(points)
@@ -136,19 +123,6 @@ def test_a_body_of_too_few_nodes_is_refused() -> None:
     points = lattice(3)
     with pytest.raises(NumericalError, match="body of 9 nodes"):
         build_stencils(points, cKDTree(points), points, 2, MlsSettings(4))
-
-
-def test_take_picks_whole_stencils() -> None:
-    points = CLOUDS["lattice"]
-    stencils = build_stencils(points, cKDTree(points), points, 2, MlsSettings(6, neighbors=30))
-    rows = np.array([5, 100, 5, 0])
-    taken = stencils.take(rows)
-    for place, row in enumerate(rows):
-        mine = slice(taken.indptr[place], taken.indptr[place + 1])
-        theirs = slice(stencils.indptr[row], stencils.indptr[row + 1])
-        assert np.array_equal(taken.indices[mine], stencils.indices[theirs])
-        assert np.array_equal(taken.weights[mine], stencils.weights[theirs])
-    assert taken.indptr[-1] == len(taken.indices)
 
 
 @pytest.mark.parametrize("count", [80, 82])

@@ -12,7 +12,7 @@ from mlsanm_cli.contact.geometry.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.stage_ends import passing_error, reach_error
-from mlsanm_cli.solve.state import Polish, State
+from mlsanm_cli.solve.state import UNLOADED, Polish, State
 
 BALANCE_LIMIT = 0.1
 """Largest accepted force imbalance of a body, relative to the forces on it.
@@ -57,9 +57,6 @@ ESTIMATE_WARNING = 0.02
 LARGE_ERROR = 0.1
 """Estimated error of displacements, and of pressures with friction or on nodes, above which a run warns."""
 
-MIN_FORCE_SHARE = 1e-3
-"""Forces below this part of earlier ones, in a scene that is unloaded, are not checked: regularised laws
-leave as much, on a few nodes, and contacts are solved to a tolerance relative to earlier loads."""
 POLISH_WARNING = 0.1
 """Relative change of pressures by polishing above which a run warns: between saved levels the regularised
 path deviates as much from the exact one."""
@@ -124,8 +121,8 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
 
 def least_force(built: CondensedScene, body: str) -> float:
     """Force below which those on a body are not checked, from those at the ends of stages."""
-    ends = [(end.factors, end.motion, end.pressure, end.traction) for end in built.ends]
-    return MIN_FORCE_SHARE * max((largest_force(built, body, one) for one in ends), default=0.0)
+    forces = (largest_force(built, body, end.unknowns) for end in built.ends)
+    return UNLOADED * max(forces, default=0.0)
 
 
 def _sums_of_sizes(built: CondensedScene, body: str, factors: FloatArray) -> Iterator[float]:

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.accuracy import Accuracy, distance
+from mlsanm_cli.app.assessment.accuracy import (
+    Accuracy,
+    corrected_bodies,
+    has_nodal_pressures,
+    pressure_errors,
+    relative,
+    squared_changes,
+)
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure
+from mlsanm_cli.contact.laws.accuracy import changes_of, frozen_change, halved_pressure, roughness_of
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
-from mlsanm_cli.contact.laws.frozen import frozen_change
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import DEGREES, Corrected, correct
+from mlsanm_cli.mechanics.defect import DEGREES
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 
@@ -39,62 +43,38 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         *(state.closed, stuck, 0, state.residual),
     )
     try:
-        bodies = {
-            name: correct(
-                body,
-                condensed.source(name, *state.unknowns),
-                built.scene.floating_patterns(name) @ state.motion,
-                memo,
-            )
-            for name, body in built.scene.bodies.items()
-        }
-        change = _change(built, last, bodies)
+        bodies = corrected_bodies(built, state.unknowns, memo)
+        by = changes_of(condensed, built.scene, bodies)
+        change = _change(built, last, by)
+        lost = *roughness_of(condensed, built.scene, bodies), np.zeros_like(by[2])
+        rough = _change(built, last, lost)
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
-    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
-    error = _moved(built, bodies, change)
-    halved = _halved(built, last)
-    from_bulk: dict[str, float | None] = {}
-    from_contact: dict[str, float | None] = {}
-    for pair in condensed.pairings:
-        from_bulk[pair.name] = distance(built, pair, last, state.pressure + change.pressure)
-        if pair.grid is not None:
-            from_contact[pair.name] = float(np.linalg.norm(grid_errors(condensed, pair.name, [last])))
-        else:
-            from_contact[pair.name] = None if halved is None else distance(built, pair, last, halved)
+    error = squared_changes(built, bodies, change.motion, change.pressure, change.traction)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
-    displacement = float(np.sqrt((error + by_law) / size)) if size > 0.0 else None
+    pressures = pressure_errors(
+        built, last, state.pressure + change.pressure, rough.pressure, _halved(built, last)
+    )
     return replace(
         accuracy,
-        displacement=displacement,
-        from_bulk=from_bulk,
-        from_contact=from_contact,
-        from_law=float(np.sqrt(by_law / size)) if size > 0.0 else 0.0,
+        displacement=relative(error + by_law, bodies),
+        from_bulk=pressures[0],
+        from_contact=pressures[1],
+        from_law=relative(by_law, bodies) or 0.0,
         state=last,
     )
 
 
-def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> ContactSolution:
-    """Response of the contact to the corrections of the bodies."""
+def _change(
+    built: CondensedScene, state: ExactState, by: tuple[FloatArray, FloatArray, FloatArray]
+) -> ContactSolution:
+    """Response of the contact to changes ``by`` gaps (m,), slips (n,) and force imbalance (k,)."""
     condensed = built.condensed
-    by = changes_of(condensed, built.scene, bodies)
     # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
     return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
-
-
-def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: ContactSolution) -> float:
-    """Sum of squares of the change of all displacements by the corrections and the contact's response."""
-    condensed, scene, error = built.condensed, built.scene, 0.0
-    moved = (np.zeros(len(built.stages[-1])), change.motion, change.pressure, change.traction)
-    for name, body in scene.bodies.items():
-        followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
-        total = bodies[name].change + followed + scene.floating_patterns(name) @ change.motion
-        total = total + condensed.contact_fields(scene, name, moved)[0].ravel()
-        error += float((total**2).sum())
-    return error
 
 
 def _smoothed(built: CondensedScene, state: State) -> float:
@@ -106,17 +86,13 @@ def _smoothed(built: CondensedScene, state: State) -> float:
     slides = state.closed[condensed.friction_nodes] & ~stuck
     sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
     values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
-    before = CoulombState(state.factors, values, sets, state.slip, state.work)
+    start = CoulombState(state.factors, values, sets, state.slip, state.work)
     try:
-        exact = increment(condensed, before, state.factors)[0].values
+        exact = increment(condensed, start, state.factors)[0].values
     except NumericalError:
         return 0.0
-    moved = (
-        np.zeros(len(state.factors)),
-        exact.motion - state.motion,
-        exact.pressure - state.pressure,
-        exact.traction - state.traction,
-    )
+    before, after = state.unknowns, (state.factors, exact.motion, exact.pressure, exact.traction)
+    moved = tuple(one - other for one, other in zip(after, before, strict=True))
     changes = (condensed.displacement(built.scene, name, moved) for name in built.scene.bodies)
     return float(sum((change**2).sum() for change in changes))
 
@@ -125,7 +101,7 @@ def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
     """Pressures (m,) from every second node with the tractions of the state as loads; None if there is no
     contact with nodal pressures, or no solution."""
     condensed = built.condensed
-    if all(pair.grid is not None for pair in condensed.pairings):
+    if not has_nodal_pressures(built):
         return None
     pushed = replace(
         condensed,

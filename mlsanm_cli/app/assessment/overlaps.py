@@ -17,7 +17,7 @@ from mlsanm_cli.app.assessment.deformed import MIN_OVERLAP, DeformedOutline, dis
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Obstacle

@@ -26,8 +26,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.geometry.patches import Patch, contact_patches
-from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import CondensedScene

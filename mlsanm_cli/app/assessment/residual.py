@@ -17,10 +17,9 @@ import numpy as np
 
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.cloud.cover import cover
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.geometry.patches import Patch
+from mlsanm_cli.cloud.spacing import Zone, cover
+from mlsanm_cli.contact.geometry.profile import Patch
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight

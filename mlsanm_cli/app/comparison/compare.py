@@ -14,7 +14,6 @@ from mlsanm_cli.app.assessment.checks import check_balance, check_energy, check_
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.quality import announce, factor_notes
 from mlsanm_cli.app.assessment.references import check_reference, reference_profile
-from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import (
     CONVERGENCE_RATIO,
     SOFTER,
@@ -25,12 +24,10 @@ from mlsanm_cli.app.comparison.differences import (
     same_law_limit,
     surface_error,
 )
-from mlsanm_cli.app.comparison.measure import Measured, measure
-from mlsanm_cli.app.comparison.methods import Method, chosen_methods, method_of
+from mlsanm_cli.app.comparison.measure import Measured, Method, chosen_methods, measure, method_of
 from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.context import Clock, Console, RunContext
+from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.run import RESULTS, set_up
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files
@@ -220,21 +217,10 @@ def _figures(
     """One method as in comparison.json."""
     sparse = row.method.is_monolithic
     phases = SHARED_PHASES if sparse else (*SHARED_PHASES, *CONDENSED_PHASES)
-    found: dict[str, Any] = {
-        "method": row.method.name,
-        "law": row.law,
-        "status": "done" if row.done else "failed",
-        "steps": row.steps,
-        "iterations": row.iterations,
-        "dense_factorizations": 0 if sparse else row.factorizations,
-        "sparse_factorizations": row.factorizations if sparse else len(built.scene.bodies),
-        "dense_solves": 0 if sparse else row.solves,
-        "sparse_solves": row.solves if sparse else built.condensed.solves,
-        "seconds_setup": sum(clock.seconds[phase] for phase in phases),
-        "seconds_path": row.seconds,
-    }
+    condensed = None if sparse else (len(built.scene.bodies), built.condensed.solves)
+    found = row.row(sum(clock.seconds[phase] for phase in phases), condensed)
     if not row.done:
-        return found | {"reason": row.failure, "hint": row.hint}
+        return found
     if analytic:
         found["reference_error"] = _reference_error(built, row)
     against = _against(row, rows)

@@ -2,49 +2,30 @@
 
 from __future__ import annotations
 
-import statistics
-import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import agreement, same_law_limit
-from mlsanm_cli.app.comparison.methods import ANM, NEWTON
-from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.comparison.measure import ANM, NEWTON, Measured, Method, measure_path
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import FiniteState, FiniteStep, renewals_of
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import LoadedCase
-from mlsanm_cli.errors import NumericalError, RunError
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
 
 OTHER_EQUATIONS_LIMIT = 1e-2
 """Largest difference, relative to the largest displacement, if Newton's method could not use the equations of
 the power series and renewed them in other states: a part of the discretisation error."""
-
-
-@dataclass(frozen=True)
-class MethodPath:
-    """The path of one method: its steps, CPU seconds, and the failure, if any."""
-
-    method: str
-    steps: tuple[FiniteStep, ...]
-    seconds: float
-    failure: NumericalError | None
-
-    @property
-    def states(self) -> dict[float, FiniteState]:
-        """Saved states by position, where the path first reaches it."""
-        return {state.position: state for step in reversed(self.steps) for state in reversed(step.saved)}
 
 
 def compare_finite(
@@ -69,15 +50,14 @@ def compare_finite(
     with clock.phase("operators"):
         scene = finite_scene(wanted.case, prepared)
     console.phase(f"following the path: {ANM}")
-    series = _followed(scene, ANM, repeat, None)
-    renewals = renewals_of(series.steps)
+    series, renewals = _followed(scene, ANM, repeat, None)
     console.phase(f"following the path: {NEWTON}")
-    newton = _followed(scene, NEWTON, repeat, renewals)
+    newton, renewed = _followed(scene, NEWTON, repeat, renewals)
     rows = [series, newton]
-    shared = len(renewals_of(newton.steps)) == len(renewals)
+    shared = len(renewed) == len(renewals)
     limit = same_law_limit(wanted.case) if shared else OTHER_EQUATIONS_LIMIT
     limit = limit if tolerance is None else tolerance
-    table = [_figures(row, rows, limit, clock) for row in rows]
+    table = [_figures(row, series, limit, clock) for row in rows]
     result = {
         "status": agreement(table),
         "case": str(loaded.path),
@@ -114,47 +94,28 @@ def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
 
 def _followed(
     scene: FiniteScene, method: str, repeat: int, renewals: tuple[FiniteState, ...] | None
-) -> MethodPath:
-    """The path by one method, with equations renewed at the given states, and its median time."""
-    changes = {"method": method}
-    solver = scene.case.solver.model_copy(update=changes)
+) -> tuple[Measured, tuple[FiniteState, ...]]:
+    """The path by one method, with equations renewed at the given states, and the states where they were."""
+    solver = scene.case.solver.model_copy(update={"method": method})
     chosen = replace(scene, case=scene.case.model_copy(update={"solver": solver}))
-    times: list[float] = []
     steps: list[FiniteStep] = []
-    failure: NumericalError | None = None
-    for _ in range(repeat):
-        begun, steps, failure = time.process_time(), [], None
-        try:
-            steps.extend(finite_path(chosen, renewals=renewals))
-        except NumericalError as error:
-            failure = error
-        times.append(time.process_time() - begun)
-    return MethodPath(method, tuple(steps), statistics.median(times), failure)
+
+    def path() -> Iterator[FiniteStep]:
+        steps.clear()
+        return finite_path(chosen, renewals=renewals)
+
+    found = measure_path(Method(method, ()), "finite strain", path, repeat, steps.append)
+    return found, renewals_of(steps)
 
 
-def _figures(row: MethodPath, rows: list[MethodPath], limit: float, clock: Clock) -> dict[str, Any]:
+def _figures(row: Measured, base: Measured, limit: float, clock: Clock) -> dict[str, Any]:
     """One method as in comparison.json."""
-    found: dict[str, Any] = {
-        "method": row.method,
-        "law": "finite strain",
-        "status": "failed" if row.failure else "done",
-        "steps": max(len(row.steps) - 1, 0),
-        "iterations": sum(step.iterations for step in row.steps),
-        "dense_factorizations": 0,
-        "sparse_factorizations": sum(step.factorizations for step in row.steps),
-        "dense_solves": 0,
-        "sparse_solves": sum(step.solves for step in row.steps),
-        "seconds_setup": sum(clock.seconds[phase] for phase in ("cloud", "operators")),
-        "seconds_path": row.seconds,
-    }
-    if row.failure:
-        return found | {"reason": row.failure.message, "hint": row.failure.hint}
-    base = rows[0]
-    if row is base or base.failure:
+    found = row.row(sum(clock.seconds[phase] for phase in ("cloud", "operators")))
+    if row is base or not (row.done and base.done):
         return found
     apart = _apart(row.states, base.states)
     return found | {
-        "against": base.method,
+        "against": base.method.name,
         "difference": {"pressure": 0.0, "traction": 0.0, "displacement": apart},
         "limit": limit,
         "agrees": apart <= limit,

@@ -1,22 +1,90 @@
-"""Measurement of one method on a condensed scene: states at the levels, work, or failure."""
+"""The methods of `mlsanm compare`, as changes of the case by ``--set``, and their measurement: states at the
+levels, work, or failure."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from statistics import median
+from typing import Any
 
 from mlsanm_cli.app.assessment.checks import check_state
-from mlsanm_cli.app.comparison.methods import Method, law_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import PathStep
+from mlsanm_cli.solve.stop_events import load_path
+
+ANM, NEWTON, ACTIVE_SET, POLISHED = "anm", "newton", "active-set", "anm polished"
+MONOLITHIC = " monolithic"
 
 
 @dataclass(frozen=True)
+class Method:
+    """A method's ``name`` in the table and the ``changes`` of the case that select it."""
+
+    name: str
+    changes: tuple[str, ...]
+
+    @property
+    def is_monolithic(self) -> bool:
+        """Whether the displacements of the bodies are among its unknowns."""
+        return self.name.endswith(MONOLITHIC)
+
+
+def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
+    """A method for the scene of the case, with eta and stick of all contacts multiplied by ``softer``."""
+    law = "exact" if name == ACTIVE_SET else "hyperbolic"
+    changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.touching]
+    if softer != 1.0:
+        changes += [
+            f"contact.{contact.name}.regularization.{key}={softer * getattr(contact.regularization, key)!r}"
+            for contact in case.touching
+            for key in (("eta", "stick") if contact.friction else ("eta",))
+        ]
+    formulation = "monolithic" if name.endswith(MONOLITHIC) else "condensed"
+    solver = name.removesuffix(MONOLITHIC)
+    changes += [
+        f'solver.method="{ANM if solver == POLISHED else solver}"',
+        f'solver.formulation="{formulation}"',
+        f"solver.polish={'true' if solver == POLISHED else 'false'}",
+    ]
+    return Method(name, tuple(changes))
+
+
+def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
+    """ANM, the methods ``asked`` for, and that of the case, in the order of the table.
+
+    ``asked`` may contain "newton", "active-set" and "monolithic", which applies to all regularised methods.
+    """
+    wanted = {ANM, *asked, *_own(case)}
+    names = [name for name in (ANM, NEWTON) if name in wanted]
+    if "monolithic" in wanted:
+        names += [f"{name}{MONOLITHIC}" for name in names]
+    names += [name for name in (POLISHED, ACTIVE_SET) if name in wanted]
+    return tuple(method_of(case, name) for name in names)
+
+
+def _own(case: Case) -> Iterator[str]:
+    if case.touching and case.touching[0].regularization.law == "exact":
+        yield ACTIVE_SET
+    if case.solver.polish is True:
+        yield POLISHED
+    yield case.solver.method
+    yield case.solver.formulation
+
+
+def law_of(case: Case) -> str:
+    """The law that the states at the levels satisfy; states of the same law differ by tolerances only."""
+    regular = case.touching[0].regularization
+    holonomic = any(c.friction and c.regularization.friction_law == "holonomic" for c in case.touching)
+    if regular.law == "exact" or case.polished:
+        return "exact holonomic" if holonomic else "exact"
+    return "holonomic" if holonomic else "hyperbolic"
+
+
+@dataclass
 class Measured:
     """``states`` by position, as far as the path was followed, and the counts of the whole path.
 
@@ -25,12 +93,12 @@ class Measured:
 
     method: Method
     law: str
-    states: Mapping[float, State]
-    steps: int
-    iterations: int
-    factorizations: int
-    solves: int
-    seconds: float
+    states: dict[float, Any] = field(default_factory=dict)
+    steps: int = 0
+    iterations: int = 0
+    factorizations: int = 0
+    solves: int = 0
+    seconds: float = 0.0
     failure: str = ""
     hint: str = ""
 
@@ -39,39 +107,72 @@ class Measured:
         """Whether the path was completed."""
         return not self.failure
 
+    def row(self, setup: float, condensed: tuple[int, int] | None = None) -> dict[str, Any]:
+        """The method as in comparison.json, with the seconds of its ``setup``; ``condensed`` are the sparse
+        factorisations and solutions before a path on the condensed system, None for other paths."""
+        own = self.factorizations, self.solves
+        dense, sparse = ((0, 0), own) if condensed is None else (own, condensed)
+        found = {
+            "method": self.method.name,
+            "law": self.law,
+            "status": "done" if self.done else "failed",
+            "steps": self.steps,
+            "iterations": self.iterations,
+            "dense_factorizations": dense[0],
+            "sparse_factorizations": sparse[0],
+            "dense_solves": dense[1],
+            "sparse_solves": sparse[1],
+            "seconds_setup": setup,
+            "seconds_path": self.seconds,
+        }
+        return found if self.done else found | {"reason": self.failure, "hint": self.hint}
+
 
 def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) -> Measured:
     """Follows the path of ``built`` with the settings of ``case``, ``repeat`` times, with states saved at its
     ``output.at``."""
-    runs = [_once(replace(built, case=case), method) for _ in range(repeat)]
+    chosen = replace(built, case=case)
+
+    def check(step: PathStep) -> None:
+        for state in (step.state, *step.saved):
+            check_state(chosen, state)
+
+    return measure_path(method, law_of(case), lambda: load_path(chosen), repeat, check)
+
+
+def measure_path(
+    method: Method,
+    law: str,
+    path: Callable[[], Iterator[Any]],
+    repeat: int,
+    check: Callable[[Any], None],
+) -> Measured:
+    """Follows a ``path`` ``repeat`` times; ``check`` is called with every step, and may raise
+    NumericalError."""
+    runs = [_once(Measured(method, law), path(), check) for _ in range(repeat)]
     return replace(runs[0], seconds=median(run.seconds for run in runs))
 
 
-def _once(built: CondensedScene, method: Method) -> Measured:
-    states: dict[float, State] = {}
+def _once(found: Measured, path: Iterator[Any], check: Callable[[Any], None]) -> Measured:
     # The first state, at the start of the path, is not a step.
-    steps, iterations, factorizations, solves, seconds = -1, 0, 0, 0, 0.0
-    failure = hint = ""
-    path = load_path(built)
+    steps = -1
     try:
         while True:
             begun = time.process_time()
             try:
                 step = next(path, None)
             finally:
-                seconds += time.process_time() - begun
+                found.seconds += time.process_time() - begun
             if step is None:
                 break
             steps += 1
-            iterations += step.iterations
-            factorizations += step.factorizations
-            solves += step.solves
-            for state in (step.state, *step.saved):
-                check_state(built, state)
-            states |= {state.position: state for state in step.saved}
+            found.iterations += step.iterations
+            found.factorizations += step.factorizations
+            found.solves += step.solves
+            check(step)
+            for state in step.saved:
+                found.states.setdefault(state.position, state)
     except NumericalError as error:
-        failure, hint = error.message, error.hint
-    law = law_of(built.case)
-    return Measured(
-        method, law, states, max(steps, 0), iterations, factorizations, solves, seconds, failure, hint
-    )
+        found.failure, found.hint = error.message, error.hint
+    found.steps = max(steps, 0)
+    return found

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.finite.overlaps import check_overlaps
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep
-from mlsanm_cli.app.finite.verdict import check_deformation
+from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
@@ -19,11 +18,11 @@ from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.contact.laws.contact_status import SLIP
 from mlsanm_cli.errors import NumericalError, UnstableError
+from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.distance import far_from, most_stretched
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
-from mlsanm_cli.solve.load_factors import factors_at
+from mlsanm_cli.solve.condensed_scene import factors_at
 
 FIRST_INCREMENT = 0.25
 """First increment, as a part of a stage."""

@@ -13,11 +13,11 @@ from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
-from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises

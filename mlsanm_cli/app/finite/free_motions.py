@@ -11,9 +11,9 @@ import numpy as np
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import Loads, Turning

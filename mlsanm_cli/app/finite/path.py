@@ -13,7 +13,7 @@ from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.finite.distance import far_from
+from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 
 MAX_UPDATES = 25

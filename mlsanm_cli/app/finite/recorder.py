@@ -1,4 +1,4 @@
-"""Writer of the run directory at finite strain."""
+"""Writer of the run directory at finite strain; contact surfaces and obstacles as lines for ParaView."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.checkpoint import FiniteEarlier, plain_mark
 from mlsanm_cli.app.finite.estimate import EnergyError, missing_works
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
@@ -23,20 +23,23 @@ from mlsanm_cli.app.finite.fields import (
     platen_displacements,
     probe_records,
     resultants,
+    stretch_along,
 )
-from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.patches import Touched
 from mlsanm_cli.app.finite.refinement import Refinement
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Turn
+from mlsanm_cli.app.finite.states import FiniteEarlier, FiniteMark, FiniteState, FiniteStep, Turn, plain_mark
+from mlsanm_cli.app.output.lines import obstacles
 from mlsanm_cli.app.output.recording import body_part, vtu_data
 from mlsanm_cli.app.output.writer import RunWriter, body_datasets
 from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import LinesWriter, VtuPart, write_parts
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
@@ -239,3 +242,50 @@ def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, 
             data["volume_ratio"] = found.volume_ratio
         parts[name] = body_part(scene.bodies[name].elastic.model.cloud, data)
     return parts
+
+
+def contact_lines(
+    scene: FiniteScene, state: FiniteState, fields: Mapping[str, FiniteFields]
+) -> dict[str, VtuPart]:
+    """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
+    records, parts = contact_records(scene, state), scene.parts(state.displacement)
+    lines, first = {}, 0
+    for contact in scene.contacts:
+        record, side = records[contact.name], contact.slave
+        here = slice(first, first + 2 * side.count)
+        first += 2 * sum(one.count for one in contact.sides)
+        data: dict[str, NDArray[Any]] = {
+            "pressure": record.pressure,
+            "traction": record.traction,
+            "gap": record.gap,
+            "status": record.status.astype(np.int32),
+            "arc_length": side.arc,
+        }
+        if contact.friction:
+            data["slip"] = record.slip
+        moved = fields[side.body].displacement[side.nodes]
+        turn, _ = side.turned(moved)
+        sign = -1.0 if exchanged(contact) else 1.0
+        normal = -sign * as_real(as_complex(side.outward) * turn)
+        stretch = stretch_along(scene, side, parts[side.body])
+        stress = sign * state.traction[here].reshape(-1, 2) / stretch[:, None]
+        numbers = np.arange(side.count, dtype=np.int64)
+        edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
+        edges = edges if side.around is not None else edges[:-1]
+        data |= {"displacement": moved, "normal": normal, "contact_stress": stress}
+        lines[contact.name] = VtuPart(side.places, edges, data)
+    return lines
+
+
+def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, VtuPart]:
+    """Rigid obstacles in a state, by contact."""
+    points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
+    drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
+    lines = {}
+    for contact in scene.contacts:
+        if isinstance(contact, RigidContact):
+            places, edges = drawn[contact.name]
+            turned = (places - contact.pivot) @ contact.turn(state.whole).T
+            moved = contact.pivot + contact.motion @ state.whole + turned - places
+            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
+    return lines

@@ -25,8 +25,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.errors import CaseError, NumericalError
 
 MAX_RUNS = 3
@@ -119,12 +119,22 @@ def refined(
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
-        if nodes < count <= MAX_NODES:
+        if _alike(scene, finer):
+            return None
+        if count <= MAX_NODES:
             return found, finer
-        if count <= nodes or (fewer and nodes > MAX_NODES):
+        if fewer and nodes > MAX_NODES:
             return None
         zones, fewer = zones * [1.0, 1.0, 1.0, 1.0, COARSENING], True
     return None
+
+
+def _alike(scene: FiniteScene, finer: SceneModel) -> bool:
+    """Whether clouds have the nodes of the last run again."""
+    return all(
+        np.array_equal(scene.bodies[name].elastic.model.nodes, model.nodes)
+        for name, model in finer.models.items()
+    )
 
 
 def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:

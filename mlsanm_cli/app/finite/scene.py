@@ -19,11 +19,11 @@ from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place,
 from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide, with_more, with_sides
+from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
@@ -35,7 +35,7 @@ from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import DirectSolver
-from mlsanm_cli.solve.load_factors import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 
 TOUCH_TOLERANCE = 0.01
 """Initial gap to an obstacle, relative to the length of a node, below which the node touches."""

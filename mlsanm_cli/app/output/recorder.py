@@ -20,10 +20,8 @@ from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, plain_checkpoint, plain_refinement
-from mlsanm_cli.app.output.fine_views import Views
-from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines
-from mlsanm_cli.app.output.recording import model_bodies
-from mlsanm_cli.app.output.slides import large_slides
+from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
+from mlsanm_cli.app.output.recording import Views, model_bodies
 from mlsanm_cli.app.output.writer import RunWriter
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray

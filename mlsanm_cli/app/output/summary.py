@@ -18,7 +18,7 @@ from mlsanm_cli.app.assessment.checks import (
 from mlsanm_cli.app.assessment.quality import Quality
 from mlsanm_cli.app.assessment.references import reference_profile
 from mlsanm_cli.app.assessment.refinement import Adapted
-from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.context import Clock
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.output.writer import RunWriter

@@ -1,24 +1,31 @@
-"""The files that are common to all runs."""
+"""The files that are common to all runs, and the provenance of a result: versions, machine, command."""
 
 from __future__ import annotations
 
+import platform
+import re
 import time
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from mlsanm_cli import __version__
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.commit import commit
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import RunFile, Value
 from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
 from mlsanm_cli.io.vtu import StateWriter
+from mlsanm_cli.system import host
 
 
 class StepCounts(Protocol):
@@ -131,3 +138,47 @@ def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
         place(*boundary, "normal"): normal,
         place(*boundary, "name"): list(names),
     }
+
+
+PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
+
+
+def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[str, str | int | float]:
+    """Root attributes of run.h5."""
+    return {
+        "git": commit(),
+        "argv": " ".join(argv),
+        "case_hash": loaded.case_hash,
+        "case_path": str(loaded.path),
+        "versions": _versions(),
+        "cpu": cpu(),
+        "host": host(),
+        "threads": threads,
+        "mlsanm": __version__,
+    }
+
+
+@lru_cache(maxsize=1)
+def cpu() -> str:
+    """The name of the processor if the system reports it, else its architecture."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+@lru_cache(maxsize=1)
+def _versions() -> str:
+    return " ".join(
+        [f"python {platform.python_version()}", *(f"{name} {_version(name)}" for name in PACKAGES)]
+    )
+
+
+def _version(package: str) -> str:
+    """The version of an installed package, without importing it."""
+    found = distribution(package)
+    # importlib.metadata would parse the whole file, which has thousands of lines of licences for numpy.
+    named = re.search(r"^Version: *(\S+)", found.read_text("METADATA") or "", re.MULTILINE)
+    return named[1] if named else found.version

@@ -1,4 +1,4 @@
-"""``mlsanm info``: summary and provenance of a run, complete or not."""
+"""``mlsanm info``: summary and provenance of a run, complete or not; whether it is of a given case."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli import __version__
 from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import holder
-from mlsanm_cli.io.run_reader import RunData, read_run
+from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 from mlsanm_cli.io.summary import read_json
 
 PROVENANCE = (
@@ -50,7 +52,7 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     else:
         ending = {
             "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
-            "hint": f"continue with: mlsanm resume {run.directory}",
+            "hint": f"continue with: {run_dir.resume_command(run.directory)}",
         }
     path = run.path
     known: dict[str, Any] = {
@@ -76,3 +78,24 @@ def _unfinished(run: RunData) -> dict[str, Any]:
         },
     }
     return known
+
+
+def held_case(directory: Path) -> str | None:
+    """The hash of the case of the run in ``directory``, complete or not; None without a readable run."""
+    try:
+        return str(read_origin(directory).attributes.get("case_hash", ""))
+    except RunError:
+        return None
+
+
+def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
+    """The summary of a completed run of this case by this version, None if there is none."""
+    try:
+        known = read_origin(directory).attributes
+        wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
+        if any(known.get(key) != value for key, value in wanted.items()):
+            return None
+        summary = read_json(directory / run_dir.SUMMARY_FILE)
+    except RunError:
+        return None
+    return summary if summary.get("status") == "done" else None

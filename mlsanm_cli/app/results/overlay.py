@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.app.results.drawn import boundary_nodes
-from mlsanm_cli.app.results.history import pressing_force, pressures_at, tangential_force
-from mlsanm_cli.app.results.path_lookup import level_at
-from mlsanm_cli.app.results.plot_choice import FIELDS, Choice
+from mlsanm_cli.app.results.path_lookup import level_at, pressing_force, pressures_at, tangential_force
 from mlsanm_cli.app.results.probe import seen_at
-from mlsanm_cli.app.results.views import along_surface, chosen_state, field_of
+from mlsanm_cli.app.results.views import FIELDS, Choice, along_surface, chosen_state, field_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Place
 from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plots.overlay import PlotCurve, plot_curves
+from mlsanm_cli.io.plots.plots import PlotCurve, plot_curves
 from mlsanm_cli.io.run_reader import ContactData, RunData
 
 LINE_POINTS, MIN_INSIDE = 301, 2
@@ -137,7 +135,7 @@ def _along(
         )
         if inside.sum() < MIN_INSIDE:
             continue
-        seen = seen_at(run, case, name, points[inside], level)
+        ((seen, _),) = seen_at(run, case, name, points[inside], [level])
         values = np.full(LINE_POINTS, np.nan)
         values[inside] = _column(seen, field)
         found.append((name, share * float(np.hypot(*(last - first))), values))

@@ -1,4 +1,5 @@
-"""The state of a stored run at any position of its path, and the origin of its values."""
+"""The state of a stored run at any position of its path, the origin of its values, and the estimated error of
+interpolated ones."""
 
 from __future__ import annotations
 
@@ -135,3 +136,103 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
         f"fields are saved at position {places} only, not at {level.position:g}",
         f"run again with {level.position:g} in output.at, or with a [[probe]] at the point",
     )
+
+
+MAX_ERROR = 0.25
+"""Largest estimated error of interpolated values, relative to the largest of the two states."""
+
+SAME_STAGE = 1e-12
+"""Positions within this distance of the end of a stage belong to it."""
+EDGE = 0.5
+"""Errors shrink like this power of the distance of the states: pressures grow like the root of the distance
+from an edge of contact, which moves with the load (Hertz: 0.120 of the peak there, 0.117 estimated)."""
+
+
+def interpolation_error(position: FloatArray, history: FloatArray, row: int, share: float) -> float:
+    """The estimated largest absolute error of the interpolation between two rows of a ``history`` (S+1, ...).
+
+    ``share`` is the weight of ``row``, the rest that of the row before; ``position`` is (S+1,). The estimate
+    is the error of adjacent stored rows, interpolated from their neighbours in the same stage, times a power
+    of the ratio of distances. Infinite if a stage has fewer than three rows.
+    """
+    gap = position[row] - position[row - 1]
+    found = []
+    for middle in (row - 1, row):
+        if not 1 <= middle < len(position) - 1:
+            continue
+        before, after = np.diff(position[middle - 1 : middle + 2])
+        of_stage = np.ceil(position[middle : middle + 2] - SAME_STAGE)
+        if of_stage[0] == of_stage[1] and before > 0.0 and after > 0.0:
+            first, own, last = np.asarray(history[middle - 1 : middle + 2], dtype=np.float64)
+            part = before / (before + after)
+            missed = np.abs((1.0 - part) * first + part * last - own).max(initial=0.0)
+            finer = share * (1.0 - share) * gap**2 / (before * after)
+            found.append(float(finer ** (0.5 * EDGE) * missed))
+    return max(found, default=np.inf)
+
+
+def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray) -> float | None:
+    """The estimated error of interpolated ``histories`` (S+1, ...), called ``name``, relative to the largest
+    value of the first in the adjacent rows; None if the level is not interpolated.
+
+    Raises RunError if the error is too large or unknown.
+    """
+    if level.how != INTERPOLATED:
+        return None
+    position = np.asarray(run.path.position)
+    before, after = position[level.row - 1 : level.row + 1]
+    largest = float(np.abs(np.asarray(histories[0])[level.row - 1 : level.row + 1]).max(initial=0.0))
+    missed = max(interpolation_error(position, one, level.row, level.share) for one in histories)
+    error = missed / largest if missed else 0.0
+    if error > MAX_ERROR:
+        raise RunError(
+            f"nothing is stored between positions {before:.6g} and {after:.6g}, "
+            f"which are too far apart to interpolate {name}",
+            f"run again with {level.position:g} in output.at, or with power series (law hyperbolic, method "
+            f"anm), which give results everywhere",
+        )
+    return error
+
+
+def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
+    """Pressure (m,) of every contact at a path position.
+
+    Raises RunError where the path does not reach the position, or where too little is stored about it.
+    """
+    level = level_at(run, position)
+    for contact in run.contacts.values():
+        checked_error(run, level, "pressures", contact.pressure)
+    if level.how != SERIES:
+        return {name: level.between(contact.pressure) for name, contact in run.contacts.items()}
+    ends = np.cumsum([len(run.contacts[name].arc_length) for name in run.unilateral_contacts])
+    found = dict(zip(run.unilateral_contacts, np.split(level.pressure, ends[:-1]), strict=True))
+    for name, rows in run.maps["bonds"].items():
+        found[name] = np.split(rows @ level.unknowns, 2)[0]
+    return {name: found[name] for name in run.contacts}
+
+
+def pressing_force(run: RunData, name: str) -> FloatArray:
+    """The force (S+1, 2) of a contact's pressures on its slave; at finite strain of its tractions too."""
+    contact = run.contacts[name]
+    if run.is_finite:
+        # Normals turn and lengths change: the forces are stored as such.
+        return np.asarray(run.path.resultants[f"contact {name}"])
+    return np.asarray(contact.pressure @ (contact.weight[:, None] * contact.normal))
+
+
+def tangential_force(run: RunData, name: str) -> FloatArray:
+    """The force (S+1,) of a contact on its master along the mean tangent."""
+    contact = run.contacts[name]
+    if run.is_finite:
+        n_x, n_y = mean_normal(run, name)
+        return np.asarray(-pressing_force(run, name) @ np.array([n_y, -n_x]))
+    return np.asarray(-(contact.traction @ contact.weight))
+
+
+def mean_normal(run: RunData, name: str) -> FloatArray:
+    """The mean (2,) of a contact's normals before loading, where it is pressed at some time, as a unit
+    vector."""
+    contact = run.contacts[name]
+    weight = np.where((contact.pressure > 0.0).any(axis=0), contact.weight, 0.0)
+    mean = (weight if weight.any() else contact.weight) @ contact.normal
+    return np.asarray(mean / np.hypot(*mean))

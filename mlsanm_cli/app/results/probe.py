@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,9 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.results.history import pressing_force
-from mlsanm_cli.app.results.interpolation import checked_error
-from mlsanm_cli.app.results.path_lookup import SERIES, Level, displacement_at, level_at
+from mlsanm_cli.app.results.path_lookup import (
+    SERIES,
+    Level,
+    checked_error,
+    displacement_at,
+    level_at,
+    pressing_force,
+)
 from mlsanm_cli.app.results.views import boundary_edges
 from mlsanm_cli.app.scene.assemble import mls_settings
 from mlsanm_cli.app.scene.loads import temperature_of
@@ -119,11 +124,11 @@ def probe_named(
                 [level.between(run.probes[name].displacement), level.between(run.probes[name].stress)]
             )
         if run.is_finite:
-            seen = np.append(seen, level.between(run.probes[name].von_mises))
-            rows.append(_position(level) | _columns(seen, field))
-            continue
-        error = _interpolated(run, level, "displacements", run.probes[name].displacement)
-        rows.append(_position(level) | _fields(case, body, level, point, seen, field) | error)
+            seen, error = np.append(seen, level.between(run.probes[name].von_mises)), {}
+        else:
+            seen = _with_mises(case, body, level, point, seen[None])[0]
+            error = _interpolated(run, level, "displacements", run.probes[name].displacement)
+        rows.append(_position(level) | _columns(seen, field) | error)
     return rows
 
 
@@ -142,60 +147,43 @@ def probe_point(
     """
     run, case = _read(rundir)
     _known(body, run.bodies, "body")
-    _refuse_ghosts(case)
     levels = _levels(run, at)
-    found = [displacement_at(run, level, body) for level in levels]
-    if run.is_finite:
-        place = np.array([point], dtype=np.float64)
-        return [
-            {"position": level.position, "how": how}
-            | _columns(_seen_at_finite(run, case, body, place, displacement, level)[0], field)
-            for level, (displacement, how) in zip(levels, found, strict=True)
-        ]
-    place = np.array([point], dtype=np.float64)
-    rows, rows_found = _rows_at(run, case, body, place), []
-    for level, (displacement, how) in zip(levels, found, strict=True):
-        seen = _stressed(case, body, level, place, rows @ displacement.ravel())
-        fields = _fields(case, body, level, place, seen, field)
-        rows_found.append({"position": level.position, "how": how} | fields)
-    return rows_found
+    found = seen_at(run, case, body, np.array([point], dtype=np.float64), levels)
+    return [
+        {"position": level.position, "how": how} | _columns(seen[0], field)
+        for level, (seen, how) in zip(levels, found, strict=True)
+    ]
 
 
-def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
-    """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), at a level with saved
-    fields. Raises RunError as `probe_point` does."""
-    _refuse_ghosts(case)
-    displacement, _ = displacement_at(run, level, body)
-    if run.is_finite:
-        return _seen_at_finite(run, case, body, points, displacement, level)
-    seen = (_rows_at(run, case, body, points) @ displacement.ravel()).reshape(5, -1).T
-    degrees = _degrees(case, body, level, points)
-    stress = seen[:, 2:] - degrees[:, None] * stress_of_expansion(_material(case, body))
-    across = _material(case, body).out_of_plane_stress(stress, degrees)
-    return np.column_stack([seen[:, :2], stress, von_mises(stress, across)])
-
-
-def _refuse_ghosts(case: Case) -> None:
+def seen_at(
+    run: RunData, case: Case, body: str, points: FloatArray, levels: Sequence[Level]
+) -> Iterator[tuple[FloatArray, str]]:
+    """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), at finite strain
+    Cauchy's, and their origin, at levels with saved fields. Raises RunError as `probe_point` does."""
     if case.mls.scheme == "ghost":
         raise RunError(
             "the ghosts of the ghost scheme, needed for values between nodes, are not stored",
             "run again with a [[probe]] at the point",
         )
+    saved = [displacement_at(run, level, body) for level in levels]
+    stencils = _stencils_at(run, case, body, points)
+    if run.is_finite:
+        from mlsanm_cli.app.finite.fields import fields_by
+        from mlsanm_cli.app.finite.scene import law_of, material_of
 
-
-def _seen_at_finite(
-    run: RunData, case: Case, body: str, points: FloatArray, displacement: FloatArray, level: Level
-) -> FloatArray:
-    """Displacement, Cauchy stress and von Mises stress (e, 6) at ``points`` (e, 2) of a body at finite
-    strain."""
-    from mlsanm_cli.app.finite.fields import fields_by
-    from mlsanm_cli.app.finite.scene import law_of, material_of
-
-    derivatives = _stencils_at(run, case, body, points).derivatives(displacement)
-    alpha = material_of(case, body).alpha
-    warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
-    seen = fields_by(law_of(case, body), derivatives, warm)
-    return np.column_stack([seen.displacement, seen.stress, seen.von_mises])
+        law, alpha = law_of(case, body), material_of(case, body).alpha
+        for level, (displacement, how) in zip(levels, saved, strict=True):
+            warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
+            seen = fields_by(law, stencils.derivatives(displacement), warm)
+            yield np.column_stack([seen.displacement, seen.stress, seen.von_mises]), how
+        return
+    nodal = partial(_stencils_at, run, case, body, run.bodies[body].points)
+    rows = point_rows(stencils, _material(case, body), stencils, nodal)
+    free = stress_of_expansion(_material(case, body))
+    for level, (displacement, how) in zip(levels, saved, strict=True):
+        values = (rows @ displacement.ravel()).reshape(5, -1).T
+        values[:, 2:] -= _degrees(case, body, level, points)[:, None] * free
+        yield _with_mises(case, body, level, points, values), how
 
 
 def _read(rundir: Path | RunData) -> tuple[RunData, Case]:
@@ -279,14 +267,6 @@ def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatAr
     return np.asarray(force, dtype=np.float64)
 
 
-def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
-    """Rows (5e, 2n) of displacement and stress at ``points`` (e, 2) over the stored nodes, quantity by
-    quantity."""
-    stencils = _stencils_at(run, case, body, points)
-    nodal = partial(_stencils_at, run, case, body, run.bodies[body].points)
-    return point_rows(stencils, _material(case, body), stencils, nodal)
-
-
 def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Stencils:
     """Stencils of value and first derivatives at ``points`` (e, 2) over the stored nodes."""
     data = run.bodies[body]
@@ -319,20 +299,10 @@ def _degrees(case: Case, body: str, level: Level, points: FloatArray) -> FloatAr
     return total
 
 
-def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray) -> FloatArray:
-    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without that of free thermal
-    expansion."""
-    free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level, point)
-    return np.concatenate([seen[:2], seen[2:] - free])
-
-
-def _fields(
-    case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray, field: str | None
-) -> Row:
-    """Columns of displacement and stress (5,) at a ``point`` (1, 2), for one field or all."""
-    stress = seen[None, 2:]
-    across = _material(case, body).out_of_plane_stress(stress, _degrees(case, body, level, point))
-    return _columns(np.concatenate([seen, von_mises(stress, across)]), field)
+def _with_mises(case: Case, body: str, level: Level, points: FloatArray, seen: FloatArray) -> FloatArray:
+    """Displacement and stress (e, 5) at ``points`` (e, 2), followed by von Mises stress (e, 6)."""
+    across = _material(case, body).out_of_plane_stress(seen[:, 2:], _degrees(case, body, level, points))
+    return np.column_stack([seen, von_mises(seen[:, 2:], across)])
 
 
 def _columns(values: FloatArray, field: str | None) -> Row:

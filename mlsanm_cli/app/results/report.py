@@ -10,7 +10,7 @@ from typing import Any
 from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice
+from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.case import Case, Displacement, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import html, run_dir

@@ -32,10 +32,9 @@ from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import FloatingBody, Scene
 from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.limit_loads import beyond_limit
-from mlsanm_cli.solve.load_factors import stage_factors
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
 MAX_SINGLE_TRIALS = 6
@@ -216,9 +215,7 @@ def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> 
     for state in built.ends:
         pressed = float(built.condensed.weight @ state.pressure)
         for body, component in held:
-            carried = built.condensed.holding[body, component](
-                state.factors, state.motion, state.pressure, state.traction
-            )[0]
+            carried = built.condensed.holding[body, component](*state.unknowns)[0]
             if component == ROTATION:
                 carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
             if abs(carried) > MAX_CARRIED * pressed:

@@ -19,21 +19,20 @@ from mlsanm_cli.app.scene.default_spacing import (
     bond_zones,
     clamped_zones,
     contact_zone,
+    crack_zones,
     leans,
     nodal_zone,
 )
-from mlsanm_cli.app.scene.field_spacing import field_zones
 from mlsanm_cli.app.scene.load_profiles import runs_of
-from mlsanm_cli.app.scene.load_spacing import load_zones
+from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.narrow_parts import narrow_zones
+from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.app.scene.roots import root_zones
-from mlsanm_cli.app.scene.sharp_ends import sharp_ends
 from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
-from mlsanm_cli.case.model.files import Mesh, Points
+from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.mirror import SymmetryLine
@@ -95,6 +94,7 @@ def _touching(case: Case, body: str) -> Iterator[Curve]:
 
 def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
     """Zones of finer nodes where contacts of a body are close to its other boundaries."""
+    bonds = [contact for contact in case.contact if contact.bonded]
     for contact in case.contact:
         sides = sides_of(case, contact)
         found = [
@@ -110,6 +110,7 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
                     yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
                     continue
                 yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
+                yield from crack_zones(found[0][0], [end for one in bonds for end in bond_ends(case, one)])
                 if case.model.strain == "finite":
                     yield nodal_zone(own, far)
                 elif obstacle is not None:

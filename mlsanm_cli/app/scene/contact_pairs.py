@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.causes import no_opposite_surface_hint
 from mlsanm_cli.app.scene.contact_sides import sides_of
-from mlsanm_cli.app.scene.fields import AmountField
+from mlsanm_cli.app.scene.load_profiles import AmountField
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.surfaces import surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle

@@ -113,6 +113,8 @@ def _clear(
     close = np.flatnonzero(off & (gap <= least))
     if not len(close):
         return None
+    if any(len(np.unique(side.number[close])) > 1 for side in sides):
+        return None  # touching on both sides of a corner
     nearest = int(close[len(close) // 2])
     for side in sides:
         off &= side.number == side.number[nearest]

@@ -1,4 +1,4 @@
-"""Profiles of loads along their boundaries, with their discontinuities."""
+"""Profiles of loads along their boundaries, with their discontinuities; numbers and expressions at points."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from functools import lru_cache
 import numpy as np
 
 from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, range_of, runs_on
-from mlsanm_cli.app.scene.fields import amounts_at
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction
+from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction, value_at
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import joined, part_of
+from mlsanm_cli.errors import CaseError, CaseProblem
 
 SAMPLES = 4096
 """Samples along a boundary, a power of two."""
@@ -109,3 +109,29 @@ def _jumps(
         if apart and np.abs(np.diff(values(np.array([low, high])), axis=0)).max() > least:
             marks.append(place)
     return tuple(marks[2:]) if len(marks) <= MAX_JUMPS else ()
+
+
+@dataclass(frozen=True)
+class AmountField:
+    """The value of a ``key`` of the case: a number or an expression in x and y."""
+
+    key: str
+    amount: float | str
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Values (e,) at ``points`` (e, 2). Raises CaseError if an expression has no value there."""
+        try:
+            return amounts_at([self.amount], points)[:, 0]
+        except ExpressionError as error:
+            raise CaseError((CaseProblem(self.key, str(error)),)) from error
+
+
+def amounts_at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
+    """Numbers and expressions (c,) at ``points`` (n, 2), as columns (n, c). Raises ExpressionError."""
+    columns = [
+        np.array([value_at(amount, x, y) for x, y in points.tolist()])
+        if isinstance(amount, str)
+        else np.full(len(points), amount)
+        for amount in amounts
+    ]
+    return np.stack(columns, axis=1)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.app.scene.fields import AmountField, amounts_at
-from mlsanm_cli.app.scene.load_profiles import profiles
+from mlsanm_cli.app.scene.load_profiles import AmountField, amounts_at, profiles
 from mlsanm_cli.app.scene.surfaces import SurfacePart, parts_at, surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (

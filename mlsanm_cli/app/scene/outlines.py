@@ -1,18 +1,26 @@
-"""The outline of the shape of a body, and the numbers of its named pieces."""
+"""The outline of the shape of a body, and the numbers of its named pieces; meshes and point clouds are read
+once per content."""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from functools import lru_cache
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
 
-from mlsanm_cli.case.model.files import FileShape, Mesh, Points
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case.model.shapes import (
     Annulus,
     AnyShape,
     Disk,
+    FileShape,
     HalfDisk,
+    Mesh,
     OutlineShape,
+    Points,
     Polygon,
     Rectangle,
     Sector,
@@ -20,16 +28,22 @@ from mlsanm_cli.case.model.shapes import (
     side_names,
 )
 from mlsanm_cli.cloud import drawing
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
-
-if TYPE_CHECKING:
-    from mlsanm_cli.app.scene.geometry_files import ImportedGeometry
+from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops
+from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
+from mlsanm_cli.cloud.membership import first_crossing
+from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
+from mlsanm_cli.errors import GeometryError, RunError
+from mlsanm_cli.inputs import MB, read_input
+from mlsanm_cli.io.meshes import read_mesh
+from mlsanm_cli.io.point_files import read_points
 
 
 def imported_geometry(shape: FileShape) -> ImportedGeometry:
     """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
     # Imported for cases with such bodies only.
-    from mlsanm_cli.app.scene.geometry_files import read_body
+    from mlsanm_cli.app.scene.outlines import read_body
 
     return read_body(shape)
 
@@ -69,3 +83,64 @@ def _looped(shape: Polygon | OutlineShape) -> Outline:
 def numbers_of(outline: Outline, edge: str) -> tuple[int, ...]:
     """The numbers of the curves that form a boundary."""
     return tuple(k for k, name in enumerate(outline.names) if name == edge or name.startswith(f"{edge}/"))
+
+
+MAX_BYTES = 256 * MB
+"""Largest file of a body: a million nodes or more."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedGeometry:
+    """The nodes ``points`` (n, 2) of a body, its traced outline, and ``normals`` (n, 2) if given."""
+
+    digest: str
+    points: FloatArray
+    traced: Traced
+    normals: FloatArray | None
+
+    @cached_property
+    def cloud(self) -> Cloud:
+        """The cloud of the nodes of the file."""
+        return cloud_of_nodes(self.points, self.traced, self.normals)
+
+
+def read_body(shape: FileShape) -> ImportedGeometry:
+    """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
+    path = Path(shape.file)
+    try:
+        content = read_input(path, MAX_BYTES)
+    except RunError as error:
+        raise GeometryError(error.message, error.hint) from error
+    digest = hashlib.sha256(content).hexdigest()
+    try:
+        if not content:
+            raise GeometryError("it is empty")
+        if shape.sha256 not in (None, digest):
+            raise GeometryError("it has changed since the case was resolved", "remove sha256 to use it")
+        return _read(shape.model_copy(update={"sha256": digest}))
+    except GeometryError as error:
+        raise GeometryError(f"{path.name}: {error.message}", error.hint) from error
+
+
+@lru_cache(maxsize=16)
+def _read(shape: FileShape) -> ImportedGeometry:
+    path = Path(shape.file)
+    normals = None
+    loops: tuple[Loop, ...]
+    if isinstance(shape, Mesh):
+        mesh = read_mesh(path, shape.group)
+        points = mesh.points
+        loops = boundary_loops(points, mesh.rings, EdgeNames(mesh.lines, mesh.names, mesh.node_sets))
+    else:
+        table = read_points(path)
+        points, normals = table.points, table.normals
+        nodes = TaggedNodes(points, table.tags, table.places)
+        loops = tagged_loops(nodes)
+        check_normals(nodes, loops, normals)
+    chords = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in (points[loop.nodes] for loop in loops)]
+    crossing = first_crossing(np.concatenate(chords))
+    if crossing is not None:
+        raise GeometryError(f"the outline crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g})")
+    return ImportedGeometry(
+        str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals
+    )

@@ -11,8 +11,7 @@ from mlsanm_cli.app.scene.boundary_parts import outline_of
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.case import Body, Case, Mesh, Points
-from mlsanm_cli.cloud.size import estimate_nodes
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, estimate_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.operators.linear.scratch import MAPPED_SIZE

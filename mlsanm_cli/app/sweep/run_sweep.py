@@ -12,9 +12,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import Console
 from mlsanm_cli.app.results.collect import collect, write_rows
-from mlsanm_cli.app.results.finished import finished, held_case
+from mlsanm_cli.app.results.info import finished, held_case
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.sweep.engines import Engine, dask_engine, local_engine
@@ -141,11 +141,12 @@ def _plan(
 def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
     """A problem reported with the value that varies."""
     texts = dict(text.split("=", 1) for text in values)
-    if problem.source != "--set" or problem.key not in texts:
+    key = next((key for key in texts if f"{problem.key}.".startswith(f"{key}.")), None)
+    if problem.source != "--set" or key is None:
         return problem
-    value, hint = texts[problem.key].strip(), problem.hint
-    if value.startswith("["):
-        hint = f"values are listed without brackets: --vary {problem.key}={value[1:-1].replace(' ', '')}"
+    value, hint = texts[key].strip(), problem.hint
+    if value.startswith("[[" if key != problem.key else "["):
+        hint = f"values are listed without brackets: --vary {key}={value[1:-1].replace(' ', '')}"
     return replace(problem, source="--vary", hint=hint)
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.case.checks.geometry import Geometry, GeometryInspector
-from mlsanm_cli.case.checks.valid_parts import ValidParts
+from mlsanm_cli.case.checks.valid_parts import Geometry, GeometryInspector, ValidParts
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Body
-from mlsanm_cli.case.model.files import Points
 from mlsanm_cli.case.model.materials import check_material
-from mlsanm_cli.case.model.shapes import shape_faults
+from mlsanm_cli.case.model.shapes import Points, shape_faults
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.errors import GeometryError, OutlineError
 

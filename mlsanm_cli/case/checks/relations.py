@@ -7,10 +7,9 @@ from dataclasses import replace
 from mlsanm_cli.case.checks.bodies import check_body, check_materials, check_spacing, geometries_of
 from mlsanm_cli.case.checks.conditions import check_conditions
 from mlsanm_cli.case.checks.finite import check_finite
-from mlsanm_cli.case.checks.geometry import GeometryInspector
 from mlsanm_cli.case.checks.load_checks import check_ends, check_loads
 from mlsanm_cli.case.checks.numerics import check_numerics
-from mlsanm_cli.case.checks.valid_parts import ValidParts
+from mlsanm_cli.case.checks.valid_parts import GeometryInspector, ValidParts
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.model.case import Contact

@@ -1,22 +1,50 @@
-"""The valid parts of a case: their relations are checked even if other parts have errors."""
+"""The valid parts of a case: their relations are checked even if other parts have errors.
+
+The case layer does no geometry and reads no geometry files: the caller passes in a `GeometryInspector`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 from pydantic import ValidationError
 
-from mlsanm_cli.case.checks.geometry import Geometry
 from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.model.base import Point
 from mlsanm_cli.case.model.case import Body, Case, Contact, Model, Support
 from mlsanm_cli.case.model.loads import AnyLoad
-from mlsanm_cli.case.model.shapes import edge_names
+from mlsanm_cli.case.model.shapes import AnyShape, edge_names
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, findings, report_findings
+from mlsanm_cli.errors import Fault
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The geometry of a shape: the outward ``normals`` of its boundaries by name (None if curved), the centre
+    and the larger side of its bounding box, and the SHA-256 of its file, if any."""
+
+    normals: Mapping[str, Point | None]
+    centre: Point
+    size: float
+    digest: str = ""
+
+
+@dataclass(frozen=True)
+class GeometryInspector:
+    """Functions that examine the geometry of a case.
+
+    ``geometry`` raises GeometryError for a shape that is not a valid body; ``floating`` returns a fault for
+    every body without contact that can move freely, with its key in the case.
+    """
+
+    geometry: Callable[[AnyShape], Geometry]
+    floating: Callable[[Case], Iterable[Fault]]
+
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
 REMOVABLE = ("name", "material", "spacing", "seed", "refine")

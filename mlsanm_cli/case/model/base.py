@@ -8,6 +8,7 @@ import math
 import re
 import textwrap
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -108,20 +109,12 @@ def _name(value: Any) -> str:
     return value
 
 
-def _auto_or_count(value: Any) -> int | Literal["auto"]:
+def _auto_or_whole(value: Any, most: int | None) -> int | Literal["auto"]:
     if value == "auto":
         return "auto"
-    if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
-        raise PydanticCustomError("auto_or_count", 'expected "auto" or a whole number above 0')
-    return value
-
-
-def _auto_or_degree(value: Any) -> int | Literal["auto"]:
-    if value == "auto":
-        return "auto"
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MAX_DEGREE:
-        message = f'expected "auto" or a whole number from 1 to {MAX_DEGREE}'
-        raise PydanticCustomError("auto_or_degree", message)
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= (most or value):
+        whole = f"from 1 to {most}" if most else "above 0"
+        raise PydanticCustomError("auto_or_whole", f'expected "auto" or a whole number {whole}')
     return value
 
 
@@ -139,40 +132,37 @@ def _auto_or_length(value: Any) -> float | Literal["auto"]:
     return number
 
 
+def _finite(value: Any, expected: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("number_or_word", "{expected}", {"expected": expected})
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
+    return float(value)
+
+
 def _coefficient(value: Any) -> float | Literal["bonded"]:
     if value == "bonded":
         return "bonded"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("coefficient", 'expected a number of at least 0, or "bonded"')
-    if not math.isfinite(value):
-        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
-    if value < 0.0:
+    number = _finite(value, 'expected a number of at least 0, or "bonded"')
+    if number < 0.0:
         raise PydanticKnownError("greater_than_equal", {"ge": 0})
-    return float(value)
+    return number
 
 
 def _rotation(value: Any) -> float | Literal["fixed", "free"]:
     if isinstance(value, str) and value in ("fixed", "free"):
         return "fixed" if value == "fixed" else "free"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("rotation", 'expected "fixed", "free", or an angle in radian')
-    if not math.isfinite(value):
-        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
-    return float(value)
+    return _finite(value, 'expected "fixed", "free", or an angle in radian')
 
 
 def _amount(value: Any) -> float | str:
-    if isinstance(value, str):
-        try:
-            compile_expression(value)
-        except ExpressionError as error:
-            raise PydanticCustomError("expression", "{problem}", {"problem": str(error)}) from error
-        return value
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("amount", "expected a number, or an expression in x and y in quotes")
-    if not math.isfinite(value):
-        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
-    return float(value)
+    if not isinstance(value, str):
+        return _finite(value, "expected a number, or an expression in x and y in quotes")
+    try:
+        compile_expression(value)
+    except ExpressionError as error:
+        raise PydanticCustomError("expression", "{problem}", {"problem": str(error)}) from error
+    return value
 
 
 Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
@@ -198,12 +188,12 @@ Name = Annotated[
 
 AutoCount = Annotated[
     int | Literal["auto"],
-    PlainValidator(_auto_or_count),
+    PlainValidator(partial(_auto_or_whole, most=None)),
     WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "exclusiveMinimum": 0}]}),
 ]
 AutoDegree = Annotated[
     int | Literal["auto"],
-    PlainValidator(_auto_or_degree),
+    PlainValidator(partial(_auto_or_whole, most=MAX_DEGREE)),
     WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "minimum": 1, "maximum": MAX_DEGREE}]}),
 ]
 AutoLength = Annotated[

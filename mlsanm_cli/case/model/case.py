@@ -24,15 +24,32 @@ from mlsanm_cli.case.model.base import (
     Unit,
     Vector,
 )
-from mlsanm_cli.case.model.files import Mesh, Points
 from mlsanm_cli.case.model.loads import Load
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.obstacles import Obstacle
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
-from mlsanm_cli.case.model.shapes import Shape
+from mlsanm_cli.case.model.shapes import Mesh, Points, Shape
 from mlsanm_cli.case.model.solver import Adapt, Mls, Solver
 from mlsanm_cli.case.model.stop import Stop
-from mlsanm_cli.case.model.units import Units
+
+Symbol = Annotated[str, Field(max_length=20)]
+
+
+class Units(Section):
+    """Unit symbols shown in pictures and reports. Nothing is converted."""
+
+    length: Symbol = ""
+    """Unit of lengths and displacements, as in "mm"."""
+    stress: Symbol = ""
+    """Unit of stresses and pressures, as in "MPa"."""
+    force: Symbol = ""
+    """Unit of forces per unit thickness, as in "N/mm"."""
+
+    def label(self, text: str, kind: str) -> str:
+        """A label with the unit of a ``kind`` (length, stress or force), if it is given."""
+        symbol = getattr(self, kind, "")
+        return f"{text} [{symbol}]" if symbol else text
+
 
 ZERO_ONLY = Field(json_schema_extra={"enum": [0.0]})
 """0.0 is the only value supported; others are reported by the checks."""

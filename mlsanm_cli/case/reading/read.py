@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.case.checks.geometry import Geometry, GeometryInspector
 from mlsanm_cli.case.checks.relations import run_checks
-from mlsanm_cli.case.checks.valid_parts import LISTS, validate
+from mlsanm_cli.case.checks.valid_parts import LISTS, Geometry, GeometryInspector, validate
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.tables import inline_tables

@@ -11,27 +11,18 @@ Equation (28) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.answers import Answer, Closer
-from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
-from mlsanm_cli.contact.finite.pair import BodyContact
-from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.sides import ContactSide
-from mlsanm_cli.contact.finite.update import Done, Used
-from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.contact.finite.update import AnyContact, ContactSystem, Done, Used
 
-AnyContact: TypeAlias = RigidContact | BodyContact
 MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""
 MAX_STALLED = 3
@@ -42,8 +33,6 @@ long as updates shrink by REUSE_RATE or better."""
 INITIAL_OVERLAP = 1e-3
 """Initial penetration allowed to a free body that falls on something, as a fraction of the typical
 displacement."""
-ZERO_PRESSURE = 1e-12
-"""Pressures below this fraction of that of the typical displacement are zero."""
 
 
 @dataclass(frozen=True)
@@ -76,71 +65,8 @@ class Pressed:
     stability: float = np.inf
 
 
-@dataclass(frozen=True)
-class ExactContact:
-    """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
-    node of their sides, in the order of the contacts.
-
-    ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess. The
-    motions of ``loose`` bodies, ``driven`` obstacles and ``plates`` (d,) are load factors after those of the
-    case. ``answers`` are the near-field corrections of all sides.
-    """
-
-    projectors: Mapping[str, Projector]
-    contacts: Sequence[AnyContact]
-    length: float
-    stiffness: float
-    loose: Sequence[LooseMotions] = ()
-    driven: Sequence[DrivenObstacle] = ()
-    plates: Sequence[Plate] = ()
-    answers: Sequence[Answer] = ()
-
-    @property
-    def nothing(self) -> float:
-        """Pressures up to this are zero."""
-        return ZERO_PRESSURE * self.stiffness * self.length
-
-    @property
-    def free(self) -> int:
-        """Number of unknown motions (d)."""
-        plates = sum(len(one.components) for one in self.plates)
-        return sum(one.count for one in self.loose) + len(self.driven) + plates
-
-    @cached_property
-    def firsts(self) -> dict[str, int]:
-        """Index of every body's first displacement."""
-        sizes = [one.body.unknowns for one in self.projectors.values()]
-        return dict(zip(self.projectors, np.cumsum([0, *sizes]).tolist(), strict=False))
-
-    @cached_property
-    def numbers(self) -> IntArray:
-        """Indices (2s,) of all sides' nodal displacements among those of all bodies."""
-        found = [
-            self.firsts[side.body] + (2 * side.nodes[:, None] + np.arange(2)).ravel() for side in self.sides
-        ]
-        return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
-
-    @cached_property
-    def columns(self) -> dict[str, IntArray]:
-        """Indices of each body's tractions among those of all sides (2s,)."""
-        found: dict[str, list[IntArray]] = {name: [] for name in self.projectors}
-        first = 0
-        for side in self.sides:
-            found[side.body].append(first + np.arange(2 * side.count))
-            first += 2 * side.count
-        return {name: np.concatenate([*some, np.zeros(0, dtype=np.int64)]) for name, some in found.items()}
-
-    @cached_property
-    def friction(self) -> FloatArray:
-        """Friction coefficients at the slaves' nodes (c,); zero at held ones, as at a plane of symmetry: a
-        node that cannot slip has undetermined friction."""
-        found = [np.where(one.slave.held, 0.0, one.friction) for one in self.contacts]
-        return np.concatenate([*found, np.zeros(0)])
-
-    @cached_property
-    def sides(self) -> list[ContactSide]:
-        """The sides of all contacts in turn."""
-        return [side for contact in self.contacts for side in contact.sides]
+class ExactContact(ContactSystem):
+    """Exact contact of bodies, solved at given loads."""
 
     def meet(
         self, surface: FloatArray, factors: FloatArray, before: FloatArray | None, closed: BoolArray
@@ -254,20 +180,6 @@ class ExactContact:
         stable = done.stability(self, met)
         args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
         return Pressed(*args, *counts, stable)
-
-    def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
-        """Tractions (2s,) at the nodes of all sides for the slaves' pressures and friction (c,)."""
-        parts = [
-            one.tractions(pressure[here], shear[here]).ravel()
-            for one, here in zip(met, self.places, strict=True)
-        ]
-        return np.concatenate([*parts, np.zeros(0)])
-
-    @cached_property
-    def places(self) -> list[slice]:
-        """Range of every contact's slave nodes among those of all contacts."""
-        ends = np.cumsum([0, *(one.slave.count for one in self.contacts)]).tolist()
-        return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def _stalls(updates: Sequence[float], last: float) -> bool:

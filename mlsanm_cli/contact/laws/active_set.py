@@ -7,15 +7,22 @@ Linear and Nonlinear Programming, 1988, chapter 4), which cannot cycle if sym(W 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.loose_bodies import PRESSURE_TOLERANCE, STIFFNESS_SEQUENCE, at_rest, springs
-from mlsanm_cli.contact.laws.many_unknowns import FINAL_TOLERANCE, SEARCH_TOLERANCE, ManyClosed
-from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
+from mlsanm_cli.contact.laws.many_unknowns import (
+    FINAL_TOLERANCE,
+    MAX_DENSE,
+    SEARCH_TOLERANCE,
+    ManyClosed,
+    NotConvergedError,
+)
+from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, kkt_residual, moving
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
@@ -45,6 +52,11 @@ class ExactState:
     stuck: BoolArray
     solves: int
     residual: float
+
+    @property
+    def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Load factors, motions, pressures and tractions as arguments of linear maps."""
+        return self.factors, self.motion, self.pressure, self.traction
 
 
 def solve_exact(
@@ -132,12 +144,12 @@ def _searched(
     set leaves bodies loose without springs."""
     gap_map, m = condensed.gap, len(condensed.weight)
     seen: set[bytes] = set()
-    many = compressed(gap_map.pressure) is not None
+    many = iterates = compressed(gap_map.pressure) is not None
     roughly, one_by_one = many, False
     limit = MAX_ITERATIVE_PASSES if many else held.passes * (m + 1)
     pressure = np.zeros(m)
     for count in range(1, limit + 1):
-        closed = _Closed(condensed, free_gap, factors, active, held)
+        closed = _Closed(condensed, free_gap, factors, active, held, iterates)
         for part in (SEARCH_TOLERANCE, FINAL_TOLERANCE) if roughly else (FINAL_TOLERANCE,):
             pressure, motion = closed.solve(pressure, part)
             gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
@@ -146,6 +158,7 @@ def _searched(
             wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion), tolerance)
             if wrong.any():
                 break
+        iterates = closed.iterates
         if not wrong.any():
             return _Solved(active, pressure, motion, count)
         if active.tobytes() in seen:
@@ -187,8 +200,11 @@ def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
 
 
 class _Closed:
-    """The equations of a set ``active`` (m,): pressures close the gaps, motions balance the forces. Raises
-    SingularSystemError if bodies are loose."""
+    """The equations of a set ``active`` (m,): pressures close the gaps, motions balance the forces.
+
+    Those of a compressed compliance are solved by iterations while these converge, see ``iterates``. Raises
+    SingularSystemError if bodies are loose.
+    """
 
     def __init__(
         self,
@@ -197,6 +213,7 @@ class _Closed:
         factors: FloatArray,
         active: BoolArray,
         held: _Held,
+        iterates: bool,
     ) -> None:
         self._closed = closed = np.flatnonzero(active)
         balance = condensed.balance
@@ -206,23 +223,40 @@ class _Closed:
         if len(held.springs):
             stiffness = stiffness + np.diag(held.springs)
             self._force = self._force + held.springs * held.place
-        own, self._many, self._dense = compressed(condensed.gap.pressure), None, None
-        moved, forces = condensed.gap.motion[closed], balance.pressure[:, closed]
-        if own is not None and a:
-            self._many = ManyClosed(own, closed, moved, forces, stiffness)
+        self._many, self._dense = None, None
+        self._moved, self._forces = condensed.gap.motion[closed], balance.pressure[:, closed]
+        self._compliance, self._stiffness = condensed.gap.pressure, stiffness
+        self.iterates, own = iterates, compressed(condensed.gap.pressure)
+        if own is not None and iterates and a:
+            with self._or_directly():
+                self._many = ManyClosed(own, closed, self._moved, self._forces, stiffness)
         elif a + k:
-            matrix = np.empty((a + k, a + k))
-            matrix[:a, :a] = condensed.gap.pressure[np.ix_(closed, closed)]
-            matrix[:a, a:], matrix[a:, :a], matrix[a:, a:] = moved, forces, stiffness
-            self._dense = DenseSystem(matrix, a)
+            self._dense = self._direct()
+
+    def _direct(self) -> DenseSystem:
+        closed = self._closed
+        compliance = self._compliance[np.ix_(closed, closed)]
+        matrix = np.block([[compliance, self._moved], [self._forces, self._stiffness]])
+        return DenseSystem(matrix, len(closed))
+
+    @contextmanager
+    def _or_directly(self) -> Iterator[None]:
+        """Solve directly from here on if iterations do not converge, unless there are too many nodes."""
+        try:
+            yield
+        except NotConvergedError:
+            if len(self._closed) > MAX_DENSE:
+                raise
+            self.iterates, self._many, self._dense = False, None, self._direct()
 
     def solve(self, near: FloatArray, part: float) -> tuple[FloatArray, FloatArray]:
         """Pressures (m,) and motions (k,) to a relative residual ``part``, starting from pressures
         ``near``."""
         pressure, closed = np.zeros(self._count), self._closed
         if self._many is not None:
-            pressure[closed], motion = self._many.solve(self._gap, self._force, near[closed], part)
-            return pressure, motion
+            with self._or_directly():
+                pressure[closed], motion = self._many.solve(self._gap, self._force, near[closed], part)
+                return pressure, motion
         if self._dense is None:
             return pressure, np.zeros(0)
         solution = self._dense.solve(np.concatenate([self._gap, self._force]))

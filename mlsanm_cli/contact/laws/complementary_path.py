@@ -18,6 +18,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.limit_load import slides_freely
 from mlsanm_cli.contact.laws.set_search import (
     AdmissibleChanges,
     EndlessError,
@@ -25,7 +26,6 @@ from mlsanm_cli.contact.laws.set_search import (
     exchange,
     moving,
 )
-from mlsanm_cli.contact.laws.sliding import slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 

@@ -12,10 +12,10 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
-from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.set_search import (
     AdmissibleChanges,
     FloatingError,
+    kkt_residual,
     moving,
 )
 from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed

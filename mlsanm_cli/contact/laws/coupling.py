@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.laws.scales import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.startup import dgetrf, dgetrs
 

@@ -17,8 +17,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
+from mlsanm_cli.contact.laws.limit_load import SlidingError, slides_freely
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, NoStateError
-from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 from mlsanm_cli.errors import NumericalError
 

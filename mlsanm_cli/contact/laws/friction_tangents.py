@@ -2,23 +2,57 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.coupling import DenseCoupling, GapTangent, Local
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling, GapTangent, Local
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 from mlsanm_cli.startup import dgetrf, dgetrs
 
-if TYPE_CHECKING:
-    from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
+
+class FrictionEquations:
+    """Coupling and ``sets`` of regularised frictional contact, and what its tangents need of them."""
+
+    def __init__(self, coupling: Coupling, sets: ContactStatus) -> None:
+        self.coupling, self.sets = coupling, sets
+        self.condensed, self.law = condensed, law = coupling.condensed, coupling.law
+        self.m, self.k, self.n = len(condensed.weight), len(coupling.motion), len(condensed.friction_nodes)
+        self.limit = condensed.friction * law.pressure
+        self.stuck = np.flatnonzero(sets.stuck)
+        self.friction_slope = sets.slip_sign * condensed.friction
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Pressures (m,), gaps (m,), motions (k,), tractions (n,)."""
+        m, k = self.m, self.k
+        return x[..., :m], x[..., m : 2 * m], x[..., 2 * m : 2 * m + k], x[..., 2 * m + k :]
+
+    @cached_property
+    def reduced(self) -> FloatArray:
+        """Rows of gaps, sticking nodes' slips and balances over pressures, sticking tractions and motions.
+
+        Tractions of slipping nodes are eliminated by their pressures. Dense couplings only.
+        """
+        assert isinstance(self.coupling, DenseCoupling)
+        m, n = self.m, self.n
+        # LAPACK is column-major: columns are rows of the transposed matrices.
+        columns = self.coupling.matrix.T
+        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
+        reduced = columns.take(kept, axis=0).take(kept, axis=1)
+        friction_nodes = np.flatnonzero(self.friction_slope)
+        dragged = columns.take(m + friction_nodes, axis=0).take(kept, axis=1)
+        reduced[self.condensed.friction_nodes[friction_nodes]] += (
+            dragged * self.friction_slope[friction_nodes, None]
+        )
+        return reduced.T
 
 
 class CoupledFrictionTangent:
     """Factorised tangent for any coupling."""
 
-    def __init__(self, problem: RegularizedFriction, x: FloatArray) -> None:
+    def __init__(self, problem: FrictionEquations, x: FloatArray) -> None:
         self._problem, law = problem, problem.law
         p, h, _, _ = problem.split(x)
         stuck = problem.sets.stuck
@@ -39,7 +73,7 @@ class CoupledFrictionTangent:
 class FrictionTangent:
     """The same for dense couplings, faster: tractions of nodes that do not stick are eliminated too."""
 
-    def __init__(self, problem: RegularizedFriction, base: DenseCoupling, x: FloatArray) -> None:
+    def __init__(self, problem: FrictionEquations, base: DenseCoupling, x: FloatArray) -> None:
         self._problem, self._base = problem, base
         law, m = problem.law, problem.m
         p, h, _, _ = problem.split(x)

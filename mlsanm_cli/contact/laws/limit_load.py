@@ -3,6 +3,7 @@
 Pressures are non-negative, tractions lie in Coulomb's cone, and every unknown motion is in equilibrium. The
 load factor is the solution of a linear program (Livesley 1978, doi:10.1002/nme.1620121207, for masonry); its
 multipliers are the collapse mechanism. Deformation matters only by changing positions.
+Force-controlled motions along slipping contacts that nothing resists are found from the rates of a state.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
 
 WHOLE_STAGE = 1.0 - 1e-9
 """Fractions of a stage from here on count as the whole stage."""
@@ -78,3 +81,124 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
         rubbed = float(along.max(initial=0.0) > across.max(initial=0.0))
     touching = forces[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
     return LimitLoad(part, motion, min(rubbed, 1.0), bool(touching.max(initial=0.0) > 1e-9))
+
+
+MAX_NORMAL_SHARE = 0.2
+"""Motions with a smaller normal part at the contact are resisted by friction only."""
+WEDGE_SHARE = 0.02
+"""Motions whose mean normal part over a contact is larger close it like a wedge."""
+MIN_CLOSING = 0.01
+"""Sliding below this fraction of the normal approach is negligible."""
+SLIDING_RATIO = 100.0
+"""Sliding this many times as fast as everything else is driven by the load."""
+HOLLOW_SHARE = 1e-6
+"""Mean normal part, relative to the sliding, from which a hollow that closes ahead of a body counts."""
+ROUND_OFF = 1e-9
+
+
+class SlidingError(NumericalError):
+    """The contact slides as a whole and nothing else carries the load: the path ends here."""
+
+    def __init__(self, fraction: float, where: str = "") -> None:
+        super().__init__(
+            f"the contact slides as a whole{where}",
+            "prescribe the displacement instead of the force to continue",
+        )
+        self.fraction = fraction
+
+
+def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray | None = None) -> bool:
+    """Whether some motion of force-controlled constraints runs along slipping contacts only.
+
+    It may be any combination of unknown motions, so that the result does not depend on axes. It moves no
+    sticking node, and closed nodes hardly in normal direction, even less in the mean over a contact; contacts
+    that it does not move are ignored. Given the ``rates`` (k,) of a slipping state, the motion must also
+    dominate the approach of the surfaces or be by far the fastest: a shaft that settles in a groove slips on
+    both sides and could rotate, but nothing drives the rotation. In a hollow it must be by far the fastest: a
+    pin in a hook that bends slips everywhere, and climbs the hollow until that holds it.
+    """
+    free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
+    slipping = sets.slip_sign != 0.0
+    if not slipping.any() or not len(free):
+        return False
+    size = np.sqrt(condensed.weight)[:, None]
+    across = (size * condensed.gap.motion[:, free])[sets.closed]
+    tangential = size[condensed.friction_nodes] * condensed.slip.motion[:, free]
+    largest = np.sqrt((across**2).sum(axis=0) + (tangential**2).sum(axis=0))
+    units = np.diag(1.0 / np.where(largest > 0.0, largest, 1.0))
+    motions = units @ _unmoved(tangential[sets.stuck] @ units)
+    if not motions.size:
+        return False
+    both = np.vstack([across, tangential[slipping]])
+    seen = both @ motions
+    if motions.shape[1] == 1:
+        parts = (seen**2)[:, 0]
+        if parts[: len(across)].sum() >= MAX_NORMAL_SHARE**2 * parts.sum():
+            return False
+    left, values, modes = np.linalg.svd(seen, full_matrices=False)
+    kept = values > ROUND_OFF
+    left, modes = left[:, kept], modes[kept].T / values[kept]
+    moving = left[: len(across)]
+    if not len(moving):
+        return bool(moving.shape[1])
+    # Eigenvalues: squared normal parts of orthonormal motions.
+    parts, directions = np.linalg.eigh(moving.T @ moving)
+    little = directions[:, parts < MAX_NORMAL_SHARE**2]
+    if not little.size:
+        return False
+    _, means, right = np.linalg.svd(_closed_of_each(condensed, sets) @ (moving @ little))
+    along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < WEDGE_SHARE].T
+    if rates is None or not along.size:
+        return bool(along.size)
+    whole = both @ rates[free]
+    slid = left @ (along @ (along.T @ (left.T @ whole)))
+    if np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid):
+        return True
+    rising = along @ _not_in_hollows(condensed, sets, free, motions @ modes @ along)
+    slid = left @ (rising @ (rising.T @ (left.T @ whole)))
+    closed = len(across)
+    return bool(np.linalg.norm(slid[:closed]) > MIN_CLOSING * np.linalg.norm(whole[:closed]))
+
+
+def _not_in_hollows(
+    condensed: Condensed, sets: ContactStatus, free: IntArray, motions: FloatArray
+) -> FloatArray:
+    """Orthonormal combinations (d, e) of ``motions`` (f, d) of the ``free`` (f,) ones along which contacts do
+    not close ahead of the sliding body, as hollows do."""
+    closing = np.zeros((motions.shape[1], motions.shape[1]))
+    scale = 0.0
+    for own in condensed.tangential.values():
+        nodes = condensed.friction_nodes[own]
+        weight = np.where(sets.closed[nodes], condensed.weight[nodes], 0.0)
+        if not weight.sum() > 0.0:
+            continue
+        place = np.cumsum(condensed.weight[nodes])
+        lever = weight * (place - weight @ place / weight.sum())
+        gaps = condensed.gap.motion[nodes][:, free] @ motions
+        slips = condensed.slip.motion[own][:, free] @ motions
+        # Gaps that shrink ahead of where the slave slides to: along its surface, as places are counted.
+        closing -= np.outer(lever @ gaps, weight @ slips / weight.sum())
+        scale += float(np.abs(lever).sum() * np.abs(slips).max(initial=0.0) ** 2)
+    values, directions = np.linalg.eigh(0.5 * (closing + closing.T))
+    return np.asarray(directions[:, values <= HOLLOW_SHARE * scale])
+
+
+def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:
+    """Unit rows (c, closed) that average over the closed nodes of each contact."""
+    root = np.sqrt(condensed.weight)
+    rows = np.zeros((len(condensed.spans), len(root)))
+    for row, span in zip(rows, condensed.spans.values(), strict=True):
+        own = np.where(sets.closed[span], root[span], 0.0)
+        row[span] = own / (np.linalg.norm(own) or 1.0)
+    return rows[:, sets.closed]
+
+
+def _unmoved(rows: FloatArray) -> FloatArray:
+    """Orthonormal null space (k, d) of the ``rows`` (r, k)."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    # The R factor has the same singular values and is much smaller.
+    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    seen = int((values > ROUND_OFF).sum())
+    basis: FloatArray = right[seen:].T
+    return basis

@@ -23,6 +23,19 @@ SEARCH_TOLERANCE, FINAL_TOLERANCE, MAX_PRODUCTS = 1e-7, 1e-13, 400
 """Relative residuals during the active-set search and at the end, and largest number of products."""
 MAX_RESIDUAL = 1e-9
 """A relative residual above this is a failure."""
+MAX_DENSE = 6000
+"""Largest number of closed nodes whose equations are solved directly where iterations do not converge."""
+
+
+class NotConvergedError(NumericalError):
+    """The iterations have not found the pressures: a slender loose body yields to long waves of pressure a
+    million times as much as to short ones."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the pressures of a contact with many unknowns have not been found",
+            "make contact.accuracy larger, which takes fewer unknowns",
+        )
 
 
 class ManyClosed:
@@ -30,7 +43,7 @@ class ManyClosed:
 
     C is the ``compliance`` (m, m) restricted to the indices ``closed`` (c,), M = ``moved`` the gaps per
     motion, F = ``forces`` and G = ``stiffness`` the forces per pressure and motion. Raises
-    SingularSystemError if bodies are loose.
+    SingularSystemError if bodies are loose, NotConvergedError.
     """
 
     def __init__(
@@ -109,10 +122,7 @@ class ManyClosed:
             total += share * way
             left = left - share * change
         if not aim <= max(part, MAX_RESIDUAL) * size:
-            raise NumericalError(
-                "the pressures of a contact with many unknowns have not been found",
-                "make contact.accuracy larger, which takes fewer unknowns",
-            )
+            raise NotConvergedError
         return total
 
 

@@ -23,14 +23,17 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling
-from mlsanm_cli.contact.laws.friction_tangents import CoupledFrictionTangent, FrictionTangent
+from mlsanm_cli.contact.laws.friction_tangents import (
+    CoupledFrictionTangent,
+    FrictionEquations,
+    FrictionTangent,
+)
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 
@@ -54,7 +57,7 @@ class FactorisationCount:
         return count
 
 
-class RegularizedFriction:
+class RegularizedFriction(FrictionEquations):
     """The problem over one stage with given ``sets``, for the continuation driver.
 
     The slips of the ``coupling`` include the asperities' compliance; ``stick_reference`` (n,) are the values
@@ -71,15 +74,11 @@ class RegularizedFriction:
         tally: FactorisationCount | None = None,
     ) -> None:
         self.tally = tally or FactorisationCount()
-        condensed, law = coupling.condensed, coupling.law
-        self.coupling, self.condensed, self.law = coupling, condensed, law
+        super().__init__(coupling, sets)
+        law = self.law
         self.start, self.end, self.change = start, end, end - start
-        self.sets, self.stick_reference = sets, stick_reference
-        self.m, self.k, self.n = len(condensed.weight), len(coupling.motion), len(condensed.friction_nodes)
+        self.stick_reference = stick_reference
         self.size = 2 * self.m + self.k + self.n
-        self.limit = condensed.friction * law.pressure
-        self.stuck = np.flatnonzero(sets.stuck)
-        self.friction_slope = sets.slip_sign * condensed.friction
         self.scale = np.concatenate(
             [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, self.limit]
         )
@@ -99,25 +98,6 @@ class RegularizedFriction:
             coupling, start, end, ContactStatus(nowhere, np.zeros(0, dtype=bool), np.zeros(0)), np.zeros(0)
         )
 
-    @cached_property
-    def reduced(self) -> FloatArray:
-        """Rows of gaps, sticking nodes' slips and balances over pressures, sticking tractions and motions.
-
-        Tractions of slipping nodes are eliminated by their pressures. Dense couplings only.
-        """
-        assert isinstance(self.coupling, DenseCoupling)
-        m, n = self.m, self.n
-        # LAPACK is column-major: columns are rows of the transposed matrices.
-        columns = self.coupling.matrix.T
-        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
-        reduced = columns.take(kept, axis=0).take(kept, axis=1)
-        friction_nodes = np.flatnonzero(self.friction_slope)
-        dragged = columns.take(m + friction_nodes, axis=0).take(kept, axis=1)
-        reduced[self.condensed.friction_nodes[friction_nodes]] += (
-            dragged * self.friction_slope[friction_nodes, None]
-        )
-        return reduced.T
-
     def factors(self, lam: float) -> FloatArray:
         """Load factors (L,) at path parameter ``lam``."""
         return self.start + lam * self.change
@@ -125,11 +105,6 @@ class RegularizedFriction:
     def over(self, start: FloatArray, end: FloatArray) -> RegularizedFriction:
         """The same problem between other load factors (L,)."""
         return RegularizedFriction(self.coupling, start, end, self.sets, self.stick_reference, self.tally)
-
-    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Pressures (m,), gaps (m,), motions (k,), tractions (n,)."""
-        m, k = self.m, self.k
-        return x[..., :m], x[..., m : 2 * m], x[..., 2 * m : 2 * m + k], x[..., 2 * m + k :]
 
     def pressed(self, p: FloatArray) -> FloatArray:
         """Pressures (n,) that friction is proportional to: those above the law's threshold."""

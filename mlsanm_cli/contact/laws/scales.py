@@ -1,16 +1,40 @@
-"""Scales of a contact scene from its exact states, and the regularised law built from them."""
+"""Scales and parameters of the regularised contact laws, from the exact states of a contact scene.
+
+Equation (12) of docs/method.md.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
+
+
+@dataclass(frozen=True)
+class Regularization:
+    """Parameters ``eta`` (m,), pressures, and ``delta`` (m,), lengths, of the hyperbolic law, and reference
+    values of pressure, gap, force and motion.
+
+    With friction also a reference ``slip``, the asperities' ``stick_compliance`` (n,), length per traction,
+    and the pressures ``threshold`` (n,) above which friction acts.
+    """
+
+    eta: FloatArray
+    delta: FloatArray
+    pressure: float
+    gap: float
+    force: FloatArray
+    motion: FloatArray
+    slip: float = 0.0
+    stick_compliance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    threshold: FloatArray = field(default_factory=lambda: np.zeros(0))
+
 
 MAX_GAP_RATIO = 10.0
 """Upper bound of the law's length in elastic gaps, for nodes with large initial gaps; the lower bound is

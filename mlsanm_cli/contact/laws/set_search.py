@@ -1,5 +1,5 @@
-"""Conditions of open, sticking and slipping nodes, and the primal-dual active-set exchange of violating nodes
-(Hüeber, Stadler and Wohlmuth 2008, doi:10.1137/060671061)."""
+"""Conditions of open, sticking and slipping nodes, their residual in a state, and the primal-dual active-set
+exchange of violating nodes (Hüeber, Stadler and Wohlmuth 2008, doi:10.1137/060671061)."""
 
 from __future__ import annotations
 
@@ -115,3 +115,46 @@ def moving(condensed: Condensed, motion: FloatArray) -> float:
     """Pressure that would displace the surfaces as far as ``motion`` (k,) does."""
     moved = float(np.abs(condensed.gap.motion @ motion).max(initial=0.0))
     return moved / condensed.largest_compliance if moved else 0.0
+
+
+PRESSURE_TOLERANCE = 1e-6
+"""Pressures that move the surfaces by less than this fraction of the rigid motions are round-off."""
+
+
+def kkt_residual(
+    condensed: Condensed,
+    unknowns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    closed: BoolArray,
+    held: FloatArray,
+) -> float:
+    """Largest residual of contact conditions, friction and balances, relative to peak pressure, elastic gap
+    and forces.
+
+    ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed nodes,
+    ``held`` (n,) the stick references, nan for nodes that do not stick.
+    """
+    factors, motion, pressure, traction = unknowns
+    gap_map, balance = condensed.gap, condensed.balance
+    moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
+    largest_compliance = condensed.largest_compliance
+    least = PRESSURE_TOLERANCE * moved / largest_compliance if largest_compliance > 0.0 else 0.0
+    typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
+    m, n = len(pressure), len(traction)
+    elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0
+    free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
+    caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
+    gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
+    limit = condensed.friction * pressure[condensed.friction_nodes]
+    size = np.maximum(np.abs(pressure), least)
+    force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
+    force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
+    stuck = np.isfinite(held)
+    parts = (
+        np.abs(gap[closed]).max(initial=0.0) / elastic,
+        max(0.0, -gap[~closed].min(initial=0.0)) / elastic,
+        max(0.0, -pressure.min(initial=0.0)) / typical,
+        np.abs(slip[stuck] - held[stuck]).max(initial=0.0) / elastic,
+        max(0.0, (np.abs(traction) - limit).max(initial=0.0)) / typical,
+        (np.abs(imbalance) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
+    )
+    return float(max(parts))

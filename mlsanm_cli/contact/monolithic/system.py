@@ -25,7 +25,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.coupling import Local, row_scales, slip_places
-from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.laws.scales import Regularization
 from mlsanm_cli.contact.monolithic.elimination import Elimination, plan_elimination
 from mlsanm_cli.contact.response.balance import CondensedForces, balance_of_constraints
 from mlsanm_cli.contact.response.condensed import Condensed

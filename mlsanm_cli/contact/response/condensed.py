@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sparse
@@ -26,16 +26,19 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import compressed, largest
-from mlsanm_cli.contact.response.contact_fields import fields_of
+from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.dense import Blocks, Bordered, Multiplier, scales
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import Memo, digest
 
 EQUAL_GAP = 1e-9
 """Gaps that differ by less than this fraction of the spacing are equal."""
 ROUND_OFF = 1e-9
+MAX_KEPT, MAX_KEPT_UNKNOWNS = 50, 5000
+"""Numbers of sets of points for which near fields are kept, and of unknowns of their contacts."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Condensed:
     without exception. ``probes`` maps each probe to its displacement and stress (5,), ``moments`` each
     rotating plate to its moment on the bodies about the hinge, ``holding`` the body and component of each
     motion held at zero to the reaction. ``solves`` counts columns. ``content`` is a digest of everything
-    except friction coefficients.
+    except friction coefficients. ``kept`` are near fields at points of the bodies.
     """
 
     pairings: tuple[Pairing, ...]
@@ -86,6 +89,7 @@ class Condensed:
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
     mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
     sums: LinearMap | None = None
+    kept: Memo = field(default_factory=partial(Memo, MAX_KEPT))
 
     @property
     def reported(self) -> tuple[Pairing, ...]:
@@ -212,10 +216,13 @@ class Condensed:
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2) and stresses (e, 3) of the near fields at ``points`` (e, 2) of a body, or at
-        its nodes, in a state f, q, p, t. The elastic system gives the rest of both."""
+        its nodes, in a state f, q, p, t. The elastic system gives the rest of both.
+
+        What depends on the points alone is kept for other states.
+        """
         model = scene.bodies[body].model
-        place = as_complex(model.nodes if points is None else points)
-        displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))
+        seen = model.nodes if points is None else points
+        displacement, stress = np.zeros((len(seen), 2)), np.zeros((len(seen), 3))
         for pairing in self.reported:
             if pairing.grid is None or body not in pairing.bodies:
                 continue
@@ -224,8 +231,10 @@ class Condensed:
                 continue
             for own, slave, sign in pairing.sides:
                 if own == body:
-                    loads = pressure[:, None], traction[:, None]
-                    found = fields_of(pairing.grid, model.kernel, slave, place, *loads)
+                    make = partial(NearFields.at, pairing.grid, model.kernel, slave, as_complex(seen))
+                    few = len(pressure) <= MAX_KEPT_UNKNOWNS
+                    fields = self.kept.value(pairing.name, digest(slave, seen), make) if few else make()
+                    found = fields(pressure[:, None], traction[:, None])
                     displacement, stress = (
                         displacement + sign * found[0][:, :, 0],
                         stress + sign * found[1][:, :, 0],

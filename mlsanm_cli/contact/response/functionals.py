@@ -6,7 +6,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.smoothing import smoothing
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
@@ -45,29 +47,42 @@ def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: Floa
     samples = sparse.csr_array((2 * grid.count, body.model.unknowns))
     for own, slave, sign in pairing.sides:
         if own == name:
-            points = as_real(grid.facing.side(grid.samples, slave)[0])
-            along = [body.model.values_along(points, np.tile(axis, (grid.count, 1))) for axis in np.eye(2)]
-            samples = sparse.csr_array(samples + sign * sparse.vstack(along, format="csr"))
+            samples = sparse.csr_array(samples + sign * _moved(body, grid, slave))
     watched = np.flatnonzero(~pairing.candidate)
     beyond = relative_rows(body, name, pairing, direction, watched)
     return sparse.csr_array(sparse.vstack([samples, beyond], format="csr"))
 
 
 def changes(
-    body: ElasticBody, name: str, pairing: Pairing, displacement: FloatArray
+    body: ElasticBody, name: str, pairing: Pairing, displacement: FloatArray, lost: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Changes of a contact's gaps and slips (m,) at its candidates by a body's ``displacement`` (N, 2)."""
-    grid = pairing.grid
+    """Changes of a contact's gaps and slips (m,) at its candidates by a body's ``displacement`` (N, 2), or
+    what is ``lost`` of them by smoothing."""
+    grid, moved = pairing.grid, displacement.ravel()
     if grid is None:
-        at, moved = np.flatnonzero(pairing.candidate), displacement.ravel()
-        gap, slip = (relative_rows(body, name, pairing, one, at) for one in (pairing.normal, pairing.tangent))
+        at = np.flatnonzero(pairing.candidate)
+        ways = (np.zeros_like(one) if lost else one for one in (pairing.normal, pairing.tangent))
+        gap, slip = (relative_rows(body, name, pairing, one, at) for one in ways)
         return gap @ moved, slip @ moved
-    samples = np.zeros((2, grid.count))
+    samples = np.zeros(2 * grid.count)
     for own, slave, sign in pairing.sides:
         if own == name:
-            points = as_real(grid.facing.side(grid.samples, slave)[0])
-            samples += sign * body.model.values(points, displacement).T
-    return grid.means[0] @ samples.ravel(), grid.means[1] @ samples.ravel()
+            samples += sign * (_moved(body, grid, slave, smooth=not lost) @ moved)
+            if lost:
+                samples -= sign * (_moved(body, grid, slave) @ moved)
+    return grid.means[0] @ samples, grid.means[1] @ samples
+
+
+def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, smooth: bool = True) -> sparse.csr_array:
+    """Displacements x and y (2k, 2N) of a body at the samples of a contact grid; ``smooth`` away from
+    corners, at which remainders are less so."""
+    points, cloud = as_real(grid.facing.side(grid.samples, slave)[0]), body.model.cloud
+    along = [body.model.values_along(points, np.tile(axis, (grid.count, 1))) for axis in np.eye(2)]
+    if smooth and not grid.corners_of(slave):
+        finest = float(cloud.spacing[cloud.tree.query(points)[1]].min())
+        fitted = smoothing(points, grid.last - grid.first, finest)
+        along = along if fitted is None else [sparse.csr_array(fitted @ one) for one in along]
+    return sparse.csr_array(sparse.vstack(along, format="csr"))
 
 
 def relative_rows(

@@ -16,7 +16,7 @@ from mlsanm_cli.contact.geometry.clusters import Chain, Clusters
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.compressed import Compressed, Singular, as_array, compressed
-from mlsanm_cli.contact.response.contact_fields import fields_of
+from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.observation import ResponseFunctionals
@@ -191,5 +191,5 @@ def _probed(
 ) -> FloatArray:
     """Near-field displacement and stress (5, c) at a probe for nodal ``pressure`` and ``traction`` (m, c)."""
     kernel = scene.bodies[body].model.kernel
-    displacement, stress = fields_of(grid, kernel, slave, as_complex(probe.point), pressure, traction)
+    displacement, stress = NearFields.at(grid, kernel, slave, as_complex(probe.point))(pressure, traction)
     return np.concatenate([displacement[0], stress[0]])

@@ -1,4 +1,5 @@
-"""Curves of a run: pressure along a contact, and quantities along the load path."""
+"""Curves: pressure along a contact, quantities along the load path, several runs in one picture, and
+work-precision diagrams, the error of methods against their cost."""
 
 from __future__ import annotations
 
@@ -168,3 +169,90 @@ def _nodes(count: int) -> dict[str, Any]:
     """Line and marker sizes at which ``count`` nodes remain distinguishable."""
     size = 4.0 if count <= 40 else 2.8 if count <= 120 else 1.6
     return {"marker": "o", "markersize": size, "linewidth": 0.9, "markeredgewidth": 0.0}
+
+
+_STYLES = ("-", "--", ":", "-.")
+
+
+@dataclass(frozen=True)
+class PlotCurve:
+    """Values ``y`` (k,), nan where there are none, at ``x`` (k,); ``joined`` by a line or single points."""
+
+    x: FloatArray
+    y: FloatArray
+    label: str
+    joined: bool = True
+
+
+def plot_curves(path: Path, curves: Sequence[PlotCurve], x_label: str, y_label: str, title: str) -> None:
+    """Draws curves in one picture, distinguished by colours, then by line styles.
+
+    Raises ValueError for arrays of different lengths or no curve, RunError if ``path`` cannot be written.
+    """
+    if not curves:
+        raise ValueError("no curve to draw")
+    with picture(path, 7.2, 4.2) as figure:
+        axes = figure.subplots()
+        for index, curve in enumerate(curves):
+            if curve.x.shape != curve.y.shape:
+                raise ValueError(f"{curve.label}: x has shape {curve.x.shape}, y {curve.y.shape}")
+            axes.plot(
+                curve.x,
+                curve.y,
+                label=curve.label,
+                color=COLOURS[index % len(COLOURS)],
+                linestyle=_STYLES[index // len(COLOURS) % len(_STYLES)] if curve.joined else "none",
+                marker=MARKERS[index % len(MARKERS)],
+                markersize=2.2 if curve.joined else 5.0,
+                markeredgewidth=0.0,
+                linewidth=1.0,
+            )
+        axes.set_title(title)
+        axes.set_xlabel(x_label)
+        axes.set_ylabel(y_label)
+        if len(curves) > 1:
+            axes.legend(loc="best")
+
+
+_LINE: Any = {"color": REFERENCE_COLOUR, "linestyle": "--", "linewidth": 1.0}
+
+
+@dataclass(frozen=True)
+class WorkCurve:
+    """One method: ``error``, CPU ``seconds``, ``factorizations`` and annotations of its points, (k,) each."""
+
+    label: str
+    error: Sequence[float]
+    seconds: Sequence[float]
+    factorizations: Sequence[float]
+    notes: Sequence[str]
+
+
+def plot_precision(path: Path, curves: Sequence[WorkCurve], exact: tuple[float, float] | None) -> None:
+    """Draws errors against CPU seconds and against factorisations, one curve per method.
+
+    ``exact`` are seconds and factorisations for the exact law, shown as a vertical line: it is the reference
+    of the errors. Raises RunError if ``path`` cannot be written.
+    """
+    with picture(path, 8.4, 3.8) as figure:
+        left, right = figure.subplots(1, 2, sharey=True)
+        for index, curve in enumerate(curves):
+            style: Any = {
+                "color": COLOURS[index % len(COLOURS)],
+                "marker": MARKERS[index % len(MARKERS)],
+                "markersize": 5.0,
+            }
+            left.plot(curve.seconds, curve.error, label=curve.label, **style)
+            right.plot(curve.factorizations, curve.error, **style)
+            for note, x, y in zip(curve.notes, curve.factorizations, curve.error, strict=True):
+                right.annotate(note, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
+        if exact is not None:
+            left.axvline(exact[0], label="active set, exact law", **_LINE)
+            right.axvline(exact[1], **_LINE)
+        for axes in (left, right):
+            axes.set_xscale("log")
+            axes.set_yscale("log")
+        left.set_xlabel("CPU seconds of the path")
+        right.set_xlabel("factorisations of tangents")
+        left.set_ylabel("pressure, error against the exact law")
+        figure.legend(loc="outside upper center", ncols=len(curves) + (exact is not None))

@@ -22,27 +22,17 @@ Equations (23) and (24) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.finite.response import Kirchhoff, Neo, Response, Warm
+from mlsanm_cli.mechanics.finite.response import Kind, Kirchhoff, LawConstants, Neo, Response, Warm
 
-Kind = Literal["saint-venant-kirchhoff", "neo-hookean"]
 WAVE_DIRECTIONS = 24
 """Directions, over half a turn, in which ellipticity is tested."""
 
 
-@dataclass(frozen=True)
-class Law:
-    """A law of one of two kinds with Lame's constants ``lam``, ``mu`` in ``plane`` "strain" or "stress"."""
-
-    kind: Kind
-    lam: float
-    mu: float
-    plane: str
+class Law(LawConstants):
+    """A law of one of two kinds."""
 
     @classmethod
     def isotropic(cls, kind: Kind, modulus: float, poisson: float, plane: str) -> Law:

@@ -1,30 +1,81 @@
 """Series of F and P at points, filled order by order: responses of the laws to deformation and thermal
 stretch.
 
+A series of a field with spatial derivatives (jet) is an array (K + 1, j, n): coefficients of orders 0 to K at
+n points; j = 1 for values only, j = 3 for value, d/dX and d/dY. Products within one order follow Leibniz'
+rule.
+
 Equations (23) and (24) of docs/method.md.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.finite.jets import cauchy, inverse, times, weighted
 
-if TYPE_CHECKING:
-    from mlsanm_cli.mechanics.finite.law import Law
-
+Kind = Literal["saint-venant-kirchhoff", "neo-hookean"]
 COFACTOR = ((3, 1.0), (2, -1.0), (1, -1.0), (0, 1.0))
 """Component of F and sign for each component of det(F) F^-T in the plane."""
 ITERATIONS = 60
 
 
+def cauchy(
+    one: FloatArray, other: FloatArray, order: int, first: int = 0, last: int | None = None
+) -> FloatArray:
+    """Contribution (j, n) of the orders ``first`` to ``last`` (default all) of ``one`` (K + 1, j, n) to the
+    coefficient of ``order`` of its product with ``other`` (K + 1, j, n)."""
+    end = order if last is None else last
+    low = one[first : end + 1]
+    high = other[order - end : order - first + 1][::-1]
+    return added_products(low, high)
+
+
+def added_products(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Sum over the first axis of products of jets ``low`` and ``high`` (k, j, n): (j, n)."""
+    result = np.empty(low.shape[1:])
+    result[0] = np.einsum("kn,kn->n", low[:, 0], high[:, 0])
+    if low.shape[1] > 1:
+        result[1:] = np.einsum("kjn,kn->jn", low[:, 1:], high[:, 0])
+        result[1:] += np.einsum("kn,kjn->jn", low[:, 0], high[:, 1:])
+    return result
+
+
+def times(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Product of two jets (j, n)."""
+    return added_products(one[None], other[None])
+
+
+def inverse(one: FloatArray) -> FloatArray:
+    """Reciprocal of a jet (j, n)."""
+    result = np.empty_like(one)
+    result[0] = 1.0 / one[0]
+    result[1:] = -one[1:] * result[0] ** 2
+    return result
+
+
+def weighted(series: FloatArray, order: int) -> FloatArray:
+    """The ``series`` (K + 1, j, n) up to ``order``, each coefficient times its order: a d/da."""
+    return series[: order + 1] * np.arange(order + 1.0)[:, None, None]
+
+
+@dataclass(frozen=True)
+class LawConstants:
+    """``kind`` of a law, and Lame's constants ``lam``, ``mu`` in ``plane`` "strain" or "stress"."""
+
+    kind: Kind
+    lam: float
+    mu: float
+    plane: str
+
+
 class Response:
     """Series of F and P at points, filled order by order: both are (4, K + 1, j, n)."""
 
-    def __init__(self, law: Law, shape: tuple[int, ...]) -> None:
+    def __init__(self, law: LawConstants, shape: tuple[int, ...]) -> None:
         self.law = law
         self.gradient = np.zeros((4, *shape))
         self.stress = np.zeros((4, *shape))
@@ -97,7 +148,7 @@ class Warm(Response):
 class Kirchhoff(Response):
     """The Saint Venant-Kirchhoff law."""
 
-    def __init__(self, law: Law, shape: tuple[int, ...]) -> None:
+    def __init__(self, law: LawConstants, shape: tuple[int, ...]) -> None:
         super().__init__(law, shape)
         self._second, self._thin = np.zeros((3, *shape)), np.zeros(shape)
         self._lam = law.lam if law.plane == "strain" else 2.0 * law.lam * law.mu / (law.lam + 2.0 * law.mu)
@@ -134,7 +185,7 @@ class Kirchhoff(Response):
 class Neo(Response):
     """The compressible neo-Hookean law."""
 
-    def __init__(self, law: Law, shape: tuple[int, ...]) -> None:
+    def __init__(self, law: LawConstants, shape: tuple[int, ...]) -> None:
         super().__init__(law, shape)
         self._volume = Logarithm(shape)
         self._factor, self._theta, self._theta_log, self._thin = (np.zeros(shape) for _ in range(4))

@@ -1,24 +1,26 @@
-"""Multifrontal factorisation with nested-dissection fronts, on top of BLAS and LAPACK.
+"""Multifrontal factorisation with nested-dissection fronts, on top of BLAS and LAPACK; factors are verified,
+with SuperLU as fallback.
 
 Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.domains import count_links, domains, fill_links
 from mlsanm_cli.kernels.multifrontal import BLOCK_COLUMNS, borders, factorise
 from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
-from mlsanm_cli.operators.linear.fallback import verified_or_superlu
-from mlsanm_cli.operators.linear.interface import Factor, Matrix
+from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.progress import watched
 from mlsanm_cli.operators.linear.scratch import MappedArray
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 from mlsanm_cli.operators.structure import structure
 
 DOMAIN_NODES = 512
@@ -168,3 +170,42 @@ class CholeskySolver:
             order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
             factor = CholeskyFactor(fronts, order, panels, fronts.links(blocks))
         return verified_or_superlu(factor, matrix, points)
+
+
+MAX_BACKWARD_ERROR = 1e-11
+"""Accepted backward error of a factor; round-off is expected."""
+MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-13
+"""Or: accepted backward error if one correction, as all solutions get, reduces it to MAX_CORRECTED_ERROR.
+Equations of nearly incompressible bodies lose digits in any factor without pivoting (1e-11 and more), which a
+correction restores (1e-17 to 4e-14)."""
+
+
+def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
+    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note.
+
+    Raises NumericalError if that is inaccurate too.
+    """
+    if factor is not None and _accurate(matrix, factor):
+        return factor
+    plain = sparse.csc_array(matrix)
+    other = factor_in_order(plain, elimination_order(plain, points))
+    if not _accurate(matrix, other):
+        raise NumericalError(
+            "the elastic system of a body is singular to working precision",
+            "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
+        )
+    return replace(
+        other,
+        note="the equations are not positive definite to working precision; SuperLU factorised them",
+    )
+
+
+def _accurate(matrix: Matrix, factor: Factor) -> bool:
+    """Whether a factor is accurate, with the corrections that solutions get."""
+    error = backward_error(matrix, factor)
+    if error <= MAX_BACKWARD_ERROR:
+        return True
+    return (
+        error <= MAX_UNCORRECTED_ERROR
+        and backward_error(matrix, factor, corrections=1) <= MAX_CORRECTED_ERROR
+    )

@@ -1,0 +1,20 @@
+"""All scenes, registered."""
+
+from benchmarks.scenes import (  # noqa: F401
+    assemblies,
+    assorted,
+    beams,
+    bending,
+    fits,
+    joints,
+    layers,
+    machines,
+    mechanisms,
+    pads,
+    profiles,
+    rounds,
+    wedges,
+)
+from benchmarks.scenes.scene import SCENES
+
+__all__ = ["SCENES"]

@@ -1,0 +1,152 @@
+"""Warnings of the last state of a run: pressures before any load or where a surface ends, large rotations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlsanm_cli.app.scene.contact_pairs import shape_of
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Contact
+from mlsanm_cli.cloud.cloud import continuations
+from mlsanm_cli.contact.geometry.obstacles import Chain
+from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.direction_updates import turned_by_loads, turns
+from mlsanm_cli.solve.state import State
+
+END_DISTANCE = 0.75
+"""Distance from an end, in spacings, within which nodes belong to it."""
+MIN_PRESSURE_SHARE = 0.2
+"""Part of the mean pressure above which an end is pressed."""
+
+
+def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
+    """Warnings with the boundaries to add to contacts: the end node carries the pressure of the rest."""
+    contacts = {contact.name: contact for contact in built.case.contact}
+    for pairing in built.condensed.pairings:
+        contact = contacts[pairing.name]
+        span = built.condensed.spans[pairing.name]
+        pressure, weight = state.pressure[span], built.condensed.weight[span]
+        closed = state.closed[span]
+        if not closed.any():
+            continue
+        mean = float(weight @ pressure) / float(weight[closed].sum())
+        for (body, slave, _), side in zip(pairing.sides, contact.sides, strict=True):
+            elastic = built.scene.bodies[body]
+            cloud = elastic.model.cloud
+            places = (pairing.points if slave else pairing.partner)[pairing.candidate]
+            surface = pairing.surface_of(slave)
+            for place, name in continuations(cloud, surface):
+                node, beyond = surface.index[place], name.partition("/")[0]
+                end = cloud.points[node]
+                if elastic.held.get(name) == (True, True) or _ends_with(contact, end, cloud.spacing[node]):
+                    continue
+                if _is_bonded(built, body, end, cloud.spacing[node]):
+                    continue
+                near = np.hypot(*(places - end).T) <= END_DISTANCE * cloud.spacing[node]
+                if (closed & near & (pressure > MIN_PRESSURE_SHARE * mean)).any():
+                    listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
+                    yield (
+                        f"contact {pairing.name} is pressed up to the end of {side.label} near "
+                        f"({end[0]:.6g}, {end[1]:.6g}), where {body}.{beyond} continues without a corner "
+                        f"and should carry a part of the pressure: add it to the contact, as in "
+                        f"contact.{pairing.name}.{'slave' if slave else 'master'} = [{listed}]"
+                    )
+
+
+def _is_bonded(built: CondensedScene, body: str, end: FloatArray, spacing: float) -> bool:
+    """Whether a bond begins at the ``end`` (2,) of a surface of a body, as at a crack tip."""
+    for pairing in built.condensed.bonds.pairings:
+        for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
+            if owner == body and (np.hypot(*(places - end).T) <= END_DISTANCE * spacing).any():
+                return True
+    return False
+
+
+def _ends_with(contact: Contact, end: FloatArray, spacing: float) -> bool:
+    """Whether an obstacle has a corner at the ``end`` (2,) of a surface, as a punch does."""
+    shape = None if contact.obstacle is None else shape_of(contact.obstacle)
+    if not isinstance(shape, Chain):
+        return False
+    corners = shape.points[~shape.smooth]
+    return bool((np.hypot(*(corners - end).T) <= END_DISTANCE * spacing).any())
+
+
+MIN_INITIAL_PRESSURE = 0.01
+"""Pressures before any load, relative to those at the end of the path, above which there is a warning."""
+ROUND_OFF = 1e-9
+"""Overlaps below this part of the coordinates are zero: regularised laws have pressures at zero gap."""
+
+
+def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterator[str]:
+    """Warnings of contacts with pressures in the ``first`` state of a path, where all loads are zero."""
+    given = {contact.name for contact in built.case.contact if contact.gap != 0.0}
+    if first.position > 0.0:
+        return
+    for pairing in built.condensed.pairings:
+        span = built.condensed.spans[pairing.name]
+        before, after = (float(state.pressure[span].max(initial=0.0)) for state in (first, last))
+        gap, partner = pairing.gap[pairing.candidate], pairing.partner[pairing.candidate]
+        overlaps = (gap < -ROUND_OFF * np.abs(partner).max(initial=0.0)).any()
+        if pairing.name in given or not before > MIN_INITIAL_PRESSURE * after or not overlaps:
+            continue
+        deepest = int(np.argmin(gap))
+        x, y = partner[deepest]
+        yield (
+            f"contact {pairing.name}: the surfaces overlap as drawn, by {-gap[deepest]:.3g} near "
+            f"({x:.6g}, {y:.6g}), and press on each other with up to {before:.4g} before any load; draw them "
+            f"touching, or give contact.{pairing.name}.interference if they are a press fit"
+        )
+
+
+TURN_WARNING = 0.01
+"""Rotation of contacts (radian) above which there is a warning if a motion along them is fixed: the same part
+of the contact force would act in this direction."""
+MAX_MOMENT_ERROR = 0.1
+"""Part of the rotation due to the motion of forces above which there is a warning."""
+
+
+def check_held(built: CondensedScene) -> str:
+    """Warning if surfaces have rotated so far that contact forces act along a motion without stiffness that
+    is fixed at 0 ("" otherwise)."""
+    along = [motion for motion in built.scene.held_motions if not any(way[2] for way in motion.values())]
+    held = {body for motion in along for body in motion}
+    if not held or not built.ends:
+        return ""
+    turned = turns(built.scene, built.condensed, built.ends[-1])
+    worst, where = 0.0, ""
+    for pairing in built.condensed.pairings:
+        bodies = held & set(pairing.bodies)
+        if pairing.grid is None or pairing.name not in turned or not bodies:
+            continue
+        angle = abs(turned[pairing.name] - pairing.grid.facing.turn)
+        if angle > max(worst, TURN_WARNING):
+            worst, where = angle, " and ".join(sorted(bodies))
+    if not where:
+        return ""
+    return (
+        f"the contact surfaces of {where} have rotated so far that {100.0 * worst:.2g} % of the contact "
+        f"force acts along a motion without stiffness that is fixed at 0; add a [[support]] in that "
+        f"direction, or friction to the contact"
+    )
+
+
+def check_rolling(built: CondensedScene, state: State) -> str:
+    """Warning if forces at their displaced positions would rotate a body much farther ("" otherwise).
+    NumericalError if loads rotate a body without resistance."""
+    nodes = built.condensed.friction_nodes
+    stuck = state.status[nodes] == STICK
+    sign = np.where(state.closed[nodes] & ~stuck, np.sign(state.traction), 0.0)
+    sets = ContactStatus(state.closed, stuck, sign)
+    turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
+    if turned is None or turned.share < MAX_MOMENT_ERROR:
+        return ""
+    if turned.error:
+        raise turned.error
+    return (
+        f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
+        f"{1.0 / (1.0 - turned.share):.2g} times as far with forces at their displaced positions; "
+        f"{turned.hint}"
+    )
