@@ -239,19 +239,29 @@ def cut(outline: Outline, cuts: Mapping[int, Sequence[float]]) -> Outline:
     return Outline(tuple(names), tuple(curves), tuple(starts))
 
 
-def chain_of(outline: Outline, numbers: Sequence[int]) -> tuple[tuple[int, ...], bool] | None:
-    """Order curves (by index) as they follow each other along a loop, and tell whether they are all of it;
-    None if they are not one contiguous chain."""
-    wanted = sorted(set(numbers))
-    loop = next((loop for loop in outline.loops if loop.start <= wanted[0] < loop.stop), None)
-    if loop is None or wanted[-1] >= loop.stop:
-        return None
-    if len(wanted) == loop.stop - loop.start:
-        return tuple(wanted), True
-    gaps = [k for k, one in enumerate(wanted) if _before(one, loop) not in wanted]
-    if len(gaps) != 1:
-        return None
-    return (*wanted[gaps[0] :], *wanted[: gaps[0]]), False
+Chain = tuple[tuple[int, ...], bool]
+"""Curves by index as they follow each other along a loop, and whether they are all of it."""
+
+
+def chain_of(outline: Outline, numbers: Sequence[int]) -> Chain | None:
+    """The chain of curves by index; None if they are not one contiguous chain."""
+    chains = chains_of(outline, numbers)
+    return chains[0] if len(chains) == 1 else None
+
+
+def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:
+    """The contiguous chains of curves by index, in the order of the outline."""
+    chains: list[Chain] = []
+    for loop in outline.loops:
+        wanted = [k for k in range(loop.start, loop.stop) if k in numbers]
+        gaps = [place for place, k in enumerate(wanted) if _before(k, loop) not in wanted]
+        if wanted and not gaps:
+            chains.append((tuple(wanted), True))
+        elif gaps and gaps[0] > 0:  # the last chain goes on across the start of the loop
+            wanted, gaps = [*wanted[gaps[0] :], *wanted[: gaps[0]]], [place - gaps[0] for place in gaps]
+        ends = [*gaps[1:], len(wanted)]
+        chains += [(tuple(wanted[a:b]), False) for a, b in zip(gaps, ends, strict=False)]
+    return chains
 
 
 def _before(number: int, loop: slice) -> int:

@@ -296,6 +296,21 @@ def test_parts_of_sides_are_held_loaded_and_pressed(tmp_path: Path) -> None:
     assert not any("both act" in text for text in console.warnings)
 
 
+def test_feet_of_one_name_are_clamped_as_those_of_two() -> None:
+    # Where spacings are automatic, sides of one name that do not join were refused.
+    portal = [(0, 0), (1, 0), (1, 2), (3, 2), (3, 0), (4, 0), (4, 3), (0, 3)]
+
+    def placed(*feet: str) -> FloatArray:
+        names = f"{feet[0]} in1 under in2 {feet[-1]} right top left"
+        text = head("stress") + material("steel", E=210e3, nu=0.3)
+        text += body("portal", "steel", shape=polygon(portal, names))
+        text += "".join(support(f"portal.{foot}", ux=0.0, uy=0.0) for foot in feet)
+        text += load("press", "portal.top", "pressure", pressure=1.0)
+        return clouds(parse(text).case)["portal"].points
+
+    np.testing.assert_array_equal(placed("foot"), placed("foot1", "foot2"))
+
+
 @pytest.mark.parametrize(
     ("setting", "key", "words"),
     [

@@ -13,6 +13,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Segment, annulus, disk, rectangl
 from mlsanm_cli.cloud.joined import (
     Joined,
     chain_of,
+    chains_of,
     corners_of,
     cut,
     joined,
@@ -94,6 +95,8 @@ def test_pieces_follow_each_other_along_one_loop() -> None:
     assert chain_of(outline, [2, 1, 0, 3]) == ((0, 1, 2, 3), True)
     assert chain_of(outline, [0, 2]) is None
     assert chain_of(annulus((0.0, 0.0), (1.0, 2.0)), [0, 1]) is None
+    assert chains_of(outline, [0, 2]) == [((0,), False), ((2,), False)]
+    assert chains_of(outline, [0, 3, 2]) == [((2, 3, 0), False)]
 
 
 def test_nodes_of_a_joined_surface() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.app.scene.outlines import drawn, numbers_of
 from mlsanm_cli.case import Case, Place
 from mlsanm_cli.cloud.curves import Curve, Outline
-from mlsanm_cli.cloud.joined import chain_of
+from mlsanm_cli.cloud.joined import chain_of, chains_of
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 END_TOLERANCE = 1e-6
@@ -68,16 +68,20 @@ def run_on(outline: Outline, place: Place, key: str) -> BoundaryRun:
     return BoundaryRun(outline, *found)
 
 
+def runs_on(outline: Outline, place: Place, key: str) -> list[BoundaryRun]:
+    """The runs of a part, or of all boundaries of a place, whose pieces need not join."""
+    if place.ends:
+        return [run_on(outline, place, key)]
+    chains = [chain for edge in place.edges for chain in chains_of(outline, numbers_of(outline, edge))]
+    return [BoundaryRun(outline, *chain) for chain in chains]
+
+
 def _groups(outline: Outline, numbers: Sequence[int]) -> list[str]:
     """The names of the pieces, in groups that join."""
-    left, groups = sorted(set(numbers)), list[str]()
-    while left:
-        group = left[:1]
-        while len(group) < len(left) and chain_of(outline, left[: len(group) + 1]) is not None:
-            group = left[: len(group) + 1]
-        left = left[len(group) :]
-        groups.append("+".join(dict.fromkeys(outline.names[k].partition("/")[0] for k in group)))
-    return groups
+    return [
+        "+".join(dict.fromkeys(outline.names[k].partition("/")[0] for k in chain))
+        for chain, _ in chains_of(outline, numbers)
+    ]
 
 
 def range_of(run: BoundaryRun, place: Place) -> tuple[float, float]:

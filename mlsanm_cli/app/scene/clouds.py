@@ -23,6 +23,7 @@ from mlsanm_cli.app.scene.default_spacing import (
     leans,
     nodal_zone,
 )
+from mlsanm_cli.app.scene.load_profiles import runs_of
 from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
@@ -46,7 +47,7 @@ def spacing_of(case: Case, body: Body) -> Spacing:
     if isinstance(far, str):
         finer = _finer(case, body)
         far = automatic_spacing(outline) / finer
-        clamped = [curve_at(case, place, "support")[0] for place in _clamped(case, body.name)]
+        clamped = [one for place in _clamped(case, body.name) for _, _, one in runs_of(body.shape, place)]
         alone = all(side.body != body.name for contact in case.contact for side in contact.sides)
         if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):
             clamped = []  # under a contact the far ends of a bulky body matter little
@@ -80,8 +81,7 @@ def _clamped(case: Case, body: str) -> Iterator[Place]:
             given += load.places
     for place in given:
         if place is not None and place.body == body:
-            # Clamped boundaries need not join.
-            yield from [place] if place.ends else [Place((name,)) for name in place.boundaries]
+            yield place
 
 
 def _touching(case: Case, body: str) -> Iterator[Curve]:

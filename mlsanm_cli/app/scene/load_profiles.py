@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, range_of, run_on
+from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, range_of, runs_on
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction, value_at
@@ -44,11 +44,10 @@ def runs_of(shape: AnyShape, place: Place) -> list[tuple[BoundaryRun, float, Cur
     """The runs of a place on the outline of a shape, the arc length along them at which it starts, and its
     curves. Loaded boundaries need not join."""
     found = []
-    for one in [place] if place.ends else [Place((name,)) for name in place.boundaries]:
-        run = run_on(drawn(shape), one, "load")
+    for run in runs_on(drawn(shape), place, "load"):
         whole = joined(run.curves, run.around)
-        first, length = range_of(run, one) if one.ends else (0.0, whole.length)
-        found.append((run, first, part_of(whole, first, first + length) if one.ends else whole))
+        first, length = range_of(run, place) if place.ends else (0.0, whole.length)
+        found.append((run, first, part_of(whole, first, first + length) if place.ends else whole))
     return found
 
 
