@@ -10,7 +10,7 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.smoothing import smoothing
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.near_field import as_real
+from mlsanm_cli.mechanics.near_field import Isotropic, as_real
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 
 
@@ -74,11 +74,12 @@ def changes(
 
 
 def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, smooth: bool = True) -> sparse.csr_array:
-    """Displacements x and y (2k, 2N) of a body at the samples of a contact grid; ``smooth`` away from
-    corners, at which remainders are less so."""
+    """Displacements x and y (2k, 2N) of a body at the samples of a contact grid; ``smooth`` in isotropic
+    bodies away from corners. Remainders are less so at corners, and in orthotropic bodies: in a hole in wood
+    with 33 nodes the peak was 2 % off without and 14 % with smoothing."""
     points, cloud = as_real(grid.facing.side(grid.samples, slave)[0]), body.model.cloud
     along = [body.model.values_along(points, np.tile(axis, (grid.count, 1))) for axis in np.eye(2)]
-    if smooth and not grid.corners_of(slave):
+    if smooth and isinstance(body.model.kernel, Isotropic) and not grid.corners_of(slave):
         finest = float(cloud.spacing[cloud.tree.query(points)[1]].min())
         fitted = smoothing(points, grid.last - grid.first, finest)
         along = along if fitted is None else [sparse.csr_array(fitted @ one) for one in along]
