@@ -8,7 +8,6 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes
 
 ITERATIONS = 8
 LOAD_TOLERANCE = 1e-6
@@ -22,11 +21,11 @@ def bulk_stability(body: ElasticBody) -> float:
 
         sigma = min |S u| / |u|        stability = sigma max_b |u_b| / |S b|        0 < stability
 
-    b are linearly varying body forces and u_b their displacements, both without their rigid part: how firmly
-    a body is held says nothing of its discretisation. In a sound discretisation hardly any
-    residual causes more displacement than these; one that amplifies some rough residual a hundred times as
-    much amplifies its own discretisation error likewise. The rows of pieces, thousands of times as strong,
-    count in S u but not in S b. sigma is computed by a few steps of subspace iteration with the available
+    b are linearly varying body forces and u_b their displacements; free rigid parts of displacements, which
+    depend on the pins of the body, do not count. In a sound discretisation hardly any residual causes more
+    displacement than these; one that amplifies some rough residual a hundred times as much amplifies its own
+    discretisation error likewise. The rows of pieces, thousands of times as strong, count in S u but not in
+    S b. sigma is computed by a few steps of subspace iteration with the available
     factor (Golub and Van Loan, Matrix Computations, section 8.2) from a fixed start.
     """
     model, system = body.model, body.system
@@ -34,13 +33,11 @@ def bulk_stability(body: ElasticBody) -> float:
     # Ghosts carry no displacement of the body.
     measure = np.zeros((model.unknowns, 1))
     measure[: 2 * count, 0] = np.repeat(model.cloud.spacing, 2)
-    middle = model.cloud.points.mean(axis=0)
-    motions = RigidBodyModes((middle[0], middle[1]), (0, 1, ROTATION)).patterns(model.cloud.points)
-    rigid = np.zeros((model.unknowns, 3))
-    rigid[: 2 * count] = np.linalg.qr(measure[: 2 * count] * motions)[0]
+    rigid = np.zeros((model.unknowns, len(body.free.components)))
+    rigid[: 2 * count] = np.linalg.qr(measure[: 2 * count] * body.free.patterns(model.cloud.points))[0]
 
     def deforming(displacements: FloatArray) -> FloatArray:
-        """Displacements, one column each, in the measure and without their rigid part."""
+        """Displacements, one column each, in the measure and without their free rigid part."""
         measured = measure * displacements
         return measured - rigid @ (rigid.T @ measured)
 
