@@ -152,7 +152,7 @@ def unturned(
     for pairing in condensed.pairings:
         span = condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
-        if pairing.grid is None or not size:
+        if pairing.grid is None or size <= 0.0:  # round-off where it is open
             continue
         force = pairing.grid.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
         middle = condensed.weight[span] * state.pressure[span] @ pairing.grid.hats.place / size
