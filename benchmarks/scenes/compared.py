@@ -26,10 +26,16 @@ KNOWN = 0.3
 end, fields bend within less than a spacing, and fits were off by ten times what the run was."""
 
 
-def through_variants(scene: Scene, base: Ran, folder: Path) -> list[Table]:
-    """Run all variants of a scene that was solved, and compare."""
+ALL = ("halved", *(variant.name for variant in variants()))
+"""Names of the variants."""
+
+
+def through_variants(scene: Scene, base: Ran, folder: Path, names: Collection[str]) -> list[Table]:
+    """Run the variants with some ``names`` of a scene that was solved, and compare."""
     found = []
     for variant in (halved(scene.case, spacings(base)), *variants()):
+        if variant.name not in names:
+            continue
         if variant.name == "swapped" and not any("master" in one for one in scene.case.get("contact", [])):
             continue
         if variant.name == "halved" and variant.change(scene.case) == scene.case:
