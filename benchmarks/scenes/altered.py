@@ -42,7 +42,9 @@ def altered(scene: Scene, seed: int) -> Scene:
             contact["interference"] *= float(rng.uniform(0.6, 1.4))
     if rng.random() < 0.3:
         given["model"]["plane"] = PLANES[given["model"]["plane"]]
-    return replace(scene, case=given, figures=(), refusal=None, elements=False)
+    # References are found by name.
+    name = f"{scene.name} altered"
+    return replace(scene, name=name, case=given, figures=(), refusal=None, elements=False)
 
 
 def _times(value: object, factor: float) -> object:
