@@ -33,9 +33,8 @@ ALL = ("halved", *(variant.name for variant in variants()))
 def through_variants(scene: Scene, base: Ran, folder: Path, names: Collection[str]) -> list[Table]:
     """Run the variants with some ``names`` of a scene that was solved, and compare."""
     found = []
-    for variant in (halved(scene.case, spacings(base)), *variants()):
-        if variant.name not in names:
-            continue
+    finer = [halved(scene.case, spacings(base))] if "halved" in names else []
+    for variant in (*finer, *(one for one in variants() if one.name in names)):
         if variant.name == "swapped" and not any("master" in one for one in scene.case.get("contact", [])):
             continue
         if variant.name == "halved" and variant.change(scene.case) == scene.case:

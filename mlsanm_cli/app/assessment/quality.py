@@ -151,8 +151,10 @@ def _tip_warnings(pairing: Pairing, pairings: Sequence[Pairing]) -> Iterator[str
     sheared, slips within 0.2 %, but the pressure of its last nodes is 0 to 2 times the exact one."""
     curve = pairing.slave.curve
     bonds = [one for one in pairings if one.bonded and set(one.bodies) == set(pairing.bodies)]
-    for end in curve.points(np.array([0.0, curve.length])) if bonds and not curve.closed else ():
-        held = np.concatenate([one.points[one.candidate] for one in bonds])
+    if not bonds or curve.closed:
+        return
+    held = np.concatenate([one.points[one.candidate] for one in bonds])
+    for end in curve.points(np.array([0.0, curve.length])):
         if np.hypot(*(held - end).T).min() <= ROUND_OFF * curve.length:
             yield (
                 f"contact {pairing.name} ends where a bond begins, near ({end[0]:.6g}, {end[1]:.6g}), as at "
