@@ -23,6 +23,7 @@ from mlsanm_cli.app.assessment.checks import (
 )
 from mlsanm_cli.app.assessment.end_state import (
     check_held,
+    check_limit,
     check_rolling,
     end_warnings,
     overlap_warnings,
@@ -204,7 +205,11 @@ def _follow(
                 for state in (*step.saved, step.state) if step is not None else ():
                     check_rolling(built, state)
             except NumericalError as error:
-                last = recorder.last.position if recorder.last is not None else 0.0
+                last = 0.0
+                if recorder.last is not None:
+                    last, warning = recorder.last.position, check_limit(built, recorder.last)
+                    if warning:
+                        recorder.warn(warning)
                 raise at_limit(built.scene, built.condensed, built.stages, last, error) from error
         if step is None:
             break

@@ -36,7 +36,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, Scene
+from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, RigidConstraint, Scene
 
 MAX_CARRIED = 1e-8
 """Largest force of fixed motions relative to the contact force."""
@@ -187,9 +187,9 @@ def _reach(held: Sequence[Mapping[str, FloatArray]]) -> float:
 INSTABILITY_RATIO = 0.8
 """Ratio of the moments neglected by small displacements to those that turn a body above which it is
 unstable."""
-MIN_SHIFT, MIN_MOMENT_SHARE = 0.1, 1e-3
-"""Rotations that move contacts by less than this part of their width, or moments by less than this part of
-the arms of the forces, need not be caused by loads."""
+MIN_SHIFT, MIN_ROTATION = 0.1, 1e-3
+"""Rotations that move contacts by less than this part of their width, or below this angle (radian), need not
+be caused by loads."""
 
 
 class RollingError(NoStateError):
@@ -251,7 +251,7 @@ def turned_by_loads(
         if (
             one.component != ROTATION
             or isinstance(constraint, Obstacle)
-            or abs(motion[number]) <= MIN_MOMENT_SHARE
+            or abs(motion[number]) <= MIN_ROTATION
         ):
             continue
         forces = _forces(condensed, constraint.bodies, pressure, traction)
@@ -276,6 +276,31 @@ def turned_by_loads(
     number, constraint, _ = turning[int(np.argmax(np.abs(ways[:, worst])))]
     assert not isinstance(constraint, Obstacle)
     return Turned(constraint.bodies, abs(float(motion[number])), float(shares.real[worst]))
+
+
+def moment_error(
+    scene: Scene, condensed: Condensed, motion: FloatArray, pressure: FloatArray, traction: FloatArray
+) -> Turned | None:
+    """The floating body whose contacts' omitted moment is the largest part, ``share``, of that of their
+    tractions, in a state of motions (k,), pressures (m,) and tractions (n,); None if no body has rotated by
+    more than :data:`MIN_ROTATION`.
+
+    Where all nodes of its contacts slip, the loads that turn it are too large by this part.
+    """
+    found: list[Turned] = []
+    for (constraint, one), angle in zip(scene.unknown_motions, np.abs(motion), strict=True):
+        if not isinstance(constraint, FloatingBody) or one.component != ROTATION or angle <= MIN_ROTATION:
+            continue
+        center, none = np.array(constraint.center), np.zeros(len(pressure))
+        both = _forces(condensed, constraint.bodies, pressure, traction)
+        omitted = angle * abs(sum(float(((at - center) * force).sum()) for at, force in both))
+        carried = 0.0
+        for at, force in _forces(condensed, constraint.bodies, none, traction):
+            arm = at - center
+            carried += abs(float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum()))
+        if carried > 0.0:
+            found.append(Turned(constraint.bodies, float(angle), omitted / carried))
+    return max(found, key=lambda one: one.share, default=None)
 
 
 def _forces(

@@ -50,6 +50,43 @@ def test_how_far_a_rocker_turns_is_told(tmp_path: Path) -> None:
     assert float(told[1]) == pytest.approx(3.0 * np.pi / 4.0, rel=0.05)
 
 
+@pytest.mark.parametrize("mu", [0.15, 0.3])
+def test_a_disk_settles_and_turns_in_a_rough_groove(tmp_path: Path, mu: float) -> None:
+    """As it settles all nodes slip on both sides, which counted as sliding as a whole. A moment turns it from
+    mu W R sqrt(2)/(1 + mu^2) on; at small strain contacts stay where they were, which carries more."""
+    moment = 1.4
+    bodies = (
+        head("strain")
+        + material("soft", E=300.0, nu=0.3)
+        + body("round", "soft", shape=disk([0.0, 1.0], 1.0))
+    )
+    loads = item("load", name="weight", kind="body-force", body="round", body_force=[0.0, -1.0]) + item(
+        "load",
+        name="turn",
+        kind="body-force",
+        body="round",
+        body_force=[f"{2.0 * moment / np.pi}*(1 - y)", f"{2.0 * moment / np.pi}*x"],
+    )
+    walls = "".join(
+        contact(
+            name,
+            "round.arc",
+            obstacle=plane([0.0, 1.0 - np.sqrt(2.0)], [side, 1.0]),
+            friction=mu,
+            accuracy=0.1,
+        )
+        for name, side in (("left", 1.0), ("right", -1.0))
+    )
+    stages = item("stage", weight=1.0) + item("stage", turn=1.0)
+    summary = solve(bodies + loads + walls + stages, tmp_path / "run")
+    assert summary["status"] == "failed"
+    limit = mu * np.pi * np.sqrt(2.0) / (1.0 + mu**2) / moment
+    excess = (summary["position"] - 1.0) / limit - 1.0
+    told = re.search(r"([0-9.]+) % too large", " ".join(summary["warnings"]))
+    assert told
+    assert 0.01 < excess < 0.01 * float(told[1]) < 4.0 * excess
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-16])
 def test_a_straight_side_has_one_normal_in_any_frame(noise: float) -> None:
     """Turned by some angle its computed normals differ by round-off: that counted as a curve."""

@@ -34,6 +34,12 @@ def all_slip(condensed: Condensed, but: tuple[int, ...] = ()) -> ContactStatus:
     return ContactStatus(np.ones(len(condensed.weight), dtype=bool), slip_sign == 0.0, slip_sign)
 
 
+def moving(motion: list[float]) -> ContactSolution:
+    """Rates of motions while all forces are constant."""
+    none = np.zeros(20)
+    return ContactSolution(none, none, np.array(motion), none, none)
+
+
 @pytest.mark.parametrize("angle", np.radians([0.0, 37.0, 90.0, 180.0, 233.0]).tolist())
 def test_axes_mean_nothing(angle: float) -> None:
     c = turned(half_planes(20).condensed, angle)
@@ -48,7 +54,7 @@ def test_what_slips_everywhere_and_is_not_driven_along_does_not_slide(
     rates: list[float], slides: bool
 ) -> None:
     c = half_planes(20).condensed
-    assert slides_freely(c, all_slip(c), np.array(rates)) == slides
+    assert slides_freely(c, all_slip(c), moving(rates)) == slides
 
 
 def test_a_surface_that_rises_holds() -> None:
@@ -69,10 +75,10 @@ def test_a_hollow_holds_what_slides_along_it(curvature: float, fast: float, slid
     motion = c.gap.motion + np.outer(curvature * along * (np.arange(20) - 9.5), [0.0, 1.0])
     c = replace(c, gap=replace(c.gap, motion=motion))
     for way in (1.0, -1.0):
-        assert slides_freely(c, all_slip(c), np.array([1.0, way * fast])) == slides
+        assert slides_freely(c, all_slip(c), moving([1.0, way * fast])) == slides
     # With slave and master swapped places are counted the other way.
     c = replace(c, gap=replace(c.gap, motion=motion[::-1]), slip=replace(c.slip, motion=-c.slip.motion))
-    assert slides_freely(c, all_slip(c), np.array([1.0, fast])) == slides
+    assert slides_freely(c, all_slip(c), moving([1.0, fast])) == slides
 
 
 @pytest.mark.parametrize(("degrees", "slides"), [(0.0, True), (2.0, False), (8.0, False)])

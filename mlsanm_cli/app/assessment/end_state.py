@@ -14,7 +14,7 @@ from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.direction_updates import turned_by_loads, turns
+from mlsanm_cli.solve.direction_updates import moment_error, turned_by_loads, turns
 from mlsanm_cli.solve.state import State
 
 END_DISTANCE = 0.75
@@ -127,8 +127,10 @@ def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterat
 TURN_WARNING = 0.01
 """Rotation of contacts (radian) above which there is a warning if a motion along them is fixed: the same part
 of the contact force would act in this direction."""
-MAX_MOMENT_ERROR = 0.1
+MAX_MOMENT_ERROR = 0.03
 """Part of the rotation due to the motion of forces above which there is a warning."""
+MAX_LIMIT_ERROR = 0.01
+"""Part of a limit load due to the motion of forces above which there is a warning."""
 
 
 def check_held(built: CondensedScene) -> str:
@@ -170,6 +172,19 @@ def check_rolling(built: CondensedScene, state: State) -> str:
         raise turned.error
     return (
         f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
-        f"{1.0 / (1.0 - turned.share):.2g} times as far with forces at their displaced positions; "
+        f"{1.0 / (1.0 - turned.share):.3g} times as far with forces at their displaced positions; "
         f"{turned.hint}"
+    )
+
+
+def check_limit(built: CondensedScene, state: State) -> str:
+    """Warning if a limit load close to a state is too large, as contacts of a rotated body have not moved
+    along its surface ("" otherwise)."""
+    turned = moment_error(built.scene, built.condensed, *state.unknowns[1:])
+    if turned is None or turned.share < MAX_LIMIT_ERROR:
+        return ""
+    return (
+        f"{turned.names} has rotated by {np.degrees(turned.angle):.2g} degrees without its contacts moving "
+        f"along its surface: the moment at the limit is up to {100.0 * turned.share:.2g} % too large; use "
+        f'model.strain = "finite", or stiffer materials'
     )

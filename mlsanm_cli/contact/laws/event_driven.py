@@ -159,7 +159,7 @@ def event_driven_path(
             yield Event(fraction, state, solves, jumped=touching)
             continue
         sets = course.sets
-        if slides_freely(condensed, sets, course.rates.motion):
+        if slides_freely(condensed, sets, course.rates):
             raise SlidingError(fraction)
         # A node that comes to rest sticks where it is now.
         stick_reference = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.stick_reference)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
@@ -89,6 +89,8 @@ WEDGE_SHARE = 0.02
 """Motions whose mean normal part over a contact is larger close it like a wedge."""
 MIN_CLOSING = 0.01
 """Sliding below this fraction of the normal approach is negligible."""
+MIN_DRIVE = 0.5
+"""Sliding that tractions of several contacts balance, apart from less than this part, is not driven."""
 SLIDING_RATIO = 100.0
 """Sliding this many times as fast as everything else is driven by the load."""
 HOLLOW_SHARE = 1e-6
@@ -107,15 +109,15 @@ class SlidingError(NumericalError):
         self.fraction = fraction
 
 
-def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray | None = None) -> bool:
+def slides_freely(condensed: Condensed, sets: ContactStatus, rates: ContactSolution | None = None) -> bool:
     """Whether some motion of force-controlled constraints runs along slipping contacts only.
 
     It may be any combination of unknown motions, so that the result does not depend on axes. It moves no
     sticking node, and closed nodes hardly in normal direction, even less in the mean over a contact; contacts
-    that it does not move are ignored. Given the ``rates`` (k,) of a slipping state, the motion must also
-    dominate the approach of the surfaces or be by far the fastest: a shaft that settles in a groove slips on
-    both sides and could rotate, but nothing drives the rotation. In a hollow it must be by far the fastest: a
-    pin in a hook that bends slips everywhere, and climbs the hollow until that holds it.
+    that it does not move are ignored. Given the ``rates`` of a slipping state, the motion must also dominate
+    the approach of the surfaces or be by far the fastest, and driven: a shaft that settles in a groove slips
+    on both sides and could rotate, but its tractions balance each other. In a hollow it must be by far the
+    fastest: a pin in a hook that bends slips everywhere, and climbs the hollow until that holds it.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping = sets.slip_sign != 0.0
@@ -150,14 +152,29 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: FloatArray |
     along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < WEDGE_SHARE].T
     if rates is None or not along.size:
         return bool(along.size)
-    whole = both @ rates[free]
+    whole = both @ rates.motion[free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
     if np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid):
         return True
     rising = along @ _not_in_hollows(condensed, sets, free, motions @ modes @ along)
-    slid = left @ (rising @ (rising.T @ (left.T @ whole)))
-    closed = len(across)
-    return bool(np.linalg.norm(slid[:closed]) > MIN_CLOSING * np.linalg.norm(whole[:closed]))
+    parts = rising.T @ (left.T @ whole)
+    slid, closed = left @ (rising @ parts), len(across)
+    if np.linalg.norm(slid[:closed]) <= MIN_CLOSING * np.linalg.norm(whole[:closed]):
+        return False
+    return _driven(condensed, rates, free, motions @ modes @ rising @ parts)
+
+
+def _driven(condensed: Condensed, rates: ContactSolution, free: IntArray, motion: FloatArray) -> bool:
+    """Whether changes of the loads or of one contact's tractions drive a ``motion`` (f,) of the ``free`` (f,)
+    ones, as its opposite pressures show, rather than tractions of several contacts that balance."""
+    balance = condensed.balance
+    pressed = float(motion @ balance.pressure[free] @ rates.pressure)
+    rubbed = [
+        float(motion @ balance.traction[free][:, own] @ rates.traction[own])
+        for own in condensed.tangential.values()
+    ]
+    loaded = -pressed - sum(rubbed)
+    return abs(pressed) >= MIN_DRIVE * (abs(loaded) + sum(map(abs, rubbed)))
 
 
 def _not_in_hollows(
