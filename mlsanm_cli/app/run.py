@@ -44,6 +44,7 @@ from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.causes import strain_warnings
 from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case import Case, Stop, load_case
+from mlsanm_cli.contact.laws.limit_load import SlidingError
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
@@ -207,8 +208,8 @@ def _follow(
             except NumericalError as error:
                 last = 0.0
                 if recorder.last is not None:
-                    last, warning = recorder.last.position, check_limit(built, recorder.last)
-                    if warning:
+                    last = recorder.last.position
+                    if isinstance(error, SlidingError) and (warning := check_limit(built, recorder.last)):
                         recorder.warn(warning)
                 raise at_limit(built.scene, built.condensed, built.stages, last, error) from error
         if step is None:
