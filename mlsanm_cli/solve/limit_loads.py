@@ -55,6 +55,15 @@ def beyond_limit(
     return error
 
 
+def check_resisted(scene: Scene, condensed: Condensed, stages: FloatArray) -> None:
+    """Raise NumericalError if the first loads drive bodies that no pressures and tractions hold."""
+    limit = limit_load(condensed, stages[0], stages[1] - stages[0])
+    if limit is not None and limit.driven and limit.part <= NEGLIGIBLE:
+        named = _limit(scene, condensed, stages, 0, None)
+        if named is not None:
+            raise NumericalError(*named)
+
+
 def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:
     """Load factors (L,) just below the first limit load of ``stages`` (T + 1, L), and their position; None
     without a limit load, or if loads cannot be carried at all."""

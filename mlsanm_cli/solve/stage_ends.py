@@ -20,7 +20,7 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.direction_updates import RollingError, turned_by_loads
-from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
+from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limit
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""
@@ -67,6 +67,8 @@ def searched_ends(
         chosen = np.unique(np.linspace(0, len(stages) - 1, MAX_FIRST_LEVELS + 1).round().astype(int))
         factors = stages[chosen]
         starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
+    if rubbing and which == "ends" and not known:
+        check_resisted(scene, condensed, stages)
     if rubbing:
         passed = list(range(1, len(stages)) if len(known) == len(stages) - 1 else positions[1:])
         if len(known) == len(passed) and (not every or passed == positions[1:]):

@@ -17,6 +17,8 @@ from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatu
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
+DRIVEN = 1e-6
+"""Least work of loads in a mechanism, relative to their size and that of the motion."""
 WHOLE_STAGE = 1.0 - 1e-9
 """Fractions of a stage from here on count as the whole stage."""
 
@@ -24,13 +26,14 @@ WHOLE_STAGE = 1.0 - 1e-9
 @dataclass(frozen=True, eq=False)
 class LimitLoad:
     """``part`` of a stage's load change that can be carried, collapse ``motion`` (k,) up to a factor,
-    fraction ``rubbed`` of the loads' work dissipated by friction in it, and whether any contact is
-    ``pressed``."""
+    fraction ``rubbed`` of the loads' work dissipated by friction in it, whether any contact is ``pressed``,
+    and whether the loads themselves drive it, not their round-off."""
 
     part: float
     motion: FloatArray
     rubbed: float
     pressed: bool
+    driven: bool
 
     @property
     def whole(self) -> bool:
@@ -80,7 +83,9 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
         # Nothing is carried: the direction of motion decides.
         rubbed = float(along.max(initial=0.0) > across.max(initial=0.0))
     touching = forces[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
-    return LimitLoad(part, motion, min(rubbed, 1.0), bool(touching.max(initial=0.0) > 1e-9))
+    most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
+    driven = abs(float(more @ motion)) > DRIVEN * most
+    return LimitLoad(part, motion, min(rubbed, 1.0), bool(touching.max(initial=0.0) > 1e-9), driven)
 
 
 MAX_NORMAL_SHARE = 0.2
