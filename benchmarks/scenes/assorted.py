@@ -1,5 +1,5 @@
 """Scenes of machines and of the laboratory: a sheared crack, a T-bolt, a disc split between jaws, loads that
-turn back, a block held by friction, a strip lifted off its bed."""
+turn back, a block held by friction, a strip lifted off its bed, a disk that settles in a rough groove."""
 
 from __future__ import annotations
 
@@ -25,12 +25,32 @@ from benchmarks.scenes.scene import (
     polygon,
     probe,
     scene,
+    size_of,
     solid,
     weighed,
 )
 from benchmarks.scenes.scene import body as make_body
 
 STEEL = solid(210e3, 0.3)
+
+
+@scene
+def settling_disk() -> Scene:
+    """A heavy disk settles in a rough right-angled groove: it slips down both flanks, free to turn."""
+    radius, friction, weight = 8.0, 0.2, 0.02
+    given = case(
+        "strain",
+        {"plastic": solid(1.8e3, 0.4)},
+        [make_body("disk", "plastic", "disk", center=[0.0, radius * float(np.sqrt(2.0))], radius=radius)],
+        contact=[
+            on_plane(name, "disk.arc", (0.0, 0.0), (lean, 1.0), friction)
+            for name, lean in (("left", 1.0), ("right", -1.0))
+        ],
+        load=[weighed("weight", "disk", 0.0, -weight)],
+    )
+    across = 0.5 * weight * np.pi * radius**2 * (1.0 - friction) / (1.0 + friction)
+    figures = [Figure(name, size_of(name), across) for name in ("left", "right")]
+    return Scene("settling_disk", "disks in a groove", given, figures)
 
 
 @scene
