@@ -14,6 +14,7 @@ Equation (5) of docs/method.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -27,6 +28,8 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 
 ComplexArray = NDArray[np.complex128]
 
+BATCH_SIZE = 300_000
+"""Pairs of a point and a force processed at once, to limit memory."""
 NO_PAIRS = np.zeros((0, 0), dtype=bool)
 """Empty mask: no pair of point and force is left out."""
 ISOTROPY_TOLERANCE = 1e-8
@@ -163,9 +166,9 @@ def as_real(numbers: ComplexArray) -> FloatArray:
 
 def by_component(table: FloatArray) -> FloatArray:
     """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise by
-    forces."""
-    e, k = table.shape[:2]
-    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(2 * e, 2 * k)
+    forces. Also stresses (e, k, 3, 2) as (3e, 2k)."""
+    e, k, components, _ = table.shape
+    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(components * e, 2 * k)
 
 
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
@@ -177,11 +180,17 @@ def _table(rows: list[list[FloatArray]]) -> FloatArray:
     return np.moveaxis(table, (0, 1), (-2, -1))
 
 
-def _added(field: FloatArray, force: FloatArray, left_out: BoolArray) -> FloatArray:
-    """Sums (e, r, c) of the fields (e, k, r, 2) of forces (k, 2, c), without pairs in ``left_out`` (e, k)."""
-    if left_out.size:
-        field = np.where(left_out[:, :, None, None], 0.0, field)
-    return np.asarray(np.einsum("ekrd,kdc->erc", field, force, optimize=True))
+def _without(table: FloatArray, left_out: BoolArray) -> FloatArray:
+    """Fields (e, k, r, 2) without pairs in ``left_out`` (e, k)."""
+    return np.where(left_out[:, :, None, None], 0.0, table) if left_out.size else table
+
+
+def summed(fields: Callable[[ComplexArray], FloatArray], z: ComplexArray, force: FloatArray) -> FloatArray:
+    """Sums (e, r, c) of the ``fields`` (re, 2k) at points ``z`` (e,) by forces (k, 2, c)."""
+    acting = force.transpose(1, 0, 2).reshape(-1, force.shape[2])
+    parts = np.array_split(z, 1 + len(z) * len(force) // BATCH_SIZE)
+    found = [(fields(some) @ acting).reshape(-1, len(some), force.shape[2]) for some in parts]
+    return np.concatenate(found, axis=1).transpose(1, 0, 2)
 
 
 @dataclass(frozen=True)
@@ -211,25 +220,20 @@ class SurfaceForces:
         own = self.kernel.stress(z[:, None] - self.place)
         return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
 
-    def displacement_by(
-        self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_PAIRS
-    ) -> FloatArray:
-        """Displacements (e, 2, c) at points ``z`` (e,) by all forces (k, 2, c), without pairs in ``left_out``
-        (e, k)."""
+    def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
+        """Displacements (2e, 2k) at points ``z`` (e,), see :func:`by_component`, without pairs in
+        ``left_out`` (e, k)."""
         if not isinstance(self.kernel, Isotropic):
-            return _added(self.displacement(z), force, left_out)
-        places, bases, force = as_real(self.place), as_real(self.inward), np.ascontiguousarray(force)
-        kappa, shear = self.kernel.kappa, self.kernel.shear
-        found = radial_displacements(as_real(z), places, bases, self._center, force, kappa, left_out)
-        return found / (4.0 * np.pi * shear)
+            return by_component(_without(self.displacement(z), left_out))
+        places, bases = as_real(self.place), as_real(self.inward)
+        found = radial_displacements(as_real(z), places, bases, self._center, self.kernel.kappa, left_out)
+        return found / (4.0 * np.pi * self.kernel.shear)
 
-    def stress_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
-        """Stresses (e, 3, c) of the same."""
+    def stresses(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
+        """Stresses (3e, 2k) of the same."""
         if not isinstance(self.kernel, Isotropic):
-            return _added(self.stress(z), force, left_out)
-        places, force = as_real(self.place), np.ascontiguousarray(force)
-        found = radial_stresses(as_real(z), places, self._center, force, left_out)
-        return -2.0 / np.pi * found
+            return by_component(_without(self.stress(z), left_out))
+        return -2.0 / np.pi * radial_stresses(as_real(z), as_real(self.place), self._center, left_out)
 
     @property
     def _center(self) -> FloatArray:
