@@ -8,21 +8,21 @@ import math
 import numpy as np
 
 from mlsanm_cli.kernels.aot.jit import kernel
-from mlsanm_cli.kernels.aot.signature import Bool2, Float1, Float2
+from mlsanm_cli.kernels.aot.signature import Bool2, Float1, Float2, Float3
 
 
 @kernel
 def radial_displacements(
     seen: Float2, place: Float2, base: Float2, center: Float1, kappa: float, left_out: Bool2
-) -> Float2:
-    """Displacements x, then y (2e, 2k), times 4 pi G, at ``seen`` (e, 2) due to unit forces x, then y at
+) -> Float3:
+    """Displacements (2, e, 2k), times 4 pi G, at ``seen`` (e, 2) due to unit forces x, then y at
     ``place`` (k, 2).
 
     Angles are measured from ``base`` (k, 2), or, given a ``center`` (2,) instead of (0,), from the direction
     to it; the opposite forces then act there. Pairs in ``left_out`` (e, k) are skipped; (0, 0) skips none.
     """
     points, forces = len(seen), len(place)
-    found = np.zeros((2 * points, 2 * forces))
+    found = np.zeros((2, points, 2 * forces))
     for e in range(points):
         own_distance = own_cosine = own_sine = base_x = base_y = 0.0
         if len(center):
@@ -41,16 +41,16 @@ def radial_displacements(
             distance = 0.5 * (kappa + 1.0) * math.log(square) - own_distance
             turn = (kappa - 1.0) * math.atan2(base_x * y - base_y * x, base_x * x + base_y * y)
             cosine, sine = (x * x - y * y) / square - own_cosine, 2.0 * x * y / square - own_sine
-            found[e, k], found[e, forces + k] = cosine - distance, turn + sine
-            found[points + e, k], found[points + e, forces + k] = sine - turn, -distance - cosine
+            found[0, e, k], found[0, e, forces + k] = cosine - distance, turn + sine
+            found[1, e, k], found[1, e, forces + k] = sine - turn, -distance - cosine
     return found
 
 
 @kernel
-def radial_stresses(seen: Float2, place: Float2, center: Float1, left_out: Bool2) -> Float2:
-    """Stresses xx, yy, xy (3e, 2k), times -pi / 2, of the same fields."""
+def radial_stresses(seen: Float2, place: Float2, center: Float1, left_out: Bool2) -> Float3:
+    """Stresses xx, yy, xy (3, e, 2k), times -pi / 2, of the same fields."""
     points, forces = len(seen), len(place)
-    found = np.zeros((3 * points, 2 * forces))
+    found = np.zeros((3, points, 2 * forces))
     for e in range(points):
         far_x = far_y = opposite = 0.0
         if len(center):
@@ -63,10 +63,10 @@ def radial_stresses(seen: Float2, place: Float2, center: Float1, left_out: Bool2
             factor = 1.0 / (x * x + y * y) ** 2
             across = factor * x * y * y - opposite * far_x * far_y * far_y
             along = factor * x * x * y - opposite * far_x * far_x * far_y
-            found[e, k] = factor * x * x * x - opposite * far_x * far_x * far_x
-            found[e, forces + k] = found[2 * points + e, k] = along
-            found[points + e, k] = found[2 * points + e, forces + k] = across
-            found[points + e, forces + k] = factor * y * y * y - opposite * far_y * far_y * far_y
+            found[0, e, k] = factor * x * x * x - opposite * far_x * far_x * far_x
+            found[0, e, forces + k] = found[2, e, k] = along
+            found[1, e, k] = found[2, e, forces + k] = across
+            found[1, e, forces + k] = factor * y * y * y - opposite * far_y * far_y * far_y
     return found
 
 

@@ -166,9 +166,9 @@ def as_real(numbers: ComplexArray) -> FloatArray:
 
 def by_component(table: FloatArray) -> FloatArray:
     """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise by
-    forces. Also stresses (e, k, 3, 2) as (3e, 2k)."""
-    e, k, components, _ = table.shape
-    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(components * e, 2 * k)
+    forces."""
+    e, k = table.shape[:2]
+    return _by_force(table, NO_PAIRS).reshape(2 * e, 2 * k)
 
 
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
@@ -180,17 +180,19 @@ def _table(rows: list[list[FloatArray]]) -> FloatArray:
     return np.moveaxis(table, (0, 1), (-2, -1))
 
 
-def _without(table: FloatArray, left_out: BoolArray) -> FloatArray:
-    """Fields (e, k, r, 2) without pairs in ``left_out`` (e, k)."""
-    return np.where(left_out[:, :, None, None], 0.0, table) if left_out.size else table
+def _by_force(table: FloatArray, left_out: BoolArray) -> FloatArray:
+    """Fields (e, k, r, 2) as (r, e, 2k), forces x first, without pairs in ``left_out`` (e, k)."""
+    if left_out.size:
+        table = np.where(left_out[:, :, None, None], 0.0, table)
+    e, k, rows, _ = table.shape
+    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(rows, e, 2 * k)
 
 
 def summed(fields: Callable[[ComplexArray], FloatArray], z: ComplexArray, force: FloatArray) -> FloatArray:
-    """Sums (e, r, c) of the ``fields`` (re, 2k) at points ``z`` (e,) by forces (k, 2, c)."""
-    acting = force.transpose(1, 0, 2).reshape(-1, force.shape[2])
+    """Sums (e, r, c) of the ``fields`` (r, e, 2k) at points ``z`` (e,) by forces (k, 2, c)."""
+    acting = force.transpose(1, 0, 2).reshape(2 * len(force), force.shape[2])
     parts = np.array_split(z, 1 + len(z) * len(force) // BATCH_SIZE)
-    found = [(fields(some) @ acting).reshape(-1, len(some), force.shape[2]) for some in parts]
-    return np.concatenate(found, axis=1).transpose(1, 0, 2)
+    return np.concatenate([fields(some) @ acting for some in parts], axis=1).transpose(1, 0, 2)
 
 
 @dataclass(frozen=True)
@@ -221,18 +223,18 @@ class SurfaceForces:
         return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
 
     def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
-        """Displacements (2e, 2k) at points ``z`` (e,), see :func:`by_component`, without pairs in
-        ``left_out`` (e, k)."""
+        """Displacements (2, e, 2k) at points ``z`` (e,) by forces x, then y, without pairs in ``left_out``
+        (e, k)."""
         if not isinstance(self.kernel, Isotropic):
-            return by_component(_without(self.displacement(z), left_out))
+            return _by_force(self.displacement(z), left_out)
         places, bases = as_real(self.place), as_real(self.inward)
         found = radial_displacements(as_real(z), places, bases, self._center, self.kernel.kappa, left_out)
         return found / (4.0 * np.pi * self.kernel.shear)
 
     def stresses(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
-        """Stresses (3e, 2k) of the same."""
+        """Stresses (3, e, 2k) of the same."""
         if not isinstance(self.kernel, Isotropic):
-            return by_component(_without(self.stress(z), left_out))
+            return _by_force(self.stress(z), left_out)
         return -2.0 / np.pi * radial_stresses(as_real(z), as_real(self.place), self._center, left_out)
 
     @property

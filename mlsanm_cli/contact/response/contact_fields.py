@@ -72,7 +72,7 @@ class _Group:
         return self.fields()
 
     def fields(self) -> FloatArray:
-        """Displacements, then stresses (5e, 2k) by unit forces, see :func:`by_component`."""
+        """Displacements and stresses (5, e, 2k) by unit forces x, then y."""
         both = (self.sources.displacements, self.sources.stresses)
         return np.concatenate([one(self.z, self.left_out) for one in both])
 
@@ -87,7 +87,7 @@ class _Group:
             acting = np.einsum("kfd,kdc->kfc", self.image, acting)
         acting = acting.transpose(1, 0, 2).reshape(-1, acting.shape[2])
         fields = self.kept if keep else self.fields()
-        total[:, self.some] += (fields @ acting).reshape(5, len(self.some), -1)
+        total[:, self.some] += fields @ acting
 
 
 @dataclass(frozen=True)
