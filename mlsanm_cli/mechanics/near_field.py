@@ -28,8 +28,8 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 
 ComplexArray = NDArray[np.complex128]
 
-BATCH_SIZE = 300_000
-"""Pairs of a point and a force processed at once, to limit memory."""
+BATCH_SIZE = 20_000
+"""Pairs of a point and a force processed at once, which fit into the cache."""
 NO_PAIRS = np.zeros((0, 0), dtype=bool)
 """Empty mask: no pair of point and force is left out."""
 ISOTROPY_TOLERANCE = 1e-8

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
@@ -58,7 +57,6 @@ class BodyForce:
     number: int
     body: str
     values: FloatArray
-    held: ClassVar[bool] = False
 
     def source(self, body: ElasticBody) -> FloatArray:
         """Right-hand side (r,) of its ``body``."""
@@ -199,16 +197,20 @@ class Scene:
         ends = np.cumsum([0, *(body.model.unknowns for body in self.bodies.values())]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
 
+    @property
+    def applied(self) -> list[SurfaceLoad | BodyForce]:
+        """Prescribed tractions and body forces."""
+        return [*(load for load in self.surface_loads if not load.held), *self.body_forces]
+
     @cached_property
     def sizes(self) -> Mapping[str, list[tuple[int, float]]]:
-        """For each body the load number and the sum of the magnitudes, at factor 1, of every traction and
-        body force on it."""
+        """For each body the load number and the sum of the magnitudes, at factor 1, of everything applied to
+        it."""
         found: dict[str, list[tuple[int, float]]] = {name: [] for name in self.bodies}
-        for load in (*self.surface_loads, *self.body_forces):
+        for load in self.applied:
             body = self.bodies[load.body]
-            if not load.held:
-                size = abs(body.resultants())[:2] @ np.abs(load.source(body))
-                found[load.body].append((load.number, float(np.hypot(*size))))
+            size = abs(body.resultants())[:2] @ np.abs(load.source(body))
+            found[load.body].append((load.number, float(np.hypot(*size))))
         return found
 
     def center(self, body: str, surface: str) -> tuple[float, float]:

@@ -68,13 +68,13 @@ class _Group:
 
     @cached_property
     def kept(self) -> FloatArray:
-        """:meth:`fields`, kept."""
-        return self.fields()
+        """:meth:`fields` at all points, kept."""
+        return self.fields(slice(None))
 
-    def fields(self) -> FloatArray:
-        """Displacements and stresses (5, e, 2k) by unit forces x, then y."""
+    def fields(self, part: slice) -> FloatArray:
+        """Displacements and stresses (5, e, 2k) at some points by unit forces x, then y."""
         both = (self.sources.displacements, self.sources.stresses)
-        return np.concatenate([one(self.z, self.left_out) for one in both])
+        return np.concatenate([one(self.z[part], self.left_out[part]) for one in both])
 
     def add(self, forces: FloatArray, total: FloatArray, keep: bool) -> None:
         """Add displacements and stresses due to ``forces`` (q, i, 2, c) to the ``total`` (5, ., c)."""
@@ -86,8 +86,11 @@ class _Group:
         if self.image is not None:
             acting = np.einsum("kfd,kdc->kfc", self.image, acting)
         acting = acting.transpose(1, 0, 2).reshape(-1, acting.shape[2])
-        fields = self.kept if keep else self.fields()
-        total[:, self.some] += fields @ acting
+        step = len(self.z) if keep else BATCH_SIZE // len(self.sources.place) + 1
+        for first in range(0, len(self.z), step):
+            part = slice(first, first + step)
+            fields = self.kept if keep else self.fields(part)
+            total[:, self.some[part]] += fields @ acting
 
 
 @dataclass(frozen=True)
