@@ -13,6 +13,7 @@ from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
     SurfaceForces,
+    summed,
     traction,
 )
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
@@ -43,11 +44,11 @@ class Images:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,)."""
-        return self.places.displacement_by(self.force, z)
+        return summed(self.places.displacements, z, self.force)
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, 3, c) at ``z`` (e,)."""
-        return self.places.stress_by(self.force, z)
+        return summed(self.places.stresses, z, self.force)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at ``z`` (e,) on outward ``normal`` vectors (e,)."""

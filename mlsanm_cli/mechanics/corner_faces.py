@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +19,7 @@ from mlsanm_cli.mechanics.near_field import (
     SurfaceForces,
     as_complex,
     as_real,
+    summed,
     traction,
 )
 from mlsanm_cli.mechanics.wedge import cubic
@@ -85,12 +86,12 @@ class FaceForces:
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,), however near to the face."""
         forces = SurfaceForces
-        return self._field(z, forces.displacement_by, forces.displacement, forces.displacement_of_each)
+        return self._field(z, forces.displacements, forces.displacement, forces.displacement_of_each)
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, 3, c) at ``z`` (e,), however near to the face; on it, the limit from inside."""
         forces = SurfaceForces
-        return self._field(z, forces.stress_by, forces.stress, forces.stress_of_each)
+        return self._field(z, forces.stresses, forces.stress, forces.stress_of_each)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,)."""
@@ -121,7 +122,7 @@ class FaceForces:
     def _field(
         self,
         z: ComplexArray,
-        by_all: Callable[[SurfaceForces, FloatArray, ComplexArray], FloatArray],
+        by_all: Field,
         field: Field,
         field_of_each: Field,
     ) -> FloatArray:
@@ -136,7 +137,7 @@ class FaceForces:
         slope = np.maximum(deep[near] / x[near], MIN_ANGLE)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
-        total = by_all(self._forces, self.density, inside)
+        total = summed(partial(by_all, self._forces), inside, self.density)
         if len(near):
             by = field(self._forces, inside[near]) * (1.0 - _window(apart))[..., None, None]
             by += self._near_face(x[near], slope, field_of_each)

@@ -14,6 +14,7 @@ Equation (5) of docs/method.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -27,6 +28,8 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 
 ComplexArray = NDArray[np.complex128]
 
+BATCH_SIZE = 20_000
+"""Pairs of a point and a force processed at once, which fit into the cache."""
 NO_PAIRS = np.zeros((0, 0), dtype=bool)
 """Empty mask: no pair of point and force is left out."""
 ISOTROPY_TOLERANCE = 1e-8
@@ -165,7 +168,7 @@ def by_component(table: FloatArray) -> FloatArray:
     """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise by
     forces."""
     e, k = table.shape[:2]
-    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(2 * e, 2 * k)
+    return _by_force(table, NO_PAIRS).reshape(2 * e, 2 * k)
 
 
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
@@ -177,11 +180,19 @@ def _table(rows: list[list[FloatArray]]) -> FloatArray:
     return np.moveaxis(table, (0, 1), (-2, -1))
 
 
-def _added(field: FloatArray, force: FloatArray, left_out: BoolArray) -> FloatArray:
-    """Sums (e, r, c) of the fields (e, k, r, 2) of forces (k, 2, c), without pairs in ``left_out`` (e, k)."""
+def _by_force(table: FloatArray, left_out: BoolArray) -> FloatArray:
+    """Fields (e, k, r, 2) as (r, e, 2k), forces x first, without pairs in ``left_out`` (e, k)."""
     if left_out.size:
-        field = np.where(left_out[:, :, None, None], 0.0, field)
-    return np.asarray(np.einsum("ekrd,kdc->erc", field, force, optimize=True))
+        table = np.where(left_out[:, :, None, None], 0.0, table)
+    e, k, rows, _ = table.shape
+    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(rows, e, 2 * k)
+
+
+def summed(fields: Callable[[ComplexArray], FloatArray], z: ComplexArray, force: FloatArray) -> FloatArray:
+    """Sums (e, r, c) of the ``fields`` (r, e, 2k) at points ``z`` (e,) by forces (k, 2, c)."""
+    acting = force.transpose(1, 0, 2).reshape(2 * len(force), force.shape[2])
+    parts = np.array_split(z, 1 + len(z) * len(force) // BATCH_SIZE)
+    return np.concatenate([fields(some) @ acting for some in parts], axis=1).transpose(1, 0, 2)
 
 
 @dataclass(frozen=True)
@@ -211,25 +222,20 @@ class SurfaceForces:
         own = self.kernel.stress(z[:, None] - self.place)
         return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
 
-    def displacement_by(
-        self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_PAIRS
-    ) -> FloatArray:
-        """Displacements (e, 2, c) at points ``z`` (e,) by all forces (k, 2, c), without pairs in ``left_out``
+    def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
+        """Displacements (2, e, 2k) at points ``z`` (e,) by forces x, then y, without pairs in ``left_out``
         (e, k)."""
         if not isinstance(self.kernel, Isotropic):
-            return _added(self.displacement(z), force, left_out)
-        places, bases, force = as_real(self.place), as_real(self.inward), np.ascontiguousarray(force)
-        kappa, shear = self.kernel.kappa, self.kernel.shear
-        found = radial_displacements(as_real(z), places, bases, self._center, force, kappa, left_out)
-        return found / (4.0 * np.pi * shear)
+            return _by_force(self.displacement(z), left_out)
+        places, bases = as_real(self.place), as_real(self.inward)
+        found = radial_displacements(as_real(z), places, bases, self._center, self.kernel.kappa, left_out)
+        return found / (4.0 * np.pi * self.kernel.shear)
 
-    def stress_by(self, force: FloatArray, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
-        """Stresses (e, 3, c) of the same."""
+    def stresses(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
+        """Stresses (3, e, 2k) of the same."""
         if not isinstance(self.kernel, Isotropic):
-            return _added(self.stress(z), force, left_out)
-        places, force = as_real(self.place), np.ascontiguousarray(force)
-        found = radial_stresses(as_real(z), places, self._center, force, left_out)
-        return -2.0 / np.pi * found
+            return _by_force(self.stress(z), left_out)
+        return -2.0 / np.pi * radial_stresses(as_real(z), as_real(self.place), self._center, left_out)
 
     @property
     def _center(self) -> FloatArray:

@@ -58,6 +58,10 @@ class BodyForce:
     body: str
     values: FloatArray
 
+    def source(self, body: ElasticBody) -> FloatArray:
+        """Right-hand side (r,) of its ``body``."""
+        return body.force_source(self.values)
+
 
 @dataclass(frozen=True)
 class RigidMotion:
@@ -192,6 +196,22 @@ class Scene:
         """Range of every body's unknowns in the concatenation of all."""
         ends = np.cumsum([0, *(body.model.unknowns for body in self.bodies.values())]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
+
+    @property
+    def applied(self) -> list[SurfaceLoad | BodyForce]:
+        """Prescribed tractions and body forces."""
+        return [*(load for load in self.surface_loads if not load.held), *self.body_forces]
+
+    @cached_property
+    def sizes(self) -> Mapping[str, list[tuple[int, float]]]:
+        """For each body the load number and the sum of the magnitudes, at factor 1, of everything applied to
+        it."""
+        found: dict[str, list[tuple[int, float]]] = {name: [] for name in self.bodies}
+        for load in self.applied:
+            body = self.bodies[load.body]
+            size = abs(body.resultants())[:2] @ np.abs(load.source(body))
+            found[load.body].append((load.number, float(np.hypot(*size))))
+        return found
 
     def center(self, body: str, surface: str) -> tuple[float, float]:
         """Reference point for moments on a held surface: its platen's centre, else the origin."""

@@ -115,7 +115,8 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
             size = np.hypot(*condensed.bonds.values(pairing.name, unknowns))
             sizes.append(float(pairing.weight[pairing.candidate] @ size))
     maps = [condensed.forces[load.name] for load in built.case.load if body in load.owners]
-    sizes += [built.scene.heat_force(body, factors), *_sums_of_sizes(built, body, factors)]
+    sizes += [abs(factors[number]) * size for number, size in built.scene.sizes[body]]
+    sizes.append(built.scene.heat_force(body, factors))
     return float(np.max([*sizes, *(np.hypot(*force(*unknowns)) for force in maps)]))
 
 
@@ -123,18 +124,6 @@ def least_force(built: CondensedScene, body: str) -> float:
     """Force below which those on a body are not checked, from those at the ends of stages."""
     forces = (largest_force(built, body, end.unknowns) for end in built.ends)
     return UNLOADED * max(forces, default=0.0)
-
-
-def _sums_of_sizes(built: CondensedScene, body: str, factors: FloatArray) -> Iterator[float]:
-    """Sum of the magnitudes of each traction and body force on a body."""
-    scene, own = built.scene, built.scene.bodies[body]
-    sources = [
-        (one.number, one.source(own)) for one in scene.surface_loads if one.body == body and not one.held
-    ]
-    sources += [(one.number, own.force_source(one.values)) for one in scene.body_forces if one.body == body]
-    sums = abs(own.resultants())[:2]
-    for number, source in sources:
-        yield float(np.hypot(*(sums @ np.abs(source * factors[number]))))
 
 
 def check_state(built: CondensedScene, state: State) -> None:

@@ -27,38 +27,30 @@ PRESSURE_TOLERANCE = 1e-10
 @dataclass(frozen=True, eq=False)
 class CoulombState:
     """One state of the history: load ``factors`` (L,), ``values``, ``sets``, the slips (n,) at which nodes
-    stick, and the energy ``work`` (n,) dissipated by friction so far, per length of surface."""
+    stick, and the energy ``work`` (n,) dissipated by friction so far, per length of surface. Factors of the
+    equations of states after it are updates of those of its ``system``, if known."""
 
     factors: FloatArray
     values: ContactSolution
     sets: ContactStatus
     stick_reference: FloatArray
     work: FloatArray
+    system: SetSystem | None = None
 
     def moved(
-        self, factors: FloatArray, values: ContactSolution, sets: ContactStatus, stick_reference: FloatArray
-    ) -> CoulombState:
-        """The next state, with tractions and slips linear in between."""
-        return self._next(
-            factors, values, sets, stick_reference, 0.5 * (self.values.traction + values.traction)
-        )
-
-    def jumped(
-        self, factors: FloatArray, values: ContactSolution, sets: ContactStatus, stick_reference: FloatArray
-    ) -> CoulombState:
-        """The next state after a finite increment, with friction as at its end."""
-        return self._next(factors, values, sets, stick_reference, values.traction)
-
-    def _next(
         self,
         factors: FloatArray,
         values: ContactSolution,
         sets: ContactStatus,
         stick_reference: FloatArray,
-        traction: FloatArray,
+        system: SetSystem,
+        jumps: bool = False,
     ) -> CoulombState:
+        """The next state, with tractions and slips linear in between, or with friction as at its end if it
+        ``jumps``."""
+        traction = values.traction if jumps else 0.5 * (self.values.traction + values.traction)
         slipped = np.where(sets.slip_sign != 0.0, values.slip - self.values.slip, 0.0)
-        return CoulombState(factors, values, sets, stick_reference, self.work - traction * slipped)
+        return CoulombState(factors, values, sets, stick_reference, self.work - traction * slipped, system)
 
 
 def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
@@ -104,17 +96,21 @@ def increment(
     both = np.ones(len(condensed.weight), dtype=bool)
     watch = AdmissibleChanges(both, both, np.full(len(before), slipping), np.zeros(len(before)))
 
+    known = state.system
+
     def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
-        system = SetSystem(condensed, sets)
-        values = system.state(factors, before)
-        return system, values, values.slip - before
+        nonlocal known
+        known = SetSystem(condensed, sets, known)
+        values = known.state(factors, before)
+        return known, values, values.slip - before
 
     first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
-    sets, _, values, count = admissible_sets(condensed, first, watch, solve)
+    sets, system, values, count = admissible_sets(condensed, first, watch, solve)
     pressed = values.pressure.max() > PRESSURE_TOLERANCE * moving(condensed, values.motion)
     if floating and slipping and not pressed and acts(condensed, factors - state.factors):
         raise FloatingError
-    return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
+    stick_reference = np.where(sets.stuck, before, values.slip)
+    return state.moved(factors, values, sets, stick_reference, system, jumps=True), count
 
 
 def residual(condensed: Condensed, state: CoulombState) -> float:

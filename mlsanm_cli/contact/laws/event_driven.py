@@ -188,11 +188,11 @@ def _moved(
     """
     sets = course.sets
     values = state.values.advanced(step, course.rates).obeying(condensed, sets, stick_reference)
-    straight = state.moved(factors, values, sets, stick_reference)
+    straight = state.moved(factors, values, sets, stick_reference, course.system)
     if residual(condensed, straight) <= LIMIT_TOLERANCE:
         return straight
     solved = course.system.state(factors, stick_reference)
-    anew = state.moved(factors, solved, sets, stick_reference)
+    anew = state.moved(factors, solved, sets, stick_reference, course.system)
     return min(straight, anew, key=lambda one: residual(condensed, one))
 
 
@@ -236,7 +236,7 @@ def _course(
     )
     watch.side[before.slip_sign != 0.0] = np.where(grazing, 0.0, before.slip_sign)[before.slip_sign != 0.0]
 
-    made, known = 0, last.system if last is not None else None
+    made, known = 0, state.system
 
     def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
         nonlocal made, known

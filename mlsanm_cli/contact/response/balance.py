@@ -83,13 +83,9 @@ class CondensedForces:
         """Force x, y and moment about the origin (3, loads) of prescribed tractions and body forces on every
         body."""
         found = {name: np.zeros((3, self.columns.loads)) for name in self.scene.bodies}
-        for load in self.scene.surface_loads:
-            if not load.held:
-                body = self.scene.bodies[load.body]
-                found[load.body][:, load.number] += body.resultants() @ load.source(body)
-        for force in self.scene.body_forces:
-            body = self.scene.bodies[force.body]
-            found[force.body][:, force.number] += body.resultants() @ body.force_source(force.values)
+        for load in self.scene.applied:
+            body = self.scene.bodies[load.body]
+            found[load.body][:, load.number] += body.resultants() @ load.source(body)
         return found
 
     def _resultants(self, body: str, center: tuple[float, float]) -> sparse.csr_array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -17,7 +18,6 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import RULE
 from mlsanm_cli.contact.response.loaded_intervals import (
-    BATCH_SIZE,
     Intervals,
     close_matrix,
     feet,
@@ -26,6 +26,7 @@ from mlsanm_cli.contact.response.loaded_intervals import (
 )
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import (
+    BATCH_SIZE,
     NO_PAIRS,
     ComplexArray,
     PointForceField,
@@ -40,25 +41,43 @@ FAR_DISTANCE, FAR_SAMPLES, DISTANT_SAMPLES = 1.0 / 6.0, 48, 12
 DISTANT_SAMPLES samples do."""
 MAX_INTERVALS = 100
 """Largest number of intervals that are treated individually when near."""
+MAX_KEPT_PAIRS = 150_000
+"""Largest number of pairs of a point and a force for which unit fields are kept (12 MB)."""
 TIP_INSET = 2e-3
 """Points closer to a corner's tip than this fraction of its faces are shifted inside by as much."""
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Points, by number ``some`` (e,), at which intervals ``span`` act by ``sources`` (k,): forces at their
-    quadrature points, distributed by ``shares`` (k, q i) and turned by ``image`` (k, 2, 2) if there are any,
-    but for pairs ``left_out`` (e, k)."""
+    """Points ``z`` (e,), by number ``some`` (e,), at which intervals ``span`` act by ``sources`` (k,): forces
+    at their quadrature points, distributed by ``shares`` (k, q i) and turned by ``image`` (k, 2, 2) if there
+    are any, but for pairs ``left_out`` (e, k)."""
 
     some: IntArray
+    z: ComplexArray
     span: slice
     sources: SurfaceForces
     shares: FloatArray | None = None
     left_out: BoolArray = field(default_factory=lambda: NO_PAIRS)
     image: FloatArray | None = None
 
-    def add(self, z: ComplexArray, forces: FloatArray, displacement: FloatArray, stress: FloatArray) -> None:
-        """Add displacements and stresses (e, ., c) at points ``z`` due to ``forces`` (q, i, 2, c)."""
+    @property
+    def pairs(self) -> int:
+        """Number of pairs of a point and a source."""
+        return len(self.z) * len(self.sources.place)
+
+    @cached_property
+    def kept(self) -> FloatArray:
+        """:meth:`fields` at all points, kept."""
+        return self.fields(slice(None))
+
+    def fields(self, part: slice) -> FloatArray:
+        """Displacements and stresses (5, e, 2k) at some points by unit forces x, then y."""
+        both = (self.sources.displacements, self.sources.stresses)
+        return np.concatenate([one(self.z[part], self.left_out[part]) for one in both])
+
+    def add(self, forces: FloatArray, total: FloatArray, keep: bool) -> None:
+        """Add displacements and stresses due to ``forces`` (q, i, 2, c) to the ``total`` (5, ., c)."""
         acting = forces[:, self.span].reshape(-1, *forces.shape[2:])
         if not acting.any():
             return
@@ -66,24 +85,24 @@ class _Group:
             acting = (self.shares @ acting.reshape(len(acting), -1)).reshape(-1, *acting.shape[1:])
         if self.image is not None:
             acting = np.einsum("kfd,kdc->kfc", self.image, acting)
-        seen = z[self.some]
-        displacement[self.some] += self.sources.displacement_by(acting, seen, self.left_out)
-        stress[self.some] += self.sources.stress_by(acting, seen, self.left_out)
+        acting = acting.transpose(1, 0, 2).reshape(-1, acting.shape[2])
+        step = len(self.z) if keep else BATCH_SIZE // len(self.sources.place) + 1
+        for first in range(0, len(self.z), step):
+            part = slice(first, first + step)
+            fields = self.kept if keep else self.fields(part)
+            total[:, self.some[part]] += fields @ acting
 
 
 @dataclass(frozen=True)
 class NearFields:
     """Displacements and stresses at fixed points ``z`` (e,) of a body for any pressures and tractions of a
-    contact: by ``groups`` of points and intervals, by the matrix ``close`` (5e, 2m) of intervals next to a
-    point, by ``images`` behind walls, and by forces along the faces of corners. ``inside`` (e,) are the
-    points, those on the contact surface shifted inside."""
+    contact: by ``groups`` of points and intervals, with images behind walls, by the matrix ``close`` (5e, 2m)
+    of intervals next to a point, and by forces along the faces of corners."""
 
     intervals: Intervals
     z: ComplexArray
-    inside: ComplexArray
     groups: tuple[_Group, ...]
     close: sparse.csr_array
-    images: tuple[_Group, ...]
 
     @classmethod
     def at(cls, grid: ContactGrid, kernel: PointForceField, slave: bool, z: ComplexArray) -> NearFields:
@@ -97,27 +116,25 @@ class NearFields:
         groups, pairs = list[_Group](), list[tuple[AnyArray, ...]]()
         _arrange(intervals, within, every, whole, groups, pairs)
         close = close_matrix(intervals, len(z), pairs)
-        images = [
-            image
-            for corner in grid.corners_of(slave)
-            for image in _images(intervals, corner, z, every, whole)
-        ]
-        return cls(intervals, z, within, tuple(groups), close, tuple(images))
+        for corner in grid.corners_of(slave):
+            groups.extend(_images(intervals, corner, z, every, whole))
+        return cls(intervals, z, tuple(groups), close)
+
+    @property
+    def _keeps(self) -> bool:
+        return sum(group.pairs for group in self.groups) <= MAX_KEPT_PAIRS
 
     def __call__(self, pressure: FloatArray, traction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2, c) and stresses (e, 3, c) due to nodal ``pressure`` and ``traction`` (m, c)
         acting on the slave; those of the master have opposite sign."""
-        grid, count, columns = self.intervals.grid, len(self.z), pressure.shape[1]
+        grid, columns = self.intervals.grid, pressure.shape[1]
         pressure, traction = grid.deviation(pressure), grid.deviation(traction)
-        displacement, stress = np.zeros((count, 2, columns)), np.zeros((count, 3, columns))
         forces = self.intervals.forces(pressure, traction)
+        close = np.asarray(self.close @ np.concatenate([pressure, traction]))
+        total = close.reshape(5, len(self.z), columns)
         for group in self.groups:
-            group.add(self.inside, forces, displacement, stress)
-        close = np.asarray(self.close @ np.concatenate([pressure, traction])).reshape(5, count, columns)
-        displacement += close[:2].transpose(1, 0, 2)
-        stress += close[2:].transpose(1, 0, 2)
-        for image in self.images:
-            image.add(self.z, forces, displacement, stress)
+            group.add(forces, total, self._keeps)
+        displacement, stress = (part.transpose(1, 0, 2) for part in np.split(total, [2]))
         for corner in grid.corners_of(self.intervals.slave):
             away = corner.distance(self.intervals.place.ravel())
             for line in corner.face_forces(away, forces.reshape(-1, 2, columns)):
@@ -138,14 +155,14 @@ def _images(
     few, image = found
     near = np.abs(z[some, None] - few.place).min(axis=1) <= FAR_DISTANCE * intervals.extent(span)
     if not near.all():
-        yield _Group(some[~near], span, few, shares, image=image)
+        yield _Group(some[~near], z[some[~near]], span, few, shares, image=image)
     if span.stop - span.start > MAX_INTERVALS:
         for half in halves(span):
             yield from _images(intervals, corner, z, some[near], half)
     elif near.any():
         whole = corner.mirrored(corner.distance(intervals.of_points(span).place))
         assert whole is not None
-        yield _Group(some[near], span, whole[0], image=whole[1])
+        yield _Group(some[near], z[some[near]], span, whole[0], image=whole[1])
 
 
 def _arrange(
@@ -165,7 +182,7 @@ def _arrange(
     for chosen, count in ((distant & ~near, DISTANT_SAMPLES), (~distant & ~near, FAR_SAMPLES)):
         if chosen.any():
             seen = close if count == FAR_SAMPLES else intervals.of_samples(span, count)
-            groups.append(_Group(some[chosen], span, *seen))
+            groups.append(_Group(some[chosen], z[some[chosen]], span, *seen))
     adjacent = some[near]
     if not len(adjacent):
         return
@@ -178,7 +195,7 @@ def _arrange(
     for few in np.array_split(adjacent, 1 + len(adjacent) * len(sources.place) // BATCH_SIZE):
         foot = feet(z[few], ends[:-1], np.diff(ends))
         beside = np.abs(z[few, None] - (ends[:-1] + foot * np.diff(ends))) < GRID_POINT_DISTANCE * steps
-        groups.append(_Group(few, span, sources, left_out=np.tile(beside, len(RULE))))
+        groups.append(_Group(few, z[few], span, sources, left_out=np.tile(beside, len(RULE))))
         row, interval = np.nonzero(beside)
         pairs.append((few[row], z[few[row]], span.start + interval, foot[beside]))
 

@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import RULE
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
-from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces, as_real
+from mlsanm_cli.mechanics.near_field import BATCH_SIZE, ComplexArray, PointForceField, SurfaceForces, as_real
 from mlsanm_cli.startup import cKDTree
 
 GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
@@ -27,8 +27,6 @@ SURFACE_INSET = 1e-3
 jump on it."""
 NEWTON_STEPS = 3
 """Newton steps to the closest point of the surface."""
-BATCH_SIZE = 300_000
-"""Point-source pairs processed at once, to limit memory."""
 
 
 @dataclass(frozen=True)
