@@ -32,12 +32,9 @@ class TaggedNodes:
 
 
 def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
-    """Closed loops through the tagged nodes, the material on the left.
-
-    A corner between two tags is the end node at which the outline turns more; it belongs to both. Raises
-    GeometryError, naming the place in the file, for coincident nodes, an open or unordered boundary, loops
-    side by side and nodes outside.
-    """
+    """Closed loops through the tagged nodes, the material on the left. A corner between two tags is the end
+    node at which the outline turns more; it belongs to both. Raises GeometryError, naming the place in the
+    file, for coincident nodes, an open or unordered boundary, loops side by side and nodes outside."""
     _refuse_coincident(nodes)
     chains = _chains(nodes)
     loops = [_oriented(nodes.points, loop) for loop in _linked(nodes, chains)]

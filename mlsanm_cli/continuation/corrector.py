@@ -172,11 +172,8 @@ def correct_end(
     options: PathOptions,
     effort: SolveCounts,
 ) -> Correction | None:
-    """Correct the end of a step to the path, at its load factor; None when that fails.
-
-    The factorised tangent of the step's start is used, and a new one if that converges slowly. Counts are
-    added to ``effort``.
-    """
+    """Correct the end of a step to the path, at its load factor; None when that fails. The factorised tangent
+    of the step's start is used, and a new one if that converges slowly. Counts are added to ``effort``."""
     point = Point(*end, residual_norm(problem, *end))
     updates = effort.updates
     for _ in range(_CHORD_UPDATES):

@@ -85,9 +85,7 @@ the path."""
 @dataclass(frozen=True, eq=False)
 class Series:
     """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,); ``unit`` is the length of T.
-
-    ``keeps_residual``: the series does not return to the path but keeps the residual of its start.
-    """
+    ``keeps_residual``: the series does not return to the path but keeps the residual of its start."""
 
     x: FloatArray
     lam: FloatArray

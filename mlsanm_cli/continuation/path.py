@@ -67,10 +67,8 @@ class Step:
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """How a path ended: the reason with a ``message``, the last valid point, totals of the whole path.
-
     ``piece`` is the last step with the length that it would have had without an event: the ``previous`` of a
-    path that continues, which needs only its ``tangent``.
-    """
+    path that continues, which needs only its ``tangent``."""
 
     reason: StopReason
     message: str
@@ -98,10 +96,8 @@ class Stopped(Exception):
 
 
 class Follower(ABC):
-    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once.
-
-    The parameters are those of :func:`mlsanm_cli.continuation.follow`.
-    """
+    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once. The
+    parameters are those of :func:`mlsanm_cli.continuation.follow`."""
 
     def __init__(
         self,

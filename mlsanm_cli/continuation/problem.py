@@ -19,22 +19,18 @@ class SingularTangentError(NumericalError):
 
 
 class Tangent(Protocol):
-    """The factorised derivative dR/dx at one point.
-
-    A tangent may also have a method ``orders(x, lam, slope, normal, size)`` that computes the coefficients
-    ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from 2 on at once, which is faster.
-    """
+    """The factorised derivative dR/dx at one point. A tangent may also have a method ``orders(x, lam, slope,
+    normal, size)`` that computes the coefficients ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from
+    2 on at once, which is faster."""
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return w, shape (size,), with dR/dx w = rhs; ``rhs``, shape (size,), must not be changed."""
 
 
 class Problem(Protocol):
-    """A smooth system of ``size`` equations in ``size`` unknowns x and one load factor lam.
-
-    The residual is dimensionless and of order one when an equation is grossly violated, so that one
-    tolerance fits every problem. Unknowns may have any units: lengths along the path use ``x / scale``.
-    """
+    """A smooth system of ``size`` equations in ``size`` unknowns x and one load factor lam. The residual is
+    dimensionless and of order one when an equation is grossly violated, so that one tolerance fits every
+    problem. Unknowns may have any units: lengths along the path use ``x / scale``."""
 
     @property
     def size(self) -> int:
@@ -61,10 +57,8 @@ class Problem(Protocol):
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         """Return the right-hand side of order k, shape (size,), from the coefficients of orders below k.
-
-        ``x`` has shape (k, size) and ``lam`` shape (k,), k >= 2. The result is minus the coefficient of
-        order k of R(sum_j a^j x_j, sum_j a^j lam_j), with x_k and lam_k taken as zero.
-        """
+        ``x`` has shape (k, size) and ``lam`` shape (k,), k >= 2. The result is minus the coefficient of order
+        k of R(sum_j a^j x_j, sum_j a^j lam_j), with x_k and lam_k taken as zero."""
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
         """Whether (x, lam) satisfies every constraint, for instance gaps > 0."""

@@ -199,10 +199,8 @@ class Branch:
         return root(distance, low, high)
 
     def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
-        """Return the intervals in which lam(a) may touch the level between samples on one side of it.
-
-        That happens near a fold just beyond the level. ``distance`` is positive except for the last sample.
-        """
+        """Return the intervals in which lam(a) may touch the level between samples on one side of it. That
+        happens near a fold just beyond the level. ``distance`` is positive except for the last sample."""
         if distance[-1] <= 0.0:  # the crossing before the last sample is found by its change of sign
             grid, distance = grid[:-1], distance[:-1]
         if distance.size < 2:
@@ -255,10 +253,8 @@ def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
 
 
 def nearest_pole(coefficients: FloatArray, limit: float) -> float:
-    """Return the real part of the first real or nearly real pole in (0, limit], or inf.
-
-    ``coefficients`` are those of the denominator in ascending order, starting with 1.
-    """
+    """Return the real part of the first real or nearly real pole in (0, limit], or inf. ``coefficients`` are
+    those of the denominator in ascending order, starting with 1."""
     scaled = coefficients * limit ** np.arange(float(coefficients.size))
     if not np.all(np.isfinite(scaled)):
         return 0.0

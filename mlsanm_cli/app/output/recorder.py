@@ -46,10 +46,8 @@ TALLIES = ("iterations", "factorizations", "solves", "residual", "linear_residua
 
 
 class Recorder(RunWriter):
-    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
-
-    With ``earlier`` it continues the files of an interrupted run after their last step.
-    """
+    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. With ``earlier`` it continues
+    the files of an interrupted run after their last step."""
 
     def __init__(
         self,

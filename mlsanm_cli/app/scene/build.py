@@ -68,10 +68,8 @@ def load_kernels(context: RunContext) -> Loaded:
 
 
 def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
-    """The scene on its initial clouds, with all checks that precede solving.
-
-    Raises CaseError for a scene that exceeds the memory, and for invalid contacts and platens.
-    """
+    """The scene on its initial clouds, with all checks that precede solving. Raises CaseError for a scene
+    that exceeds the memory, and for invalid contacts and platens."""
     load_kernels(context)
     try:
         with context.phase("cloud"):
@@ -136,10 +134,8 @@ def condense_scene(
     context: RunContext,
     before: Scene | None = None,
 ) -> CondensedScene:
-    """Assembles the systems of the bodies, condenses, and determines the reach of every contact.
-
-    Bodies with the same model as in the scene ``before`` keep their systems.
-    """
+    """Assembles the systems of the bodies, condenses, and determines the reach of every contact. Bodies with
+    the same model as in the scene ``before`` keep their systems."""
     idle = {weak.idle: weak.motion for weak in prepared.weak if weak.idle is not None}
     if idle:
         driven = tuple(weak for weak in prepared.weak if weak.idle is None)
@@ -161,11 +157,8 @@ def condense_scene(
 
 def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
     """Translations of floating bodies without a load in their direction, one at a time, then all of one
-    direction.
-
-    Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the motion is
-    then undetermined, and zero by symmetry.
-    """
+    direction. Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the
+    motion is then undetermined, and zero by symmetry."""
     idle = [
         (constraint.body, motion.component)
         for constraint in prepared.rigid_constraints

@@ -29,10 +29,8 @@ def rigid_constraints(
     springs: Mapping[str, Springs],
 ) -> list[mechanics.RigidConstraint]:
     """All rigid constraints, with ``held[body][surface]`` and ``held_nodes[body]`` as in `SceneModel`.
-
     ``grips`` are the surfaces held by supports or stiff springs. Raises CaseError for floating bodies in a
-    scheme that does not support them.
-    """
+    scheme that does not support them."""
     return [
         *_platens(case, clouds, grips, held_nodes),
         *_obstacles(case),

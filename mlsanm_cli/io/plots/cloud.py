@@ -39,9 +39,7 @@ _MAX_HEIGHT = 7.0
 @dataclass(frozen=True)
 class CloudBody:
     """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), and ``scalar`` (n,) for the colour.
-
-    ``triangles`` (t, 3) fill it; without them Delaunay triangles are selected by the node spacing.
-    """
+    ``triangles`` (t, 3) fill it; without them Delaunay triangles are selected by the node spacing."""
 
     points: FloatArray
     displacement: FloatArray

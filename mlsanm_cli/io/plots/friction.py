@@ -83,10 +83,8 @@ def plot_loop(
     *,
     force_label: str = "tangential force on the master, per unit thickness",
 ) -> None:
-    """Draws the tangential force of a contact against a displacement along the load path, both (S+1,).
-
-    Raises ValueError for other shapes, RunError if ``path`` cannot be written.
-    """
+    """Draws the tangential force of a contact against a displacement along the load path, both (S+1,). Raises
+    ValueError for other shapes, RunError if ``path`` cannot be written."""
     if displacement.shape != force.shape:
         raise ValueError(f"displacement has shape {displacement.shape}, force {force.shape}")
     with picture(path, 5.2, 4.2) as figure:

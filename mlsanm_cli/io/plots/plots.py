@@ -96,12 +96,9 @@ def plot_path(
     title: str = "Load path",
     joined: bool = True,
 ) -> None:
-    """Draws quantities along the load path, one marker per step.
-
-    ``x`` (S+1,), for instance the position or a platen's displacement, and curves of the same length; without
-    ``joined`` markers only, for steps between which nothing is known. Raises ValueError for other lengths,
-    RunError if ``path`` cannot be written.
-    """
+    """Draws quantities along the load path, one marker per step. ``x`` (S+1,), for instance the position or a
+    platen's displacement, and curves of the same length; without ``joined`` markers only, for steps between
+    which nothing is known. Raises ValueError for other lengths, RunError if ``path`` cannot be written."""
     for label, values in curves.items():
         if values.shape != x.shape:
             raise ValueError(f"curve {label} has shape {values.shape}, expected {x.shape}")
@@ -185,10 +182,8 @@ class PlotCurve:
 
 
 def plot_curves(path: Path, curves: Sequence[PlotCurve], x_label: str, y_label: str, title: str) -> None:
-    """Draws curves in one picture, distinguished by colours, then by line styles.
-
-    Raises ValueError for arrays of different lengths or no curve, RunError if ``path`` cannot be written.
-    """
+    """Draws curves in one picture, distinguished by colours, then by line styles. Raises ValueError for
+    arrays of different lengths or no curve, RunError if ``path`` cannot be written."""
     if not curves:
         raise ValueError("no curve to draw")
     with picture(path, 7.2, 4.2) as figure:
@@ -229,11 +224,9 @@ class WorkCurve:
 
 
 def plot_precision(path: Path, curves: Sequence[WorkCurve], exact: tuple[float, float] | None) -> None:
-    """Draws errors against CPU seconds and against factorisations, one curve per method.
-
-    ``exact`` are seconds and factorisations for the exact law, shown as a vertical line: it is the reference
-    of the errors. Raises RunError if ``path`` cannot be written.
-    """
+    """Draws errors against CPU seconds and against factorisations, one curve per method. ``exact`` are
+    seconds and factorisations for the exact law, shown as a vertical line: it is the reference of the errors.
+    Raises RunError if ``path`` cannot be written."""
     with picture(path, 8.4, 3.8) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         for index, curve in enumerate(curves):

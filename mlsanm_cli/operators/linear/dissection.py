@@ -18,11 +18,9 @@ DIRECTIONS = 8
 
 @dataclass(frozen=True)
 class Dissection:
-    """Elimination ``order`` (n,) of the vertices, and the tree of fronts.
-
-    Front k of f eliminates vertices ``start[k]`` to ``start[k + 1]``, which are adjacent to later ones of its
-    ancestors only: ``parent`` (f,), -1 for the root. Descendants come right before their ancestor.
-    """
+    """Elimination ``order`` (n,) of the vertices, and the tree of fronts. Front k of f eliminates vertices
+    ``start[k]`` to ``start[k + 1]``, which are adjacent to later ones of its ancestors only: ``parent`` (f,),
+    -1 for the root. Descendants come right before their ancestor."""
 
     order: IntArray
     start: IntArray
@@ -56,11 +54,8 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
 
 def with_multipliers(tree: Dissection, graph: sparse.bsr_array, count: int) -> tuple[Dissection, IntArray]:
     """Insert the last ``count`` vertices of a ``graph`` into the ``tree`` of the others; also returns their
-    number per front (f,), in which they come last.
-
-    They join the front where their neighbours' fronts meet. In the dissection they would pull all adjacent
-    vertices into separators: factors were a third larger.
-    """
+    number per front (f,), in which they come last. They join the front where their neighbours' fronts meet.
+    In the dissection they would pull all adjacent vertices into separators: factors were a third larger."""
     first, found = len(tree.order), np.empty(count, dtype=np.int64)
     front = np.empty(first, dtype=np.int64)
     front[tree.order] = np.repeat(np.arange(len(tree.parent)), np.diff(tree.start))
