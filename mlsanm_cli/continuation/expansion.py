@@ -34,8 +34,6 @@ class Metric:
     """The scaled product of points of the path."""
 
     def __init__(self, scale: FloatArray) -> None:
-        if scale.ndim != 1 or not np.all(np.isfinite(scale)) or np.any(scale <= 0.0):
-            raise ValueError("the scales of the unknowns must be positive numbers")
         self.weight: FloatArray = 1.0 / (scale.size * scale * scale)
 
     def product(self, x: FloatArray, lam: float, z: FloatArray, mu: float) -> float:

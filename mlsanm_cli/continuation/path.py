@@ -116,8 +116,6 @@ class Follower(ABC):
         self._lam_end, self._previous, self._levels = float(lam_end), previous, levels
         self._metric = Metric(problem.scale)
         self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
-        if self._x.shape != (problem.size,):
-            raise ValueError(f"the start point has shape {self._x.shape}, the problem size {problem.size}")
         self._steps, self._done, self._effort = 0, SolveCounts(), SolveCounts()
         self._piece: Branch | None = None
         self._reason, self._message = StopReason.STOPPED_BY_CALLER, "the caller took no more steps"

@@ -88,16 +88,6 @@ class PathOptions:
     min_length: float = 1e-10
     max_corrections: int = 50
 
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise ValueError("tolerance must lie between 0 and 1")
-        if self.max_steps < 1 or self.max_corrections < 1:
-            raise ValueError("max_steps and max_corrections must be at least 1")
-        if self.direction not in (-1, 0, 1):
-            raise ValueError(f"direction must be -1, 0 or 1, not {self.direction}")
-        if not self.min_length > 0.0:
-            raise ValueError("min_length must be positive")
-
     @property
     def goal(self) -> float:
         """Target for the residual of a correction."""
@@ -116,11 +106,6 @@ class AnmOptions(PathOptions):
 
     order: int = 20
     pade: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 2 <= self.order <= 40:
-            raise ValueError(f"order must lie between 2 and 40, not {self.order}")
 
 
 @dataclass(frozen=True)
@@ -141,10 +126,3 @@ class NewtonOptions(PathOptions):
     first: float = 0.1
     wanted: int = 6
     growth: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.control not in ("load", "arc-length"):
-            raise ValueError(f'control must be "load" or "arc-length", not {self.control!r}')
-        if not self.first > 0.0 or self.wanted < 1 or not self.growth >= 1.0:
-            raise ValueError("first must be positive, wanted and growth must be at least 1")

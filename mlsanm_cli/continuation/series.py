@@ -57,17 +57,12 @@ class Branch:
     """The coefficients that the weights multiply, (N + 1, size) and (N + 1,): of series or numerators."""
 
     def __post_init__(self) -> None:
-        if self.x.ndim != 2 or self.lam.shape != self.x.shape[:1]:
-            raise ValueError(f"coefficients do not match: x {self.x.shape}, lam {self.lam.shape}")
         order = self.lam.size - 1
         object.__setattr__(self, "_exponents", np.arange(order + 1.0))
         object.__setattr__(self, "terms", (self.x, self.lam))
         if self.denominator is None:
             return
-        degree = self.denominator.size - 1
-        if not 0 <= degree <= order or self.denominator[0] != 1.0:
-            raise ValueError("a Padé denominator begins with 1 and has at most the order of the series")
-        padded = np.append(self.denominator, np.zeros(order + 1 - degree))
+        padded = np.append(self.denominator, np.zeros(order + 1 - self.denominator.size))
         # Entry (n, k) is d_{n-k}; X_0 stands apart.
         lag = np.arange(order + 1)[:, None] - np.arange(order + 1)
         mix = np.where(lag >= 0, padded[lag], 0.0)

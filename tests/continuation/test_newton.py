@@ -186,11 +186,3 @@ def test_step_limit_and_stopping() -> None:
     stopped.stop()
     assert not list(steps)
     assert stopped.outcome.reason is StopReason.STOPPED_BY_CALLER
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"control": "both"}, {"first": 0.0}, {"wanted": 0}, {"growth": 0.5}, {"tolerance": 0.0}]
-)
-def test_wrong_options_are_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match="must"):
-        NewtonOptions(**wrong)  # type: ignore[arg-type]

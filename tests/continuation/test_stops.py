@@ -143,8 +143,6 @@ def test_wrong_start_raises() -> None:
     follower = follow(Scalar(1.0, 0.0, 1.0), np.ones(1), 0.0, 2.0)  # x^2 + 1 = 0
     with pytest.raises(NumericalError):
         next(follower.steps())
-    with pytest.raises(ValueError, match="shape"):
-        follow(Scalar(0.0, 1.0), np.zeros(2), 0.0, 1.0)
 
 
 def test_follower_goes_once() -> None:
@@ -152,21 +150,3 @@ def test_follower_goes_once() -> None:
     list(follower.steps())
     with pytest.raises(RuntimeError, match="once"):
         next(follower.steps())
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"order": 1},
-        {"order": 41},
-        {"tolerance": 0.0},
-        {"tolerance": float("nan")},
-        {"max_steps": 0},
-        {"max_corrections": 0},
-        {"min_length": 0.0},
-        {"direction": 2},
-    ],
-)
-def test_senseless_options_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="must"):
-        AnmOptions(**wrong)  # type: ignore[arg-type]

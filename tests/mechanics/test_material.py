@@ -42,11 +42,6 @@ def test_stress_out_of_the_plane(poisson: float) -> None:
     assert not isotropic(2.0, poisson, "stress").across.any()
 
 
-def test_another_plane_is_refused() -> None:
-    with pytest.raises(ValueError, match="'axisymmetric'"):
-        isotropic(1.0, 0.3, "axisymmetric")
-
-
 @given(
     xx=st.floats(-10, 10),
     yy=st.floats(-10, 10),
