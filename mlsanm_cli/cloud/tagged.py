@@ -187,8 +187,7 @@ def _refuse_outside(nodes: TaggedNodes, loops: Sequence[Loop], outer: int) -> No
             first = int(loop.nodes.min())
             tag = nodes.tags[first]
             raise GeometryError(
-                f'the loop of "{tag}" ({nodes.places[first]}) is not a hole in the body',
-                "one body per file",
+                f'the loop of "{tag}" ({nodes.places[first]}) is not a hole in the body', "one body per file"
             )
     inner = np.flatnonzero([not tag for tag in nodes.tags])
     outside = inner[~inside_polygon(np.concatenate(chords), nodes.points[inner])]

@@ -18,13 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import (
-    Correction,
-    NormalPlane,
-    admissible_part,
-    iterate,
-    residual_norm,
-)
+from mlsanm_cli.continuation.corrector import Correction, NormalPlane, admissible_part, iterate, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError

@@ -39,12 +39,7 @@ def _triangle(rows: int) -> int:
 
 @kernel
 def borders(
-    start: Int1,
-    parent: Int1,
-    indptr: Index1,
-    indices: Index1,
-    order: Int1,
-    place: Int1,
+    start: Int1, parent: Int1, indptr: Index1, indices: Index1, order: Int1, place: Int1
 ) -> tuple[Int1, Int1, int]:
     """Symbolic factorisation: border nodes of every front in order of elimination, as offsets (f + 1,) and
     nodes, and the peak size of pending updates. ``indptr`` and ``indices`` are the node graph, ``order`` (n,)

@@ -70,12 +70,7 @@ def rows_of_nodes(indptr: Index1, nodes: Index1, begin: IndexOut1, row: IndexOut
 
 @kernel
 def count_neighbours(
-    indptr: Index1,
-    nodes: Index1,
-    begin: Index1,
-    row: Index1,
-    mark: IndexOut1,
-    end: IntOut1,
+    indptr: Index1, nodes: Index1, begin: Index1, row: Index1, mark: IndexOut1, end: IntOut1
 ) -> None:
     """Cumulative neighbour counts ``end`` (n + 1,), zero at first: neighbours share a row, and each node is
     its own neighbour. ``mark`` (n,) is -1."""

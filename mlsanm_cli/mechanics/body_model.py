@@ -251,11 +251,7 @@ def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSetti
 
 
 def model_key(
-    name: str,
-    cloud: Cloud,
-    material: PlaneMaterial,
-    settings: MlsSettings,
-    clamped: Collection[str] = (),
+    name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings, clamped: Collection[str] = ()
 ) -> str:
     """Digest of the arguments of :meth:`BodyModel.build`."""
     elastic = [material.stiffness, material.across, material.expansion, material.across_heat]

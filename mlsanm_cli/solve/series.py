@@ -15,15 +15,7 @@ from mlsanm_cli.contact.laws.holonomic import HolonomicContact
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import Regularization, regularize
 from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
-from mlsanm_cli.continuation import (
-    AnmOptions,
-    Branch,
-    Follower,
-    NewtonOptions,
-    Outcome,
-    Problem,
-    Step,
-)
+from mlsanm_cli.continuation import AnmOptions, Branch, Follower, NewtonOptions, Outcome, Problem, Step
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State

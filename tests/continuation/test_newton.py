@@ -7,15 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import (
-    Branch,
-    FloatArray,
-    NewtonOptions,
-    Step,
-    StopReason,
-    Tangent,
-    follow,
-)
+from mlsanm_cli.continuation import Branch, FloatArray, NewtonOptions, Step, StopReason, Tangent, follow
 
 from .contact_problems import hertz, open_start
 from .problems import Circle, Scalar, Truss

@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import (
-    AnmOptions,
-    Follower,
-    SingularTangentError,
-    StopReason,
-    Tangent,
-    follow,
-)
+from mlsanm_cli.continuation import AnmOptions, Follower, SingularTangentError, StopReason, Tangent, follow
 from mlsanm_cli.continuation.problem import FloatArray
 from mlsanm_cli.errors import NumericalError
 

@@ -137,11 +137,7 @@ def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) 
 
 
 def measure_path(
-    method: Method,
-    law: str,
-    path: Callable[[], Iterator[Any]],
-    repeat: int,
-    check: Callable[[Any], None],
+    method: Method, law: str, path: Callable[[], Iterator[Any]], repeat: int, check: Callable[[Any], None]
 ) -> Measured:
     """Follows a ``path`` ``repeat`` times; ``check`` is called with every step, and may raise
     NumericalError."""

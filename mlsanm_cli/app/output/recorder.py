@@ -209,11 +209,7 @@ class Recorder(RunWriter):
             self._saved += 1
 
     def _check_places(
-        self,
-        built: CondensedScene,
-        state: State,
-        clouds: Mapping[str, Cloud],
-        fields: Mapping[str, Fields],
+        self, built: CondensedScene, state: State, clouds: Mapping[str, Cloud], fields: Mapping[str, Fields]
     ) -> None:
         """Raises NumericalError if bodies overlap; warns if a body overlaps itself or surfaces slide far."""
         moved = {name: one.displacement for name, one in fields.items()}

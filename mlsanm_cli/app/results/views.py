@@ -123,11 +123,7 @@ def scalar_of(
 
 
 def field_of(
-    case: Case,
-    body: str,
-    fields: Mapping[str, FloatArray],
-    displacement: FloatArray,
-    field: str | None,
+    case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray, field: str | None
 ) -> tuple[FloatArray, str]:
     """A field (n,) of a body and its label with unit; by default that of `scalar_of`. Raises RunError if it
     was not saved.

@@ -104,10 +104,7 @@ def _size_key(case: Case) -> str:
 
 
 def place(
-    case: Case,
-    context: RunContext,
-    zones: tuple[Zone, ...] = (),
-    before: SceneModel | None = None,
+    case: Case, context: RunContext, zones: tuple[Zone, ...] = (), before: SceneModel | None = None
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
     equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
@@ -129,10 +126,7 @@ def _placed(
 
 
 def condense_scene(
-    case: Case,
-    prepared: SceneModel,
-    context: RunContext,
-    before: Scene | None = None,
+    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None = None
 ) -> CondensedScene:
     """Assembles the systems of the bodies, condenses, and determines the reach of every contact. Bodies with
     the same model as in the scene ``before`` keep their systems."""
@@ -256,11 +250,7 @@ def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> Sce
 
 
 def _condense(
-    case: Case,
-    scene: Scene,
-    pairings: tuple[Pairing, ...],
-    stages: FloatArray,
-    context: RunContext,
+    case: Case, scene: Scene, pairings: tuple[Pairing, ...], stages: FloatArray, context: RunContext
 ) -> tuple[Condensed, tuple[ExactState, ...]]:
     """Condenses; an automatic reach of a contact is enlarged until no excluded node touches."""
     fixed = {contact.name: contact.reach for contact in case.contact}

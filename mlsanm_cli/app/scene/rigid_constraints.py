@@ -44,10 +44,7 @@ def components(nodes: tuple[tuple[int, int], ...]) -> tuple[bool, bool]:
 
 
 def _platens(
-    case: Case,
-    clouds: Mapping[str, Cloud],
-    held: HeldSurfaces,
-    held_nodes: HeldNodes,
+    case: Case, clouds: Mapping[str, Cloud], held: HeldSurfaces, held_nodes: HeldNodes
 ) -> Iterator[mechanics.Platen]:
     """Platens, one per boundary or list of boundaries of platen loads."""
     groups: dict[str, list[tuple[int, Platen]]] = {}

@@ -40,13 +40,7 @@ class Section(BaseModel):
     docstring of the class describes the table."""
 
     # Deferred: the validator of the whole case is built once, when it is needed, not that of each table.
-    model_config = ConfigDict(
-        frozen=True,
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        defer_build=True,
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
     @classmethod
     def __get_pydantic_json_schema__(

@@ -91,10 +91,7 @@ def _nearest_case(path: Path) -> str:
 
 
 def parse_case(
-    text: str,
-    path: Path,
-    overrides: Sequence[str] = (),
-    inspector: GeometryInspector | None = None,
+    text: str, path: Path, overrides: Sequence[str] = (), inspector: GeometryInspector | None = None
 ) -> LoadedCase:
     """Validates a case given as text. Raises CaseError. ``path`` is the source named in messages; other files
     are relative to its directory."""

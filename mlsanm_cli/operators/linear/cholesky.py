@@ -185,8 +185,7 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
             "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
         )
     return replace(
-        other,
-        note="the equations are not positive definite to working precision; SuperLU factorised them",
+        other, note="the equations are not positive definite to working precision; SuperLU factorised them"
     )
 
 

@@ -46,9 +46,7 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     # The kernel numbers fronts, and parents, from last to first.
     parent = parents[:count][::-1]
     return Dissection(
-        order,
-        np.append(begins[:count][::-1], len(points)),
-        np.where(parent >= 0, count - 1 - parent, -1),
+        order, np.append(begins[:count][::-1], len(points)), np.where(parent >= 0, count - 1 - parent, -1)
     )
 
 
