@@ -57,13 +57,8 @@ class ExpansionPoint:
 
 
 def expansion_point(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
-    """Return a point of the path with its tangent and slope (one factorisation, one solve).
-
-    Raises
-    ------
-    SingularTangentError
-        When dR/dx cannot be factorised or its solution is not finite.
-    """
+    """Return a point of the path with its tangent and slope (one factorisation, one solve). Raises
+    SingularTangentError if dR/dx cannot be factorised or its solution is not finite."""
     try:
         tangent = problem.tangent(x, lam)
         slope = -tangent.solve(problem.load_derivative(x, lam))
@@ -99,15 +94,9 @@ def expand(
     direction: tuple[FloatArray, float],
     unit: float,
 ) -> Series:
-    """Return the series of the path at ``start`` (``order`` solves).
-
-    Parameters
-    ----------
-    direction : orients the tangent, whose product with it is positive
-    unit : length of the tangent, a guess of the length of the step
-
-    Coefficients that overflow are returned; the residuals computed by the caller show it.
-    """
+    """Return the series of the path at ``start`` (``order`` solves). The tangent has a positive product with
+    ``direction`` and the length ``unit``, a guess of the length of the step. Coefficients that overflow are
+    returned; the residuals computed by the caller show it."""
     x = np.empty((order + 1, start.x.size))
     lam = np.empty(order + 1)
     slope = start.slope

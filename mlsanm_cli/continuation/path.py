@@ -146,16 +146,9 @@ class Follower(ABC):
         self._stopped = True
 
     def steps(self) -> Iterator[Step]:
-        """Yield the steps as they are finished.
-
-        Raises
-        ------
-        NumericalError
-            When the start point does not satisfy the equations and cannot be corrected. Any other failure
-            ends the path, with its reason in :attr:`outcome`.
-        RuntimeError
-            When called a second time.
-        """
+        """Yield the steps as they are finished. Raises NumericalError if the start point does not satisfy the
+        equations and cannot be corrected; any other failure ends the path, with its reason in
+        :attr:`outcome`. Raises RuntimeError when called a second time."""
         if self._started:
             raise RuntimeError("a follower can be used once only; make a new one")
         self._started = True

@@ -44,13 +44,8 @@ class Problem(Protocol):
         """Return R(x, lam), shape (size,), dimensionless."""
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        """Return dR/dx at (x, lam), factorised.
-
-        Raises
-        ------
-        SingularTangentError
-            When the factorisation breaks down (``numpy.linalg.LinAlgError`` is accepted as well).
-        """
+        """Return dR/dx at (x, lam), factorised. Raises SingularTangentError, or numpy's LinAlgError, if the
+        factorisation breaks down."""
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """Return dR/dlam at (x, lam), shape (size,)."""

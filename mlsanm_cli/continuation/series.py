@@ -126,13 +126,8 @@ class Branch:
         return _EPS * max(float(np.max(x, initial=0.0)), float(weights @ np.abs(self.terms[1])))
 
     def parameter_at(self, lam: float) -> float:
-        """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off.
-
-        Raises
-        ------
-        ValueError
-            If the piece does not reach that load factor.
-        """
+        """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off. Raises ValueError
+        if the piece does not reach that load factor."""
         found = self.first_crossing(lam)
         if found is None:
             raise ValueError(f"load factor {lam:.17g} is not reached on this piece of path")
@@ -224,12 +219,8 @@ _RANK_TOLERANCE = 1e-14
 
 def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
     """Return the coefficients (1, d_1, ..., d_M), or None when the series is too short or not finite.
-
-    Parameters
-    ----------
-    coefficients : (N + 1, n), the vectors X_0..X_N in comparable units (X_0 is not used)
-    radius : range of the power series, the scale on which the orders are compared
-    """
+    ``coefficients`` (N + 1, n) are the vectors X_0..X_N in comparable units (X_0 is not used), ``radius`` is
+    the range of the power series, the scale on which the orders are compared."""
     order = coefficients.shape[0] - 1
     degree = 2 * order // 3
     radius = _RADIUS_FACTOR * radius
