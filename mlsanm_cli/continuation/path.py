@@ -107,11 +107,11 @@ class Follower(ABC):
         lam_end: float,
         options: PathOptions,
         previous: Branch | None = None,
-        barrier: Callable[[Branch], float] | None = None,
+        locate_event: Callable[[Branch], float] | None = None,
         levels: Sequence[float] = (),
         last: Callable[[FloatArray, float], bool] | None = None,
     ) -> None:
-        self._problem, self._options, self._barrier = problem, options, barrier
+        self._problem, self._options, self._locate_event = problem, options, locate_event
         self._last = last
         self._lam_end, self._previous, self._levels = float(lam_end), previous, levels
         self._metric = Metric(problem.scale)

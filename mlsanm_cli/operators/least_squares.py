@@ -186,10 +186,10 @@ class LeastSquares:
     def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
         """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows and conditions
         ``wanted`` (s, c)."""
-        return self._roughly.met(self.factor.solve(self._gather(misfit)), wanted)
+        return self._unrefined_conditions.met(self.factor.solve(self._gather(misfit)), wanted)
 
     @cached_property
-    def _roughly(self) -> Conditions:
+    def _unrefined_conditions(self) -> Conditions:
         """The conditions with the response by the factor alone: its error in the bending of long thin bodies
         then affects both alike."""
         rows = self.conditions.rows

@@ -17,7 +17,7 @@ ARC = NewtonOptions(control="arc-length")
 
 
 def turning(piece: Branch) -> float:
-    """A barrier at the first fold."""
+    """An event at the first fold."""
     grid = np.linspace(0.0, piece.length, 33)
     rise = piece.derivative_weights(grid) @ piece.terms[1]
     past = np.flatnonzero(np.sign(rise) != np.sign(rise[0]))
@@ -103,7 +103,7 @@ def test_load_control_says_that_it_cannot_pass_a_fold() -> None:
 def test_events_are_located_by_solving_again(level: float, control: Literal["load", "arc-length"]) -> None:
     calls = []
 
-    def barrier(piece: Branch) -> float:
+    def locate_event(piece: Branch) -> float:
         calls.append(piece)
         high = piece.length
         if piece.evaluate(high)[0][0] < level:
@@ -116,7 +116,7 @@ def test_events_are_located_by_solving_again(level: float, control: Literal["loa
 
     problem = Scalar(0.0, 1.0, 1.0)
     options = NewtonOptions(control=control, first=1.0)
-    follower = follow(problem, np.zeros(1), 0.0, 1.0, options, barrier=barrier)
+    follower = follow(problem, np.zeros(1), 0.0, 1.0, options, locate_event=locate_event)
     steps = list(follower.steps())
     assert follower.outcome.reason is StopReason.EVENT
     assert steps[-1].x[0] == pytest.approx(level, rel=1e-7)
@@ -138,12 +138,14 @@ class Bent(Scalar):
 
 
 def test_events_inside_a_long_step_are_seen() -> None:
-    def barrier(piece: Branch) -> float:
+    def locate_event(piece: Branch) -> float:
         grid = np.linspace(0.0, piece.length, 17)
         past = np.flatnonzero((piece.weights(grid) @ piece.terms[0])[:, 0] >= 1.0)
         return float(grid[past[0]]) if past.size else np.inf
 
-    follower = follow(Bent(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=1.0), barrier=barrier)
+    follower = follow(
+        Bent(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=1.0), locate_event=locate_event
+    )
     list(follower.steps())
     assert follower.outcome.reason is StopReason.EVENT
     assert follower.outcome.lam == pytest.approx(0.5 - np.sqrt(2e-2 * np.log(2.0)), abs=0.02)

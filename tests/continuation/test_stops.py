@@ -89,7 +89,9 @@ def test_reasons_to_stop_are_named(
 
 
 def test_an_event_without_a_state_is_named() -> None:
-    follower = follow(Noisy(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, barrier=lambda piece: 0.5 * piece.length)
+    follower = follow(
+        Noisy(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, locate_event=lambda piece: 0.5 * piece.length
+    )
     assert not list(follower.steps())
     assert follower.outcome.reason is StopReason.CORRECTION_FAILED
 
