@@ -1,8 +1,6 @@
-"""mlsanm: frictional contact between elastic bodies in the plane, without a mesh.
-
-``import mlsanm_cli as mlsanm`` gives the Python interface, see docs/python.md: ``run``, ``check``, ``open``,
-``resume``, ``sweep`` and ``collect``. Importing the package loads nothing; the first use does.
-"""
+"""mlsanm: frictional contact between elastic bodies in the plane, without a mesh. ``import mlsanm_cli as
+mlsanm`` gives the Python interface, see docs/python.md: ``run``, ``check``, ``open``, ``resume``, ``sweep``
+and ``collect``. Importing the package loads nothing; the first use does."""
 
 from importlib import import_module as _import_module
 from typing import Any as _Any

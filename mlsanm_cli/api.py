@@ -15,14 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.errors import (
-    CaseError,
-    CaseProblem,
-    Interrupted,
-    MlsanmError,
-    NumericalError,
-    RunError,
-)
+from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
 from mlsanm_cli.results import Contact, ContactState, Run
 from mlsanm_cli.system import THREAD_VARIABLES
 from mlsanm_cli.toml import toml_value
@@ -113,11 +106,7 @@ def resume(
 
 
 def check(
-    case: Place,
-    changes: Changes | None = None,
-    *,
-    write: Place | None = None,
-    picture: Place | None = None,
+    case: Place, changes: Changes | None = None, *, write: Place | None = None, picture: Place | None = None
 ) -> dict[str, Any]:
     """Check a case without solving it: sizes, cloud quality, contact pairs, cost, ``warnings``, ``notes``.
 

@@ -22,11 +22,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class CaseProblem:
-    """A problem in a case file.
-
-    ``key`` is the dotted path as for ``--set``, ``line`` counts from 1 (0: not in the file, for instance a
-    value given by ``--set``), ``hint`` is a correction.
-    """
+    """A problem in a case file. ``key`` is the dotted path as for ``--set``, ``line`` counts from 1 (0: not
+    in the file, for instance a value given by ``--set``), ``hint`` is a correction."""
 
     key: str
     message: str

@@ -12,9 +12,7 @@ MB = 2**20
 
 def read_input(path: Path, most: int, *, what: str = "file", streams: bool = False) -> bytes:
     """The content of a regular file of at most ``most`` bytes; with ``streams`` also of a pipe or terminal.
-
-    Other devices and pipes may be endless or block. Raises RunError.
-    """
+    Other devices and pipes may be endless or block. Raises RunError."""
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):

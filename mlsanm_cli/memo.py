@@ -1,8 +1,6 @@
-"""Memoised results, by the content of their inputs.
-
-A key is a digest of the numbers that a result depends on, not of the case: changes of other quantities, for
-instance a friction coefficient, do not invalidate it.
-"""
+"""Memoised results, by the content of their inputs. A key is a digest of the numbers that a result depends
+on, not of the case: changes of other quantities, for instance a friction coefficient, do not invalidate
+it."""
 
 from __future__ import annotations
 
@@ -73,10 +71,8 @@ SCALARS = (str, bool, int, float, complex, np.generic)
 
 def digest(*parts: object) -> str:
     """A digest of numbers, texts, arrays, sparse matrices, and sequences, mappings and dataclasses of them.
-
     Types and lengths are part of it, so that different lists of parts have different digests. A dataclass
-    with an attribute ``content`` is represented by that. Raises TypeError for other types.
-    """
+    with an attribute ``content`` is represented by that. Raises TypeError for other types."""
     found = hashlib.blake2b(digest_size=20)
     for part in parts:
         _add(found, part)

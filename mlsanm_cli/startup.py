@@ -88,10 +88,8 @@ DEFERRED = frozenset(
 @contextmanager
 def lean_imports() -> Iterator[None]:
     """A block of imports in which deferred modules are not executed, and the garbage collector is off.
-
     Imported objects are permanent, so they are excluded from later collections, and everything is at the end
-    of the process. If numpy has been imported already, as in another program, nothing is changed.
-    """
+    of the process. If numpy has been imported already, as in another program, nothing is changed."""
     if "numpy" in sys.modules:
         yield
         return
@@ -150,11 +148,9 @@ _lock = threading.RLock()
 
 
 class _DeferredModule(ModuleType):
-    """A module whose code runs when a name is accessed that it does not have.
-
-    A module of ``importlib.util.LazyLoader`` runs it for any name, so that submodules of a package could not
-    be imported before.
-    """
+    """A module whose code runs when a name is accessed that it does not have. A module of
+    ``importlib.util.LazyLoader`` runs it for any name, so that submodules of a package could not be imported
+    before."""
 
     def __getattr__(self, name: str) -> Any:
         own = f"{self.__name__}.{name}"

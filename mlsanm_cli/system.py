@@ -1,8 +1,6 @@
-"""Functions that differ between operating systems: Linux, macOS and Windows.
-
-Functions that a system may lack are looked up where they are used, so that this module can be imported
-everywhere and tests can remove them.
-"""
+"""Functions that differ between operating systems: Linux, macOS and Windows. Functions that a system may lack
+are looked up where they are used, so that this module can be imported everywhere and tests can remove
+them."""
 
 from __future__ import annotations
 
@@ -43,10 +41,8 @@ def host() -> str:
 
 
 def open_regular(path: Path, flags: int) -> int:
-    """Opens a regular file as ``os.open`` does. Raises OSError for a link, a pipe or a device.
-
-    A link with the name of a file of a run directory would redirect the output to another file.
-    """
+    """Opens a regular file as ``os.open`` does. Raises OSError for a link, a pipe or a device. A link with
+    the name of a file of a run directory would redirect the output to another file."""
     if not hasattr(os, "O_NOFOLLOW") and path.is_symlink():
         raise OSError(errno.ELOOP, "it is a symbolic link", str(path))
     # O_NONBLOCK: opening a pipe would block. Without O_BINARY Windows translates line ends.
@@ -66,10 +62,8 @@ def open_regular(path: Path, flags: int) -> int:
 
 @contextmanager
 def replacing(path: Path, temporary: Path) -> Iterator[None]:
-    """Renames ``temporary``, in the same directory, to ``path`` when the block ends without an error.
-
-    Readers see the complete old or new file. Raises OSError; ``path`` is then unchanged.
-    """
+    """Renames ``temporary``, in the same directory, to ``path`` when the block ends without an error. Readers
+    see the complete old or new file. Raises OSError; ``path`` is then unchanged."""
     try:
         # An existing file is left from a killed process, or may be a link.
         temporary.unlink(missing_ok=True)

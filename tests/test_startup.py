@@ -117,10 +117,7 @@ SAME = (
     "tree = pickle.loads(pickle.dumps(cKDTree(np.arange(8.0).reshape(4, 2))))\n"
     "print(tree.query([2.0, 3.1])[1], scipy.spatial.distance.euclidean([0.0], [2.0]))\n"
 )
-ORDERS = {
-    "lean, parts first": LEAN + PARTS + BLAS + WHOLE,
-    "parts first": PARTS + BLAS + WHOLE,
-}
+ORDERS = {"lean, parts first": LEAN + PARTS + BLAS + WHOLE, "parts first": PARTS + BLAS + WHOLE}
 
 
 def python(code: str) -> str:

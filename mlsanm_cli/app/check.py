@@ -42,10 +42,8 @@ def check(
     console: Console,
 ) -> Mapping[str, Any]:
     """Validates a case, places nodes, builds stencils and pairs, and reports sizes, quality and cost.
-
     ``write`` is a VTU file of the model, ``picture`` a picture of it. Raises the errors that ``run`` raises
-    before it solves.
-    """
+    before it solves."""
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
     check_reference(loaded)

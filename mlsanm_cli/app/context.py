@@ -130,9 +130,7 @@ PHASES = (
 
 class Clock:
     """Sums CPU time (user and system, all threads) by phase; the time of a nested phase counts only for it.
-
-    The time before the first clock of a process, of the interpreter and imports, counts as ``start``.
-    """
+    The time before the first clock of a process, of the interpreter and imports, counts as ``start``."""
 
     _begun: ClassVar[bool] = False
 

@@ -1,8 +1,6 @@
-"""``mlsanm resume``: a stopped or killed run continues to the same result within the solver's tolerance.
-
-The path continues from the checkpoint after the last stored step. Clouds and operators are rebuilt from the
-resolved case and must agree with the stored ones to round-off.
-"""
+"""``mlsanm resume``: a stopped or killed run continues to the same result within the solver's tolerance. The
+path continues from the checkpoint after the last stored step. Clouds and operators are rebuilt from the
+resolved case and must agree with the stored ones to round-off."""
 
 from __future__ import annotations
 
@@ -26,11 +24,9 @@ from mlsanm_cli.io.summary import read_json
 
 
 def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:
-    """Finishes the run in a directory; returns and raises the same as `run`.
-
-    A completed run is not changed. Raises RunError for a failed run, which would fail again, for one that
-    cannot be read, and if clouds or operators are not reproduced.
-    """
+    """Finishes the run in a directory; returns and raises the same as `run`. A completed run is not changed.
+    Raises RunError for a failed run, which would fail again, for one that cannot be read, and if clouds or
+    operators are not reproduced."""
     read_origin(rundir)
     with Stopper(max_wall) as stopper, locked(rundir):
         context = RunContext(Clock(), console, stopper=stopper)

@@ -109,10 +109,8 @@ def run(
 def set_up(
     case: Case, prepared: SceneModel, context: RunContext, warn: Warn, refinement: Refinement | None = None
 ) -> Adapted:
-    """Condenses the scene, refined as the case requires or by a ``refinement`` found before.
-
-    Raises NumericalError for a scene that cannot be set up.
-    """
+    """Condenses the scene, refined as the case requires or by a ``refinement`` found before. Raises
+    NumericalError for a scene that cannot be set up."""
     if refinement is None:
         adapted = adapt(case, prepared, context)
     else:

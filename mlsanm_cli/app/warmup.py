@@ -11,11 +11,9 @@ from mlsanm_cli.kernels.aot.jit import is_warm
 
 
 def warmup(console: Console) -> Mapping[str, Any]:
-    """Compiles the kernels, or loads them if they are compiled.
-
-    Returns CPU ``seconds``, whether they were ``compiled`` now, whether the code is ``kept`` for later runs,
-    and the ``cache_directory`` (None if it is not kept).
-    """
+    """Compiles the kernels, or loads them if they are compiled. Returns CPU ``seconds``, whether they were
+    ``compiled`` now, whether the code is ``kept`` for later runs, and the ``cache_directory`` (None if it is
+    not kept)."""
     clock = Clock()
     with clock.phase("jit"):
         warm = is_warm()

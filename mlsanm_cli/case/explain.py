@@ -33,11 +33,9 @@ _LARGEST = 2**31
 
 @dataclass(frozen=True)
 class Explanation:
-    """A key, or a table with its keys and their meanings.
-
-    ``place`` is the heading of the table that holds the key, ``kinds`` the kinds of that table with the key
-    (empty: all). ``default`` and ``example`` are TOML. ``variants`` describes every kind of a table.
-    """
+    """A key, or a table with its keys and their meanings. ``place`` is the heading of the table that holds
+    the key, ``kinds`` the kinds of that table with the key (empty: all). ``default`` and ``example`` are
+    TOML. ``variants`` describes every kind of a table."""
 
     key: str
     place: str
@@ -54,11 +52,9 @@ class Explanation:
 
 
 def explain(key: str = "") -> tuple[Explanation, ...]:
-    """Explains a dotted key, with or without the names of list items; "" lists the tables.
-
-    Returns several explanations if the meaning depends on the kind of the table. Raises RunError for an
-    unknown key, with similar ones.
-    """
+    """Explains a dotted key, with or without the names of list items; "" lists the tables. Returns several
+    explanations if the meaning depends on the kind of the table. Raises RunError for an unknown key, with
+    similar ones."""
     schema = json_schema()
     parts = [part for part in key.split(".") if part]
     found, path = _find(schema, parts)

@@ -1,7 +1,5 @@
 """JSON Schema (draft 7) of the case file, for editors, `mlsanm explain`, the case reference and error hints.
-
-It is generated from the model and its docstrings.
-"""
+It is generated from the model and its docstrings."""
 
 from __future__ import annotations
 

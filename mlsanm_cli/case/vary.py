@@ -45,10 +45,8 @@ def parse_vary(text: str) -> Vary:
 
 
 def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
-    """Every combination of values as ``KEY=VALUE`` texts, the last key changing fastest.
-
-    Raises RunError for a key that is varied twice, and for too many points.
-    """
+    """Every combination of values as ``KEY=VALUE`` texts, the last key changing fastest. Raises RunError for
+    a key that is varied twice, and for too many points."""
     keys = [vary.key for vary in varied]
     if len(set(keys)) < len(keys):
         raise RunError("a key is varied twice", "give all its values in one --vary")

@@ -20,19 +20,14 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
     "--what", type=click.Choice(KINDS), multiple=True, help="Kind of picture. Repeatable.  [default: all]"
 )
 @click.option(
-    "--contact",
-    metavar="NAME",
-    shell_complete=completion.names("contact"),
-    help="Draw this contact only.",
+    "--contact", metavar="NAME", shell_complete=completion.names("contact"), help="Draw this contact only."
 )
 @click.option("--field", type=click.Choice(FIELDS), help="Field shown on bodies or along a line.")
 @click.option(
     "--at", type=float, multiple=True, help="Path position. Repeatable.  [default: saved positions]"
 )
 @click.option(
-    "--along",
-    metavar="LINE",
-    help="Draw a field along a boundary such as block.top, or a line X,Y:X,Y.",
+    "--along", metavar="LINE", help="Draw a field along a boundary such as block.top, or a line X,Y:X,Y."
 )
 @click.option(
     "-o", "--output", "out", type=FILE, help="Output file of a single picture; the suffix selects the format."

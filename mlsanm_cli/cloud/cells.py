@@ -38,9 +38,7 @@ CLOSURE_TOLERANCE = 1e-4
 @dataclass(frozen=True)
 class Faces:
     """Inner faces (f,) between the cells of nodes ``one`` and ``other``, from ``start`` to ``end`` (f, 2).
-
-    The normal points out of the cell of ``one``.
-    """
+    The normal points out of the cell of ``one``."""
 
     one: IntArray
     other: IntArray
@@ -81,11 +79,9 @@ class Faces:
 
 @dataclass(frozen=True)
 class Edges:
-    """The boundary between the cells of nodes ``one`` < ``other`` (e,): one face or two.
-
-    ``points`` (e, 2g, 2) are the g quadrature points on either face, ``normals`` (e, 2g, 2) the normals out
-    of the cell of ``one`` times quadrature weights, zero for a missing second face.
-    """
+    """The boundary between the cells of nodes ``one`` < ``other`` (e,): one face or two. ``points`` (e, 2g,
+    2) are the g quadrature points on either face, ``normals`` (e, 2g, 2) the normals out of the cell of
+    ``one`` times quadrature weights, zero for a missing second face."""
 
     one: IntArray
     other: IntArray
@@ -115,10 +111,8 @@ class Halves:
 
     @classmethod
     def of(cls, surface: Surface, rule: Rule = GAUSS[2]) -> Halves:
-        """Apply a quadrature ``rule`` to each half interval of a ``surface``.
-
-        The rule is repeated where the curve has more data points than nodes, else cells would not close.
-        """
+        """Apply a quadrature ``rule`` to each half interval of a ``surface``. The rule is repeated where the
+        curve has more data points than nodes, else cells would not close."""
         rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MAX_REPEATS))
         arc, step = surface.ends, np.diff(surface.ends)
         first = np.arange(len(step))
@@ -214,10 +208,8 @@ class Measures:
 
 def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], labels: IntArray) -> Measures:
     """Area and centroid of the groups of cells with equal ``labels`` (n,); -1 marks cells to be left out.
-
-    Labels are counted from the smallest one. By boundary integrals: A = 1/2 oint x . n, first moments
-    1/2 oint x^2 n_x and 1/2 oint y^2 n_y.
-    """
+    Labels are counted from the smallest one. By boundary integrals: A = 1/2 oint x . n, first moments 1/2
+    oint x^2 n_x and 1/2 oint y^2 n_y."""
     chosen = np.flatnonzero(labels >= 0)
     lowest = int(labels[chosen].min())
     labels = np.where(labels >= 0, labels - lowest, -1)

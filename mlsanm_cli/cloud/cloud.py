@@ -138,10 +138,8 @@ class Cloud:
 
     @cached_property
     def triangles(self) -> IntArray:
-        """Delaunay triangles (t, 3) of the nodes inside the body, counter-clockwise.
-
-        They serve quality figures, checks and the nodes' cells; no shape function is defined on them.
-        """
+        """Delaunay triangles (t, 3) of the nodes inside the body, counter-clockwise. They serve quality
+        figures, checks and the nodes' cells; no shape function is defined on them."""
         return triangulate(self.points, self.edges, self.sight)
 
     @cached_property

@@ -84,11 +84,8 @@ class Segment:
 
 @dataclass(frozen=True)
 class Arc:
-    """Circular arc about ``center`` from angle ``start`` over ``sweep``, both in radians.
-
-    The material lies inside the circle if ``sweep`` > 0 (counter-clockwise), outside it if ``sweep`` < 0, as
-    along a hole.
-    """
+    """Circular arc about ``center`` from angle ``start`` over ``sweep``, both in radians. The material lies
+    inside the circle if ``sweep`` > 0 (counter-clockwise), outside it if ``sweep`` < 0, as along a hole."""
 
     center: tuple[float, float]
     radius: float
@@ -136,10 +133,8 @@ class Arc:
 
 @dataclass(frozen=True)
 class Outline:
-    """Closed loops of named curves with the material on the left, one loop after the other.
-
-    ``starts`` are the indices of the first curve of each loop.
-    """
+    """Closed loops of named curves with the material on the left, one loop after the other. ``starts`` are
+    the indices of the first curve of each loop."""
 
     names: tuple[str, ...]
     curves: tuple[Curve, ...]

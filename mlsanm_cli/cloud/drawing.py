@@ -101,10 +101,8 @@ def polygon(
 
 
 def closed_chain(sides: Sequence[Side]) -> list[Named]:
-    """Straight sides and smooth curves joined end to end, counter-clockwise.
-
-    Raises OutlineError for sides that do not join, and for collinear points.
-    """
+    """Straight sides and smooth curves joined end to end, counter-clockwise. Raises OutlineError for sides
+    that do not join, and for collinear points."""
     known = [point for side in sides for point in (side.points or (side.to,)) if point is not None]
     size, count = extent(known or [(0.0, 0.0)]), len(sides)
     _refuse(_join_faults(sides, JOIN_TOLERANCE * size))
@@ -142,11 +140,9 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
 
 
 def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]], key: str) -> Outline:
-    """The outline of a chain and circular holes (name, centre, radius).
-
-    Several curves of one name become "name/1", "name/2" and so on. Raises OutlineError where the chain
-    crosses or touches itself (reported at ``key``) and for holes that are not surrounded by material.
-    """
+    """The outline of a chain and circular holes (name, centre, radius). Several curves of one name become
+    "name/1", "name/2" and so on. Raises OutlineError where the chain crosses or touches itself (reported at
+    ``key``) and for holes that are not surrounded by material."""
     parts = [_chords(curve) for _, curve in outer]
     chords = np.concatenate(parts)
     names = [name for (name, _), part in zip(outer, parts, strict=True) for _ in part]

@@ -1,7 +1,5 @@
-"""The boundary of a body given as finite elements, and the checks of such meshes.
-
-An element is a ring of nodes: its corners and mid-side nodes in cyclic order, either way round.
-"""
+"""The boundary of a body given as finite elements, and the checks of such meshes. An element is a ring of
+nodes: its corners and mid-side nodes in cyclic order, either way round."""
 
 from __future__ import annotations
 
@@ -23,11 +21,8 @@ DEGENERATE = 1e-9
 
 @dataclass(frozen=True)
 class EdgeNames:
-    """Names of the boundary edges.
-
-    ``lines`` (l, 2) are line elements with ``names`` (l,), "" for none. A node set names the edges between
-    its nodes, unless it contains interior nodes.
-    """
+    """Names of the boundary edges. ``lines`` (l, 2) are line elements with ``names`` (l,), "" for none. A
+    node set names the edges between its nodes, unless it contains interior nodes."""
 
     lines: IntArray
     names: tuple[str, ...]
@@ -35,11 +30,9 @@ class EdgeNames:
 
 
 def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: EdgeNames) -> tuple[Loop, ...]:
-    """Boundary loops of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use.
-
-    Raises GeometryError for coincident nodes, degenerate or overlapping elements, edges of three elements,
-    separate parts, a boundary that touches itself, and edge names that do not fit.
-    """
+    """Boundary loops of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use. Raises
+    GeometryError for coincident nodes, degenerate or overlapping elements, edges of three elements, separate
+    parts, a boundary that touches itself, and edge names that do not fit."""
     _refuse_coincident(points)
     turned = [_counter_clockwise(points, ring) for ring in rings]
     edges = np.concatenate([_ring_edges(ring) for ring in turned])

@@ -73,10 +73,8 @@ def halved(
     surfaces: Mapping[str, Surface],
     spacing: Spacing,
 ) -> Half | None:
-    """The half of the body whose ``boundary`` nodes (b, 2) are joined by ``edges`` (e, 2).
-
-    None if they are not mirror-symmetric, or if the line runs along the boundary.
-    """
+    """The half of the body whose ``boundary`` nodes (b, 2) are joined by ``edges`` (e, 2). None if they are
+    not mirror-symmetric, or if the line runs along the boundary."""
     image = line.images(boundary, spacing.at(boundary))
     if image is None:
         return None

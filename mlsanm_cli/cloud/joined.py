@@ -169,10 +169,8 @@ def points_of(curve: Curve) -> int:
 
 
 def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
-    """Concatenate curves; ``around`` if the last one ends where the first begins.
-
-    Collinear lines, arcs of one circle and consecutive parts of one curve are merged.
-    """
+    """Concatenate curves; ``around`` if the last one ends where the first begins. Collinear lines, arcs of
+    one circle and consecutive parts of one curve are merged."""
     pieces: list[Curve] = []
     for curve in curves:
         one = _merged(pieces[-1], curve) if pieces else None

@@ -1,8 +1,6 @@
-"""From the ordered boundary nodes of a body to its outline, with corners kept sharp.
-
-The outline is split at corners and where names change. Between two corners one spline interpolates all nodes,
-so that a change of name causes no kink; collinear stretches become straight lines.
-"""
+"""From the ordered boundary nodes of a body to its outline, with corners kept sharp. The outline is split at
+corners and where names change. Between two corners one spline interpolates all nodes, so that a change of
+name causes no kink; collinear stretches become straight lines."""
 
 from __future__ import annotations
 
@@ -76,11 +74,9 @@ def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
 
 
 def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | None = None) -> Cloud:
-    """The cloud of given nodes and their outline; its spacing is the mean neighbour distance.
-
-    Given ``normals`` (n, 2) replace those of the curves where they agree within 25 degrees: a corner node has
-    one normal in a file and two here.
-    """
+    """The cloud of given nodes and their outline; its spacing is the mean neighbour distance. Given
+    ``normals`` (n, 2) replace those of the curves where they agree within 25 degrees: a corner node has one
+    normal in a file and two here."""
     surfaces = {}
     for name, curve, nodes in zip(traced.outline.names, traced.outline.curves, traced.nodes, strict=True):
         arc = _node_arcs(curve, points[nodes])

@@ -17,9 +17,7 @@ ROUND_OFF = 1e-9
 
 def boundary_chords(index: IntArray, names: Sequence[str]) -> IntArray:
     """Pairs (b, 2) of positions in ``index`` (nb,) that are neighbours along the boundary, loop by loop.
-
-    ``index`` holds the nodes surface by surface, ``names`` (nb,) the surface of each.
-    """
+    ``index`` holds the nodes surface by surface, ``names`` (nb,) the surface of each."""
     owner = np.array(names)
     chains = [np.flatnonzero(owner == name) for name in dict.fromkeys(names)]
     starts = {int(index[chain[0]]) for chain in chains}

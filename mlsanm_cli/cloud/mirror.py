@@ -50,12 +50,9 @@ class SymmetryLine:
 
 @dataclass(frozen=True)
 class Mirror:
-    """A cloud's symmetry about a ``line``.
-
-    ``image`` (n,) is the image of every node (itself on the line), ``side`` (n,) the sign of its distance
-    from the line; ``surfaces`` gives for every surface the name of its image and the images of its nodes (b,)
-    as indices there.
-    """
+    """A cloud's symmetry about a ``line``. ``image`` (n,) is the image of every node (itself on the line),
+    ``side`` (n,) the sign of its distance from the line; ``surfaces`` gives for every surface the name of its
+    image and the images of its nodes (b,) as indices there."""
 
     line: SymmetryLine
     image: IntArray

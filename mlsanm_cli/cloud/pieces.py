@@ -64,10 +64,8 @@ def divide(cloud: Cloud, size: int) -> IntArray:
 
 
 def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> IntArray:
-    """Pair numbers (n,) of neighbours along the contact surfaces ``touching``, -1 for all other nodes.
-
-    Nodes near ``held`` surfaces and corners stay single: pairs there spoil the equilibrium of a support.
-    """
+    """Pair numbers (n,) of neighbours along the contact surfaces ``touching``, -1 for all other nodes. Nodes
+    near ``held`` surfaces and corners stay single: pairs there spoil the equilibrium of a support."""
     surfaces = cloud.surfaces
     ends = [s.index[[0, -1]] for s in surfaces.values() if not s.curve.closed]
     stops = np.unique(

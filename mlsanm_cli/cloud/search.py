@@ -37,10 +37,8 @@ def in_batches(function: Callable[[AnyArray], AnyArray], rows: AnyArray, piece: 
 
 
 def run_interruptible(call: Callable[[], Result]) -> Result:
-    """Run a compiled ``call`` that releases the GIL in a thread, while this one handles signals.
-
-    After an interrupt the thread is abandoned.
-    """
+    """Run a compiled ``call`` that releases the GIL in a thread, while this one handles signals. After an
+    interrupt the thread is abandoned."""
     if threading.current_thread() is not threading.main_thread():
         return call()
     done: list[Result] = []

@@ -59,11 +59,8 @@ class Thinnest:
 
 def thinnest(points: FloatArray, spacing: FloatArray, index: IntArray, normal: FloatArray) -> Thinnest:
     """The thinnest part of a body of ``points`` (n, 2) with ``spacing`` (n,), from its boundary nodes
-    ``index`` (b,) with outward ``normal`` (b, 2).
-
-    Its width is the diameter of the circle inside that touches the boundary at one node and passes through
-    another one.
-    """
+    ``index`` (b,) with outward ``normal`` (b, 2). Its width is the diameter of the circle inside that touches
+    the boundary at one node and passes through another one."""
     at = points[index]
     count = min(MAX_FACING, len(index) - 1)
     near = np.asarray(nearest_nodes(cKDTree(at), at, np.arange(2, count + 2))[1], dtype=np.int64)

@@ -1,8 +1,6 @@
-"""Visibility criterion at slits, where the outline faces itself across a narrow void.
-
-The displacement may jump across a slit, so nodes on its two faces are no neighbours, however close. Chords
-over a hollow of the outline or past a reentrant corner are harmless and allowed.
-"""
+"""Visibility criterion at slits, where the outline faces itself across a narrow void. The displacement may
+jump across a slit, so nodes on its two faces are no neighbours, however close. Chords over a hollow of the
+outline or past a reentrant corner are harmless and allowed."""
 
 from __future__ import annotations
 
@@ -17,10 +15,8 @@ from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.startup import cKDTree
 
 MIN_DETOUR = 3.0
-"""A void is a slit if the way along the outline from face to face is at least this many times its width.
-
-A notch is a slit if it is deeper than wide, a wedge if it opens by less than about 40 degrees.
-"""
+"""A void is a slit if the way along the outline from face to face is at least this many times its width. A
+notch is a slit if it is deeper than wide, a wedge if it opens by less than about 40 degrees."""
 MAX_WIDTH = 12.0
 """Voids wider than this many spacings are wider than any stencil."""
 INWARD_SHIFT = 1e-3

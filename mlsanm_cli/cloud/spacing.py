@@ -161,10 +161,8 @@ NODES_PER_STEP = 0.44
 
 
 def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> float:
-    """Estimated number of nodes, at most ``limit``.
-
-    From the integrals of 1/h^2 over the region, by quadtree, and of 1/h along its outline.
-    """
+    """Estimated number of nodes, at most ``limit``. From the integrals of 1/h^2 over the region, by quadtree,
+    and of 1/h along its outline."""
     chains = [curve.points(np.linspace(0.0, curve.length, 65)) for curve in outline.curves]
     edges = np.concatenate([np.hstack([chain[:-1], chain[1:]]) for chain in chains])
     low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)

@@ -1,8 +1,6 @@
-"""Interpolating splines through boundary nodes, which keep the curvature of a smooth outline.
-
-Cubic splines over chord length (de Boor 1978, doi:10.1007/978-1-4612-6333-3): positions converge with h^4 and
-normals with h^3; those of chords converge with h^2 and h.
-"""
+"""Interpolating splines through boundary nodes, which keep the curvature of a smooth outline. Cubic splines
+over chord length (de Boor 1978, doi:10.1007/978-1-4612-6333-3): positions converge with h^4 and normals with
+h^3; those of chords converge with h^2 and h."""
 
 from __future__ import annotations
 
@@ -46,10 +44,8 @@ class NodeSpline:
 
     @cached_property
     def _slopes(self) -> FloatArray:
-        """First derivatives (k, 2) at the knots: C2 everywhere, not-a-knot at the ends of open curves.
-
-        Own code, as importing scipy's splines costs more than it does.
-        """
+        """First derivatives (k, 2) at the knots: C2 everywhere, not-a-knot at the ends of open curves. Own
+        code, as importing scipy's splines costs more than it does."""
         steps = np.diff(self.knots)
         rise = np.diff(self.nodes, axis=0) / steps[:, None]
         count, last = len(steps), len(steps) - (1 if self.closed else 0)

@@ -32,12 +32,9 @@ class TaggedNodes:
 
 
 def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
-    """Closed loops through the tagged nodes, the material on the left.
-
-    A corner between two tags is the end node at which the outline turns more; it belongs to both. Raises
-    GeometryError, naming the place in the file, for coincident nodes, an open or unordered boundary, loops
-    side by side and nodes outside.
-    """
+    """Closed loops through the tagged nodes, the material on the left. A corner between two tags is the end
+    node at which the outline turns more; it belongs to both. Raises GeometryError, naming the place in the
+    file, for coincident nodes, an open or unordered boundary, loops side by side and nodes outside."""
     _refuse_coincident(nodes)
     chains = _chains(nodes)
     loops = [_oriented(nodes.points, loop) for loop in _linked(nodes, chains)]
@@ -190,8 +187,7 @@ def _refuse_outside(nodes: TaggedNodes, loops: Sequence[Loop], outer: int) -> No
             first = int(loop.nodes.min())
             tag = nodes.tags[first]
             raise GeometryError(
-                f'the loop of "{tag}" ({nodes.places[first]}) is not a hole in the body',
-                "one body per file",
+                f'the loop of "{tag}" ({nodes.places[first]}) is not a hole in the body', "one body per file"
             )
     inner = np.flatnonzero([not tag for tag in nodes.tags])
     outside = inner[~inside_polygon(np.concatenate(chords), nodes.points[inner])]

@@ -34,9 +34,7 @@ class Tips:
     @cached_property
     def modes(self) -> tuple[tuple[tuple[float, bool], ...], ...]:
         """Singular exponents of each corner up to MAX_EXPONENT, and whether their modes open (else shear) it.
-
-        Displacements r^p with sin(2 p half) = -+ p sin(2 half) (Williams 1952, doi:10.1115/1.4010553).
-        """
+        Displacements r^p with sin(2 p half) = -+ p sin(2 half) (Williams 1952, doi:10.1115/1.4010553)."""
         return tuple(_modes(2.0 * float(half)) for half in self.half)
 
 

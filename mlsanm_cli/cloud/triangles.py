@@ -17,9 +17,7 @@ INTERRUPTIBLE_SIZE = 10_000
 
 def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion | None) -> IntArray:
     """Delaunay triangles (t, 3), counter-clockwise, of ``points`` (n, 2) inside loops of ``edges`` (e, 2).
-
-    Triangles across slits are removed by ``sight``.
-    """
+    Triangles across slits are removed by ``sight``."""
     placed = points if sight is None else sight.opened
     found = (
         Delaunay(placed) if len(placed) < INTERRUPTIBLE_SIZE else run_interruptible(lambda: Delaunay(placed))

@@ -54,7 +54,7 @@ class AnmFollower(Follower):
             if not cut:
                 self._check_length(here, series, branch)
                 self._piece = branch
-            limit = branch.length if self._barrier is None or cut else self._barrier(branch)
+            limit = branch.length if self._locate_event is None or cut else self._locate_event(branch)
             if cut or limit < branch.length:
                 piece = branch.shortened(limit)
                 yield self._step(piece, self._end_at_event(here, piece), unit)
@@ -93,14 +93,14 @@ class AnmFollower(Follower):
 
     def _before_event(self, series: Series) -> Branch | None:
         """Return the piece of path up to an event if the power series is valid that far, else None."""
-        if self._barrier is None:
+        if self._locate_event is None:
             return None
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             piece = Branch(series.x, series.lam, self._validity.first_guess(series))
             crossing = piece.first_crossing(self._lam_end)
             piece = piece if crossing is None else piece.shortened(crossing)
             self._piece = piece
-            limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
+            limit = self._locate_event(piece) if 0.0 < piece.length < np.inf else np.inf
             good = limit < piece.length and self._validity.valid(piece, limit)
         return piece.shortened(limit) if good else None
 
@@ -134,11 +134,9 @@ class AnmFollower(Follower):
     def _reach_end(
         self, here: ExpansionPoint, branch: Branch
     ) -> tuple[Branch, Correction, ExpansionPoint | None, SolveCounts]:
-        """Determine the end of a step and factorise there; the step is shortened while that fails.
-
-        Returns the piece of path, its end, the next expansion point (None at the target, and where the
-        caller leaves the path) and its counts.
-        """
+        """Determine the end of a step and factorise there; the step is shortened while that fails. Returns
+        the piece of path, its end, the next expansion point (None at the target, and where the caller leaves
+        the path) and its counts."""
         length, failure = branch.length, Stopped(StopReason.SINGULAR_TANGENT, "")
         for _ in range(_MAX_SHORTENINGS):
             piece = branch.shortened(length)

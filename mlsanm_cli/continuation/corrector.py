@@ -76,12 +76,8 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
     """Solve R(x, lam) = 0 at fixed ``lam`` by Newton's method from an admissible ``x``, shape (size,).
 
     Updates are halved until the point is admissible and the norm of the residual decreases. The target for
-    the residual is ``options.goal``; if round-off prevents that, ``tolerance`` is accepted.
-
-    Raises
-    ------
-    NumericalError
-        When ``x`` is not admissible, the tangent is singular, or the iteration does not converge.
+    the residual is ``options.goal``; if round-off prevents that, ``tolerance`` is accepted. Raises
+    NumericalError if ``x`` is not admissible, the tangent singular, or the iteration does not converge.
     """
     options, effort = options or PathOptions(), SolveCounts()
     if not np.isfinite(residual_norm(problem, x, lam)):
@@ -130,12 +126,7 @@ def iterate(
 
     The updates keep the load factor, or lie in ``plane``. They end at ``options.goal``, after
     ``max_corrections``, or when no part of an update lowers the norm of the residual. Counts are added to
-    ``effort``.
-
-    Raises
-    ------
-    SingularTangentError
-        When a tangent cannot be factorised or its solution is not finite.
+    ``effort``. Raises SingularTangentError as :func:`expansion_point`.
     """
     point = Point(np.array(x, dtype=np.float64), lam, residual_norm(problem, x, lam))
     for _ in range(options.max_corrections):
@@ -172,11 +163,8 @@ def correct_end(
     options: PathOptions,
     effort: SolveCounts,
 ) -> Correction | None:
-    """Correct the end of a step to the path, at its load factor; None when that fails.
-
-    The factorised tangent of the step's start is used, and a new one if that converges slowly. Counts are
-    added to ``effort``.
-    """
+    """Correct the end of a step to the path, at its load factor; None when that fails. The factorised tangent
+    of the step's start is used, and a new one if that converges slowly. Counts are added to ``effort``."""
     point = Point(*end, residual_norm(problem, *end))
     updates = effort.updates
     for _ in range(_CHORD_UPDATES):

@@ -34,8 +34,6 @@ class Metric:
     """The scaled product of points of the path."""
 
     def __init__(self, scale: FloatArray) -> None:
-        if scale.ndim != 1 or not np.all(np.isfinite(scale)) or np.any(scale <= 0.0):
-            raise ValueError("the scales of the unknowns must be positive numbers")
         self.weight: FloatArray = 1.0 / (scale.size * scale * scale)
 
     def product(self, x: FloatArray, lam: float, z: FloatArray, mu: float) -> float:
@@ -59,13 +57,8 @@ class ExpansionPoint:
 
 
 def expansion_point(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
-    """Return a point of the path with its tangent and slope (one factorisation, one solve).
-
-    Raises
-    ------
-    SingularTangentError
-        When dR/dx cannot be factorised or its solution is not finite.
-    """
+    """Return a point of the path with its tangent and slope (one factorisation, one solve). Raises
+    SingularTangentError if dR/dx cannot be factorised or its solution is not finite."""
     try:
         tangent = problem.tangent(x, lam)
         slope = -tangent.solve(problem.load_derivative(x, lam))
@@ -85,9 +78,7 @@ the path."""
 @dataclass(frozen=True, eq=False)
 class Series:
     """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,); ``unit`` is the length of T.
-
-    ``keeps_residual``: the series does not return to the path but keeps the residual of its start.
-    """
+    ``keeps_residual``: the series does not return to the path but keeps the residual of its start."""
 
     x: FloatArray
     lam: FloatArray
@@ -103,15 +94,9 @@ def expand(
     direction: tuple[FloatArray, float],
     unit: float,
 ) -> Series:
-    """Return the series of the path at ``start`` (``order`` solves).
-
-    Parameters
-    ----------
-    direction : orients the tangent, whose product with it is positive
-    unit : length of the tangent, a guess of the length of the step
-
-    Coefficients that overflow are returned; the residuals computed by the caller show it.
-    """
+    """Return the series of the path at ``start`` (``order`` solves). The tangent has a positive product with
+    ``direction`` and the length ``unit``, a guess of the length of the step. Coefficients that overflow are
+    returned; the residuals computed by the caller show it."""
     x = np.empty((order + 1, start.x.size))
     lam = np.empty(order + 1)
     slope = start.slope

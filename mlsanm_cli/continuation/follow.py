@@ -18,7 +18,7 @@ def follow(
     lam_end: float,
     options: AnmOptions | NewtonOptions | None = None,
     previous: Branch | None = None,
-    barrier: Callable[[Branch], float] | None = None,
+    locate_event: Callable[[Branch], float] | None = None,
     levels: Sequence[float] = (),
     last: Callable[[FloatArray, float], bool] | None = None,
 ) -> Follower:
@@ -32,13 +32,15 @@ def follow(
     options : they also select the method: power series (default) or Newton-Raphson
     previous : the piece of path that led to the start point; the path continues in its direction with its
         step length, as if it had not been interrupted
-    barrier : returns the parameter up to which the problem is valid on a piece of path; the path ends there
-        with the reason EVENT
+    locate_event : returns the parameter up to which the problem is valid on a piece of path; the path ends
+        there with the reason EVENT
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series
         contain them anyway
     last : whether the caller leaves the path at a state, the end of a step: power series then do not
         factorise the tangent there
     """
     if isinstance(options, NewtonOptions):
-        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels, last)
-    return AnmFollower(problem, x0, lam0, lam_end, options or AnmOptions(), previous, barrier, levels, last)
+        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, locate_event, levels, last)
+    return AnmFollower(
+        problem, x0, lam0, lam_end, options or AnmOptions(), previous, locate_event, levels, last
+    )

@@ -18,13 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import (
-    Correction,
-    NormalPlane,
-    admissible_part,
-    iterate,
-    residual_norm,
-)
+from mlsanm_cli.continuation.corrector import Correction, NormalPlane, admissible_part, iterate, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError
@@ -66,11 +60,9 @@ class _Step:
 
 
 class NewtonFollower(Follower):
-    """Follows a path from state to state.
-
-    With load control the load factor goes straight to ``lam_end`` and may jump over a fold to another branch;
-    with arc-length control steps are shortened until they stay on the path.
-    """
+    """Follows a path from state to state. With load control the load factor goes straight to ``lam_end`` and
+    may jump over a fold to another branch; with arc-length control steps are shortened until they stay on the
+    path."""
 
     _options: NewtonOptions
     _step_length = 0.0
@@ -151,9 +143,9 @@ class NewtonFollower(Follower):
         self._step_length = max(self._step_length, pace) if ease >= 1.0 else pace
         if not self._load_control:
             leg = self._at_level(here, along, leg)
-        if self._barrier is None:
+        if self._locate_event is None:
             return leg
-        return self._before_event(here, along, self._resolve_events(here, along, leg), self._barrier)
+        return self._before_event(here, along, self._resolve_events(here, along, leg), self._locate_event)
 
     def _solved(
         self,
@@ -232,17 +224,17 @@ class NewtonFollower(Follower):
         here: ExpansionPoint,
         along: tuple[FloatArray, float],
         leg: _Step,
-        barrier: Callable[[Branch], float],
+        locate_event: Callable[[Branch], float],
     ) -> _Step:
         """Return the step, or a shorter one to the first event in it."""
-        whole, a, before = leg.piece.length, barrier(leg.piece), np.inf
+        whole, a, before = leg.piece.length, locate_event(leg.piece), np.inf
         if not a < whole:
             return leg
         for _ in range(_MAX_EVENT_ITERATIONS):
             leg = self._at(here, along, leg, a)
             if a <= _NEAR_START * whole:
                 break
-            found = barrier(leg.piece.shortened(min(_EXTRAPOLATION * leg.piece.length, whole)))
+            found = locate_event(leg.piece.shortened(min(_EXTRAPOLATION * leg.piece.length, whole)))
             if found == np.inf:
                 return leg  # an event of the first cubic only
             move = abs(found - leg.piece.length)

@@ -67,10 +67,8 @@ class Step:
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """How a path ended: the reason with a ``message``, the last valid point, totals of the whole path.
-
     ``piece`` is the last step with the length that it would have had without an event: the ``previous`` of a
-    path that continues, which needs only its ``tangent``.
-    """
+    path that continues, which needs only its ``tangent``."""
 
     reason: StopReason
     message: str
@@ -98,10 +96,8 @@ class Stopped(Exception):
 
 
 class Follower(ABC):
-    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once.
-
-    The parameters are those of :func:`mlsanm_cli.continuation.follow`.
-    """
+    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once. The
+    parameters are those of :func:`mlsanm_cli.continuation.follow`."""
 
     def __init__(
         self,
@@ -111,17 +107,15 @@ class Follower(ABC):
         lam_end: float,
         options: PathOptions,
         previous: Branch | None = None,
-        barrier: Callable[[Branch], float] | None = None,
+        locate_event: Callable[[Branch], float] | None = None,
         levels: Sequence[float] = (),
         last: Callable[[FloatArray, float], bool] | None = None,
     ) -> None:
-        self._problem, self._options, self._barrier = problem, options, barrier
+        self._problem, self._options, self._locate_event = problem, options, locate_event
         self._last = last
         self._lam_end, self._previous, self._levels = float(lam_end), previous, levels
         self._metric = Metric(problem.scale)
         self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
-        if self._x.shape != (problem.size,):
-            raise ValueError(f"the start point has shape {self._x.shape}, the problem size {problem.size}")
         self._steps, self._done, self._effort = 0, SolveCounts(), SolveCounts()
         self._piece: Branch | None = None
         self._reason, self._message = StopReason.STOPPED_BY_CALLER, "the caller took no more steps"
@@ -152,16 +146,9 @@ class Follower(ABC):
         self._stopped = True
 
     def steps(self) -> Iterator[Step]:
-        """Yield the steps as they are finished.
-
-        Raises
-        ------
-        NumericalError
-            When the start point does not satisfy the equations and cannot be corrected. Any other failure
-            ends the path, with its reason in :attr:`outcome`.
-        RuntimeError
-            When called a second time.
-        """
+        """Yield the steps as they are finished. Raises NumericalError if the start point does not satisfy the
+        equations and cannot be corrected; any other failure ends the path, with its reason in
+        :attr:`outcome`. Raises RuntimeError when called a second time."""
         if self._started:
             raise RuntimeError("a follower can be used once only; make a new one")
         self._started = True

@@ -19,22 +19,18 @@ class SingularTangentError(NumericalError):
 
 
 class Tangent(Protocol):
-    """The factorised derivative dR/dx at one point.
-
-    A tangent may also have a method ``orders(x, lam, slope, normal, size)`` that computes the coefficients
-    ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from 2 on at once, which is faster.
-    """
+    """The factorised derivative dR/dx at one point. A tangent may also have a method ``orders(x, lam, slope,
+    normal, size)`` that computes the coefficients ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from
+    2 on at once, which is faster."""
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return w, shape (size,), with dR/dx w = rhs; ``rhs``, shape (size,), must not be changed."""
 
 
 class Problem(Protocol):
-    """A smooth system of ``size`` equations in ``size`` unknowns x and one load factor lam.
-
-    The residual is dimensionless and of order one when an equation is grossly violated, so that one
-    tolerance fits every problem. Unknowns may have any units: lengths along the path use ``x / scale``.
-    """
+    """A smooth system of ``size`` equations in ``size`` unknowns x and one load factor lam. The residual is
+    dimensionless and of order one when an equation is grossly violated, so that one tolerance fits every
+    problem. Unknowns may have any units: lengths along the path use ``x / scale``."""
 
     @property
     def size(self) -> int:
@@ -48,23 +44,16 @@ class Problem(Protocol):
         """Return R(x, lam), shape (size,), dimensionless."""
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        """Return dR/dx at (x, lam), factorised.
-
-        Raises
-        ------
-        SingularTangentError
-            When the factorisation breaks down (``numpy.linalg.LinAlgError`` is accepted as well).
-        """
+        """Return dR/dx at (x, lam), factorised. Raises SingularTangentError, or numpy's LinAlgError, if the
+        factorisation breaks down."""
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """Return dR/dlam at (x, lam), shape (size,)."""
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         """Return the right-hand side of order k, shape (size,), from the coefficients of orders below k.
-
-        ``x`` has shape (k, size) and ``lam`` shape (k,), k >= 2. The result is minus the coefficient of
-        order k of R(sum_j a^j x_j, sum_j a^j lam_j), with x_k and lam_k taken as zero.
-        """
+        ``x`` has shape (k, size) and ``lam`` shape (k,), k >= 2. The result is minus the coefficient of order
+        k of R(sum_j a^j x_j, sum_j a^j lam_j), with x_k and lam_k taken as zero."""
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
         """Whether (x, lam) satisfies every constraint, for instance gaps > 0."""
@@ -94,16 +83,6 @@ class PathOptions:
     min_length: float = 1e-10
     max_corrections: int = 50
 
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise ValueError("tolerance must lie between 0 and 1")
-        if self.max_steps < 1 or self.max_corrections < 1:
-            raise ValueError("max_steps and max_corrections must be at least 1")
-        if self.direction not in (-1, 0, 1):
-            raise ValueError(f"direction must be -1, 0 or 1, not {self.direction}")
-        if not self.min_length > 0.0:
-            raise ValueError("min_length must be positive")
-
     @property
     def goal(self) -> float:
         """Target for the residual of a correction."""
@@ -122,11 +101,6 @@ class AnmOptions(PathOptions):
 
     order: int = 20
     pade: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 2 <= self.order <= 40:
-            raise ValueError(f"order must lie between 2 and 40, not {self.order}")
 
 
 @dataclass(frozen=True)
@@ -147,10 +121,3 @@ class NewtonOptions(PathOptions):
     first: float = 0.1
     wanted: int = 6
     growth: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.control not in ("load", "arc-length"):
-            raise ValueError(f'control must be "load" or "arc-length", not {self.control!r}')
-        if not self.first > 0.0 or self.wanted < 1 or not self.growth >= 1.0:
-            raise ValueError("first must be positive, wanted and growth must be at least 1")

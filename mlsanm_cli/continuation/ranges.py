@@ -59,10 +59,8 @@ class RangeOfValidity:
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def branch(self, series: Series) -> Branch:
-        """Return the longest valid piece of path of a ``series``; its length is 0 if there is none.
-
-        The piece ends at the latest where it first reaches ``lam_end``.
-        """
+        """Return the longest valid piece of path of a ``series``; its length is 0 if there is none. The piece
+        ends at the latest where it first reaches ``lam_end``."""
         guess = self.first_guess(series)
         rational = self._rational(series, guess) if self.options.pade and guess > 0.0 else None
         if rational is not None and rational.length > _CLEAR_GAIN * guess:

@@ -57,17 +57,12 @@ class Branch:
     """The coefficients that the weights multiply, (N + 1, size) and (N + 1,): of series or numerators."""
 
     def __post_init__(self) -> None:
-        if self.x.ndim != 2 or self.lam.shape != self.x.shape[:1]:
-            raise ValueError(f"coefficients do not match: x {self.x.shape}, lam {self.lam.shape}")
         order = self.lam.size - 1
         object.__setattr__(self, "_exponents", np.arange(order + 1.0))
         object.__setattr__(self, "terms", (self.x, self.lam))
         if self.denominator is None:
             return
-        degree = self.denominator.size - 1
-        if not 0 <= degree <= order or self.denominator[0] != 1.0:
-            raise ValueError("a Padé denominator begins with 1 and has at most the order of the series")
-        padded = np.append(self.denominator, np.zeros(order + 1 - degree))
+        padded = np.append(self.denominator, np.zeros(order + 1 - self.denominator.size))
         # Entry (n, k) is d_{n-k}; X_0 stands apart.
         lag = np.arange(order + 1)[:, None] - np.arange(order + 1)
         mix = np.where(lag >= 0, padded[lag], 0.0)
@@ -131,13 +126,8 @@ class Branch:
         return _EPS * max(float(np.max(x, initial=0.0)), float(weights @ np.abs(self.terms[1])))
 
     def parameter_at(self, lam: float) -> float:
-        """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off.
-
-        Raises
-        ------
-        ValueError
-            If the piece does not reach that load factor.
-        """
+        """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off. Raises ValueError
+        if the piece does not reach that load factor."""
         found = self.first_crossing(lam)
         if found is None:
             raise ValueError(f"load factor {lam:.17g} is not reached on this piece of path")
@@ -199,10 +189,8 @@ class Branch:
         return root(distance, low, high)
 
     def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
-        """Return the intervals in which lam(a) may touch the level between samples on one side of it.
-
-        That happens near a fold just beyond the level. ``distance`` is positive except for the last sample.
-        """
+        """Return the intervals in which lam(a) may touch the level between samples on one side of it. That
+        happens near a fold just beyond the level. ``distance`` is positive except for the last sample."""
         if distance[-1] <= 0.0:  # the crossing before the last sample is found by its change of sign
             grid, distance = grid[:-1], distance[:-1]
         if distance.size < 2:
@@ -231,12 +219,8 @@ _RANK_TOLERANCE = 1e-14
 
 def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
     """Return the coefficients (1, d_1, ..., d_M), or None when the series is too short or not finite.
-
-    Parameters
-    ----------
-    coefficients : (N + 1, n), the vectors X_0..X_N in comparable units (X_0 is not used)
-    radius : range of the power series, the scale on which the orders are compared
-    """
+    ``coefficients`` (N + 1, n) are the vectors X_0..X_N in comparable units (X_0 is not used), ``radius`` is
+    the range of the power series, the scale on which the orders are compared."""
     order = coefficients.shape[0] - 1
     degree = 2 * order // 3
     radius = _RADIUS_FACTOR * radius
@@ -255,10 +239,8 @@ def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
 
 
 def nearest_pole(coefficients: FloatArray, limit: float) -> float:
-    """Return the real part of the first real or nearly real pole in (0, limit], or inf.
-
-    ``coefficients`` are those of the denominator in ascending order, starting with 1.
-    """
+    """Return the real part of the first real or nearly real pole in (0, limit], or inf. ``coefficients`` are
+    those of the denominator in ascending order, starting with 1."""
     scaled = coefficients * limit ** np.arange(float(coefficients.size))
     if not np.all(np.isfinite(scaled)):
         return 0.0

@@ -16,10 +16,8 @@ TEMPORARY_SUFFIX = ".tmp"
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yields a temporary path in the same directory (a rename is atomic within one file system), and renames
-    it to ``path`` when the block ends without an error.
-
-    Raises WriteError if the file cannot be written; ``path`` is then unchanged.
-    """
+    it to ``path`` when the block ends without an error. Raises WriteError if the file cannot be written;
+    ``path`` is then unchanged."""
     temporary = path.with_name(path.name + TEMPORARY_SUFFIX)
     try:
         with system.replacing(path, temporary):

@@ -32,10 +32,8 @@ class Holder:
 
 @contextmanager
 def locked(directory: Path) -> Iterator[None]:
-    """Keeps other processes from writing to ``directory``, which is created if it does not exist.
-
-    Raises RunError, naming the process, if another one writes to it, and if the directory is not writable.
-    """
+    """Keeps other processes from writing to ``directory``, which is created if it does not exist. Raises
+    RunError, naming the process, if another one writes to it, and if the directory is not writable."""
     path = directory / LOCK_FILE
     try:
         directory.mkdir(parents=True, exist_ok=True)

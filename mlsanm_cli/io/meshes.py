@@ -42,11 +42,9 @@ _LINES: Mapping[str, tuple[int, ...]] = {"line": (0, 1), "line3": (0, 2, 1)}
 
 @dataclass(frozen=True)
 class MeshFile:
-    """The elements of one body.
-
-    ``points`` (n, 2) are the nodes in use, ``rings`` arrays (e, m) of the nodes around elements, ``lines``
-    (l, 2) edges with the names (l,) of their groups ("": none), ``node_sets`` the named sets of nodes.
-    """
+    """The elements of one body. ``points`` (n, 2) are the nodes in use, ``rings`` arrays (e, m) of the nodes
+    around elements, ``lines`` (l, 2) edges with the names (l,) of their groups ("": none), ``node_sets`` the
+    named sets of nodes."""
 
     points: FloatArray
     rings: tuple[IntArray, ...]
@@ -56,10 +54,8 @@ class MeshFile:
 
 
 def read_mesh(path: Path, group: str | None = None) -> MeshFile:
-    """The triangles and quads of a file, restricted to those of a ``group`` if one is named.
-
-    Raises GeometryError for unreadable files, other elements, nodes out of plane and unknown groups.
-    """
+    """The triangles and quads of a file, restricted to those of a ``group`` if one is named. Raises
+    GeometryError for unreadable files, other elements, nodes out of plane and unknown groups."""
     mesh = _read(path)
     points = _plane(mesh.points)
     blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
@@ -123,10 +119,8 @@ def _read(path: Path) -> meshio.Mesh:
 
 def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
     """Drops the element sets of ``*ELEMENT, ELSET=`` lines of an Abaqus file for elements that are in other
-    sets too: programs name every list of elements, and explicit sets are more specific.
-
-    meshio keeps such lists apart only if all of them have a name.
-    """
+    sets too: programs name every list of elements, and explicit sets are more specific. meshio keeps such
+    lists apart only if all of them have a name."""
     if path.suffix.lower() != ".inp":
         return
     lists = re.findall(r"(?im)^\*element\b(.*)$", path.read_text(errors="replace"))

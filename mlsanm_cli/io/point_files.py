@@ -35,10 +35,8 @@ class PointFile:
 
 
 def read_points(path: Path) -> PointFile:
-    """A cloud from a ``.csv`` file or, with any other suffix, an HDF5 file.
-
-    Raises GeometryError, naming the line or row, if the file is invalid.
-    """
+    """A cloud from a ``.csv`` file or, with any other suffix, an HDF5 file. Raises GeometryError, naming the
+    line or row, if the file is invalid."""
     table, places = _csv(path) if path.suffix.lower() == ".csv" else _hdf5(path)
     numbers = {name: _numbers(name, table[name], places) for name in table if name != "tag"}
     tags = tuple(text.strip() for text in table["tag"])

@@ -58,12 +58,9 @@ def row(
     contacts: Mapping[str, ContactRecord],
     probes: Mapping[str, ProbeRecord],
 ) -> dict[str, Any]:
-    """One step as a value for every column of run.h5.
-
-    ``path`` has the position (stage index + fraction) and figures of the step; ``factors`` maps each load to
-    its factor, ``resultants`` each load or support to its force (2,) on the body, ``displacements`` each load
-    on a platen to the platen's displacement (2,).
-    """
+    """One step as a value for every column of run.h5. ``path`` has the position (stage index + fraction) and
+    figures of the step; ``factors`` maps each load to its factor, ``resultants`` each load or support to its
+    force (2,) on the body, ``displacements`` each load on a platen to the platen's displacement (2,)."""
     values: dict[str, Any] = {place("path", name): value for name, value in path.items()}
     groups = {"factors": factors, "resultants": resultants, "displacements": displacements}
     for group, named in groups.items():

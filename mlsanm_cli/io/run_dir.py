@@ -106,10 +106,8 @@ def reopen(directory: Path) -> None:
 
 
 def check_comparison(directory: Path, force: bool) -> None:
-    """Raises RunError if `prepare_comparison` would refuse ``directory``. Changes no file.
-
-    A comparison may be in the directory of a run, whose files it does not change.
-    """
+    """Raises RunError if `prepare_comparison` would refuse ``directory``. Changes no file. A comparison may
+    be in the directory of a run, whose files it does not change."""
     _check_place(directory)
     entries = _entries(directory)
     known = [path for path in entries if path.name in _COMPARISON]

@@ -113,11 +113,8 @@ class RunFile(Closing):
         latest: Callable[[], Mapping[str, Value]] | None = None,
     ) -> None:
         """Adds rows (one value for every column they name), datasets (replacing those of the same name) and
-        attributes of groups ("": the root). Arrays are copied.
-
-        ``latest`` returns the datasets of a checkpoint; it is called only if the file is written before the
-        next checkpoint is given.
-        """
+        attributes of groups ("": the root). Arrays are copied. ``latest`` returns the datasets of a
+        checkpoint; it is called only if the file is written before the next checkpoint is given."""
         kept = [{name: _array(value) for name, value in row.items()} for row in rows]
         arrays = {
             name: value.copy() if isinstance(value, np.ndarray) else value

@@ -100,11 +100,9 @@ class SavedState:
 
 @dataclass(frozen=True)
 class RunData:
-    """A run as read from its directory; mappings keep the order of the case.
-
-    ``maps[kind][name]`` (r, 1 + u) map 1 and the unknowns of the path (load factors, motions, pressures and
-    tractions) to forces, slips or the values of a probe; only runs with power series have them.
-    """
+    """A run as read from its directory; mappings keep the order of the case. ``maps[kind][name]`` (r, 1 + u)
+    map 1 and the unknowns of the path (load factors, motions, pressures and tractions) to forces, slips or
+    the values of a probe; only runs with power series have them."""
 
     directory: Path
     attributes: Mapping[str, str | int | float]
@@ -152,10 +150,8 @@ class RunOrigin:
 
 
 def read_run(rundir: Path) -> RunData:
-    """Reads the run in directory ``rundir`` (or from the run.h5 itself), also one in progress.
-
-    Raises RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has another format.
-    """
+    """Reads the run in directory ``rundir`` (or from the run.h5 itself), also one in progress. Raises
+    RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has another format."""
     return _reading(rundir, _run)
 
 

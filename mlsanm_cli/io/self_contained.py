@@ -1,8 +1,6 @@
-"""Checks that the file of a body is self-contained: no references to other files, and bounded size.
-
-A case stores the digest of the file. Included files would not be part of it, could be any file of the user,
-and might never end; and a small compressed file may exceed the memory when unpacked.
-"""
+"""Checks that the file of a body is self-contained: no references to other files, and bounded size. A case
+stores the digest of the file. Included files would not be part of it, could be any file of the user, and
+might never end; and a small compressed file may exceed the memory when unpacked."""
 
 from __future__ import annotations
 
@@ -88,9 +86,7 @@ def check_hdf5(root: Any) -> None:
 @contextmanager
 def bounded_unpacking() -> Iterator[None]:
     """A block in which meshio unpacks at most the limit of a VTU file. Raises GeometryError beyond it.
-
-    meshio, which has no limit of its own, accesses zlib and lzma by name.
-    """
+    meshio, which has no limit of its own, accesses zlib and lzma by name."""
     from meshio.vtu import _vtu
 
     names = {"zlib": zlib.decompressobj, "lzma": lzma.LZMADecompressor}

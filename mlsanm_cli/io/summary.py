@@ -110,12 +110,9 @@ def _line(event: str, values: Mapping[str, Any]) -> bytes:
 
 
 def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
-    """Columns (S+1,) of the path in an open run.h5 ``root``; empty if it has no path.
-
-    Position and stage, load factors, displacements of platens and the work of their forces, forces of loads
-    and supports; for every contact the force on the slave, the largest pressure, the closed length and the
-    dissipated work.
-    """
+    """Columns (S+1,) of the path in an open run.h5 ``root``; empty if it has no path. Position and stage,
+    load factors, displacements of platens and the work of their forces, forces of loads and supports; for
+    every contact the force on the slave, the largest pressure, the closed length and the dissipated work."""
     if "path" not in root:
         return {}
     position = root["path/position"][...]

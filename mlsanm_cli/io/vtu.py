@@ -1,8 +1,6 @@
-"""VTU and PVD files for ParaView: bodies as triangles, contact surfaces and obstacles as lines.
-
-VTK's XML format for unstructured grids. Arrays are inline in base64, each preceded by its length in bytes.
-They are not compressed: that would make files a third smaller and take ten times as long.
-"""
+"""VTU and PVD files for ParaView: bodies as triangles, contact surfaces and obstacles as lines. VTK's XML
+format for unstructured grids. Arrays are inline in base64, each preceded by its length in bytes. They are not
+compressed: that would make files a third smaller and take ten times as long."""
 
 from __future__ import annotations
 
@@ -25,12 +23,9 @@ from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, fields_name, line
 
 @dataclass(frozen=True)
 class VtuPart:
-    """A body, a surface or an obstacle at one load level.
-
-    ``points`` (n, 2) are undeformed; ``cells`` are lines (c, 2) or triangles (c, 3); points without a cell
-    become vertices. ``data`` by name are scalars (n,), vectors (n, 2), and tensors xx, yy, xy (n, 3) or
-    xx, yy, xy, zz (n, 4).
-    """
+    """A body, a surface or an obstacle at one load level. ``points`` (n, 2) are undeformed; ``cells`` are
+    lines (c, 2) or triangles (c, 3); points without a cell become vertices. ``data`` by name are scalars
+    (n,), vectors (n, 2), and tensors xx, yy, xy (n, 3) or xx, yy, xy, zz (n, 4)."""
 
     points: FloatArray
     cells: NDArray[np.int64]
@@ -97,10 +92,8 @@ class LinesWriter(_Collection):
     def write(
         self, position: float, contacts: Mapping[str, VtuPart], obstacles: Mapping[str, VtuPart]
     ) -> None:
-        """Writes a state and adds it to contacts.pvd; nothing if there are no contacts.
-
-        Raises RunError if a file cannot be written.
-        """
+        """Writes a state and adds it to contacts.pvd; nothing if there are no contacts. Raises RunError if a
+        file cannot be written."""
         if not contacts:
             return
         for kind, lines in (("contacts", contacts), ("obstacles", obstacles)):
@@ -159,11 +152,8 @@ def write_grid(
     cells: Sequence[tuple[int, NDArray[np.integer[Any]]]],
     data: Mapping[str, NDArray[Any]],
 ) -> None:
-    """Writes ``points`` (n, 3) as a VTU file with ``data`` (n,) or (n, c) and blocks of ``cells``.
-
-    A block is a cell type and the point numbers (c, k) of its cells. Raises RunError if the file cannot be
-    written.
-    """
+    """Writes ``points`` (n, 3) as a VTU file with ``data`` (n,) or (n, c) and blocks of ``cells``. A block is
+    a cell type and the point numbers (c, k) of its cells. Raises RunError if the file cannot be written."""
     count = len(points)
     widths = np.concatenate([np.full(len(block), block.shape[1]) for _, block in cells])
     kinds = np.concatenate([np.full(len(block), kind, dtype=np.uint8) for kind, block in cells])

@@ -1,8 +1,6 @@
-"""BLAS and LAPACK for kernels: scipy's own functions, called by address.
-
-Machine code is linked to the symbols when it is loaded. Matrices are column-major parts of flat arrays,
-passed as slices that begin at their first entry. Scalars are passed as arrays.
-"""
+"""BLAS and LAPACK for kernels: scipy's own functions, called by address. Machine code is linked to the
+symbols when it is loaded. Matrices are column-major parts of flat arrays, passed as slices that begin at
+their first entry. Scalars are passed as arrays."""
 
 from __future__ import annotations
 
@@ -17,10 +15,8 @@ from mlsanm_cli.errors import RunError
 
 @dataclass(frozen=True)
 class External:
-    """A function of a scipy module that only kernels can call.
-
-    ``arguments`` has one letter per pointer: "c" characters, "i" 32-bit integers, "d" doubles.
-    """
+    """A function of a scipy module that only kernels can call. ``arguments`` has one letter per pointer: "c"
+    characters, "i" 32-bit integers, "d" doubles."""
 
     module: str
     name: str
@@ -32,11 +28,8 @@ class External:
         return f"mlsanm_{self.name}"
 
     def address(self) -> int:
-        """Address in this process.
-
-        Raises RunError if the argument types differ, for instance with 64-bit integers: calls through
-        pointers would not detect that.
-        """
+        """Address in this process. Raises RunError if the argument types differ, for instance with 64-bit
+        integers: calls through pointers would not detect that."""
         capsule = importlib.import_module(f"scipy.linalg.{self.module}").__pyx_capi__[self.name]
         python = ctypes.pythonapi
         name = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", python))

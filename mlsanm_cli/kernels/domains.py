@@ -17,10 +17,7 @@ from mlsanm_cli.kernels.aot.signature import Float3, FloatOut3, Index1, Int1, In
 @kernel
 def domains(start: Int1, parent: Int1, begin: Int1, border: Int1, most: int) -> tuple[Int1, Int1]:
     """Number of leading border nodes for which each front stores rows (f,), and unit offsets (u + 1,) into
-    the fronts.
-
-    Maximal subtrees of up to ``most`` nodes become domains.
-    """
+    the fronts. Maximal subtrees of up to ``most`` nodes become domains."""
     fronts = len(parent)
     first, root = np.arange(fronts), np.full(fronts, -1, dtype=np.int64)
     kept, unit = np.empty(fronts, dtype=np.int64), np.zeros(fronts + 1, dtype=np.int64)

@@ -39,19 +39,11 @@ def _triangle(rows: int) -> int:
 
 @kernel
 def borders(
-    start: Int1,
-    parent: Int1,
-    indptr: Index1,
-    indices: Index1,
-    order: Int1,
-    place: Int1,
+    start: Int1, parent: Int1, indptr: Index1, indices: Index1, order: Int1, place: Int1
 ) -> tuple[Int1, Int1, int]:
     """Symbolic factorisation: border nodes of every front in order of elimination, as offsets (f + 1,) and
-    nodes, and the peak size of pending updates.
-
-    ``indptr`` and ``indices`` are the node graph, ``order`` (n,) the elimination order, ``place`` (n,) its
-    inverse.
-    """
+    nodes, and the peak size of pending updates. ``indptr`` and ``indices`` are the node graph, ``order`` (n,)
+    the elimination order, ``place`` (n,) its inverse."""
     fronts = len(parent)
     begin = np.zeros(fronts + 1, dtype=np.int64)
     nodes = np.empty(64 * fronts, dtype=np.int64)
@@ -152,10 +144,8 @@ def _flip_signs(front: FloatArray, first: int, columns: int, height: int) -> Non
 @inner
 def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int, edge: int) -> bool:
     """Factorise a panel in place and subtract its Schur complement from ``update``; false if one of the first
-    ``positive`` pivots is not positive or one of the others not negative.
-
-    STRIP_COLUMNS columns at a time: matrix products are several times as fast as triangular solves.
-    """
+    ``positive`` pivots is not positive or one of the others not negative. STRIP_COLUMNS columns at a time:
+    matrix products are several times as fast as triangular solves."""
     c: Any = letters()
     height, first = pivots + edge, 0
     while first < pivots:

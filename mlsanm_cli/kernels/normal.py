@@ -1,8 +1,5 @@
-"""Normal matrix A^T A of rows that act on two unknowns per node, in 2 x 2 blocks.
-
-Rows on the same nodes, such as all rows of one stencil, form a group: the positions of its node pairs are
-looked up once.
-"""
+"""Normal matrix A^T A of rows that act on two unknowns per node, in 2 x 2 blocks. Rows on the same nodes,
+such as all rows of one stencil, form a group: the positions of its node pairs are looked up once."""
 
 from __future__ import annotations
 
@@ -54,11 +51,8 @@ def group_rows(
 @kernel
 def rows_of_nodes(indptr: Index1, nodes: Index1, begin: IndexOut1, row: IndexOut1, entry: IndexOut1) -> None:
     """Transpose a CSR pattern: for every node the rows ``row`` (e,) that act on it and the position ``entry``
-    (e,) within these rows.
-
-    ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows; ``begin`` (n + 1,), zero at first, delimits the
-    nodes.
-    """
+    (e,) within these rows. ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows; ``begin`` (n + 1,), zero at
+    first, delimits the nodes."""
     count = len(begin) - 1
     for place in range(len(nodes)):
         begin[nodes[place] + 1] += 1
@@ -76,12 +70,7 @@ def rows_of_nodes(indptr: Index1, nodes: Index1, begin: IndexOut1, row: IndexOut
 
 @kernel
 def count_neighbours(
-    indptr: Index1,
-    nodes: Index1,
-    begin: Index1,
-    row: Index1,
-    mark: IndexOut1,
-    end: IntOut1,
+    indptr: Index1, nodes: Index1, begin: Index1, row: Index1, mark: IndexOut1, end: IntOut1
 ) -> None:
     """Cumulative neighbour counts ``end`` (n + 1,), zero at first: neighbours share a row, and each node is
     its own neighbour. ``mark`` (n,) is -1."""

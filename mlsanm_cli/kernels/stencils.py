@@ -1,8 +1,6 @@
-"""Moving least-squares weights: one small weighted QR factorisation per evaluation point.
-
-Stencils of equal size are processed LANES at a time, with the lane as last dimension of every array, so that
-loops vectorise, which the short sums within one stencil do not. Results do not depend on the grouping.
-"""
+"""Moving least-squares weights: one small weighted QR factorisation per evaluation point. Stencils of equal
+size are processed LANES at a time, with the lane as last dimension of every array, so that loops vectorise,
+which the short sums within one stencil do not. Results do not depend on the grouping."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """Forward and backward substitution with the factor of :mod:`mlsanm_cli.kernels.multifrontal`, unit by unit.
-
 ``begin``, ``border``, ``kept``, ``panel``, ``unit`` and the links come from :mod:`mlsanm_cli.kernels.domains`
-and the factorisation.
-"""
+and the factorisation."""
 
 from __future__ import annotations
 
@@ -73,10 +71,8 @@ def _sweep(
     c: int,
     local: FloatArray,
 ) -> None:
-    """Forward or backward substitution with consecutive fronts for flat ``x``.
-
-    ``rows`` (n,) are the positions of the nodes' rows in ``x``; ``local`` is workspace for one front.
-    """
+    """Forward or backward substitution with consecutive fronts for flat ``x``. ``rows`` (n,) are the
+    positions of the nodes' rows in ``x``; ``local`` is workspace for one front."""
     start, negative, begin, border, kept, panel, values = tree
     for step in range(fronts[1] - fronts[0]):
         f = fronts[0] + step if forward else fronts[1] - 1 - step
@@ -269,11 +265,9 @@ def products(
     left: int,
     total: int,
 ) -> Float2:
-    """Condensation products (L^-1 b_i)^T D (L^-1 b_j) for i < ``left`` <= j < ``total``, b sparse columns.
-
-    L is the factor and D the pivots' signs. ``indptr``, ``indices``, ``data`` hold b by rows (2n,), in order
-    of elimination. A unit solves only for columns with entries in it or in its subtree.
-    """
+    """Condensation products (L^-1 b_i)^T D (L^-1 b_j) for i < ``left`` <= j < ``total``, b sparse columns. L
+    is the factor and D the pivots' signs. ``indptr``, ``indices``, ``data`` hold b by rows (2n,), in order of
+    elimination. A unit solves only for columns with entries in it or in its subtree."""
     result = np.zeros((left, total - left))
     tree, links = (start, negative, begin, border, kept, panel, values), (link, other, between)
     handed, active = [np.empty(0)], [np.empty(0, dtype=np.int64)]

@@ -24,12 +24,7 @@ from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import (
-    corner_weight,
-    one_sided_weight,
-    reentrant_corners,
-    reentrant_weight,
-)
+from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
 from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
@@ -168,9 +163,7 @@ def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
 
 
 def _rows(
-    model: BodyModel,
-    held: Mapping[str, tuple[bool, bool]],
-    single: Sequence[tuple[int, int]],
+    model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]]
 ) -> sparse.csr_array:
     """All rows (r, 2N), without springs."""
     cloud, c, count = model.cloud, model.material.stiffness, len(model.nodes)

@@ -76,11 +76,9 @@ class ElasticBody:
     def source(
         self, surface: str, values: FloatArray, held: bool, between: FloatArray | None = None
     ) -> FloatArray:
-        """Right-hand side (r,) for ``values`` (b, 2) prescribed on a surface.
-
-        They are displacements of the held components if ``held``, else tractions of the others. Tractions are
-        linear between nodes unless given ``between`` (g, 2) them, at the FINE quadrature points.
-        """
+        """Right-hand side (r,) for ``values`` (b, 2) prescribed on a surface. They are displacements of the
+        held components if ``held``, else tractions of the others. Tractions are linear between nodes unless
+        given ``between`` (g, 2) them, at the FINE quadrature points."""
         source = np.zeros(self.rows)
         for component in (0, 1):
             if self.held.get(surface, (False, False))[component] == held:
@@ -113,11 +111,9 @@ class ElasticBody:
         return reaction_rows(self.model, where, self.gripped[surface], center, inside)
 
     def depth_of_reactions(self, surface: str) -> float:
-        """Depth, in spacings, at which the stress is evaluated for the force on a held surface.
-
-        Square schemes lack the rows of pieces, and their stress near held corners is unreliable: one spacing
-        inside, or two if both directions are held.
-        """
+        """Depth, in spacings, at which the stress is evaluated for the force on a held surface. Square
+        schemes lack the rows of pieces, and their stress near held corners is unreliable: one spacing inside,
+        or two if both directions are held."""
         return float(sum(self.gripped[surface])) if self.model.settings.square else 0.0
 
     @cached_property

@@ -46,10 +46,8 @@ scatter over the clouds of one graded scene from a factor of 13 to 3."""
 
 MIN_NODE_DISTANCE = 0.02
 """Nodes closer than this fraction of the spacing are rejected: only their difference distinguishes them.
-
 Measured with an extra node next to another one, degrees 2, 4 and 6: at 0.03 the error is unchanged, at 0.01
-fourteen times larger for degree 6, at 0.003 ten times for degree 2, and unbounded soon after.
-"""
+fourteen times larger for degree 6, at 0.003 ten times for degree 2, and unbounded soon after."""
 MIN_CORNER_ANGLE = 0.3
 """Interior angle (radians) below which corners may have no fit of degree 2, whatever the spacing: those of 10
 degrees (0.17) never have, those of 15 degrees (0.26) rarely."""
@@ -84,11 +82,9 @@ class BodyModel:
         clamped: Collection[str] = (),
         foresight: int = 0,
     ) -> BodyModel:
-        """Build stencils with second derivatives at every node; ``clamped`` surfaces get no ghosts.
-
-        The neighbour search covers ``foresight`` nodes, for larger stencils made later. Raises NumericalError
-        if two nodes are too close, a part is too thin for the degree, or there is no room for ghosts.
-        """
+        """Build stencils with second derivatives at every node; ``clamped`` surfaces get no ghosts. The
+        neighbour search covers ``foresight`` nodes, for larger stencils made later. Raises NumericalError if
+        two nodes are too close, a part is too thin for the degree, or there is no room for ghosts."""
         _refuse_coincident(name, cloud)
         settings = enough_neighbors(settings, material)
         ghosts, nodes = np.zeros(0, dtype=np.int64), cloud.points
@@ -207,10 +203,8 @@ class BodyModel:
 
     def stress(self, displacement: FloatArray) -> FloatArray:
         """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2).
-
         The mean pressure of nearly incompressible materials is fitted to its nodal values: equilibrium
-        controls only the fit, and the node-to-node oscillation is many times its error.
-        """
+        controls only the fit, and the node-to-node oscillation is many times its error."""
         c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
         if not self.material.nearly_incompressible:
             return stress_of(derivatives, c)
@@ -257,11 +251,7 @@ def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSetti
 
 
 def model_key(
-    name: str,
-    cloud: Cloud,
-    material: PlaneMaterial,
-    settings: MlsSettings,
-    clamped: Collection[str] = (),
+    name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings, clamped: Collection[str] = ()
 ) -> str:
     """Digest of the arguments of :meth:`BodyModel.build`."""
     elastic = [material.stiffness, material.across, material.expansion, material.across_heat]
@@ -305,10 +295,8 @@ def ghost_owners(cloud: Cloud, clamped: Collection[str]) -> IntArray:
 
 
 def ghost_points(cloud: Cloud, owners: IntArray) -> FloatArray:
-    """Ghosts (g, 2) of the nodes ``owners`` (g,), one spacing away along the sum of their normals.
-
-    Raises NumericalError if there is no room for them, as in a notch or next to a thin slit.
-    """
+    """Ghosts (g, 2) of the nodes ``owners`` (g,), one spacing away along the sum of their normals. Raises
+    NumericalError if there is no room for them, as in a notch or next to a thin slit."""
     outward = np.zeros_like(cloud.points)
     for surface in cloud.surfaces.values():
         np.add.at(outward, surface.index, surface.normal)

@@ -10,12 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth_step
-from mlsanm_cli.mechanics.near_field import (
-    ComplexArray,
-    SurfaceForces,
-    summed,
-    traction,
-)
+from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, summed, traction
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
 
 RANGE_BELOW, RANGE_ABOVE = 9.0, 16.0

@@ -41,11 +41,8 @@ Field: TypeAlias = Callable[[SurfaceForces, ComplexArray], FloatArray]
 
 @dataclass(frozen=True)
 class Face:
-    """One face of a corner, starting at its ``tip``.
-
-    Straight with unit tangent ``along`` and unit normal ``inward`` into the material, or a ``curve`` that has
-    the tip at its end (``at_end``) or at its start.
-    """
+    """One face of a corner, starting at its ``tip``. Straight with unit tangent ``along`` and unit normal
+    ``inward`` into the material, or a ``curve`` that has the tip at its end (``at_end``) or at its start."""
 
     tip: complex
     along: complex

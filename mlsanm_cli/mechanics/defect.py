@@ -66,10 +66,8 @@ class Defect:
 @dataclass(frozen=True)
 class Corrected:
     """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1) without rigid motions, its
-    ``defect`` and the resulting ``change`` (2N,).
-
-    ``rough`` is the relative error of solutions by the factor alone.
-    """
+    ``defect`` and the resulting ``change`` (2N,). ``rough`` is the relative error of solutions by the factor
+    alone."""
 
     displacement: FloatArray
     solution: FloatArray
@@ -119,10 +117,8 @@ def correct(
 
 
 def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
-    """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known.
-
-    Raises NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree.
-    """
+    """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known. Raises
+    NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree."""
     model = body.model
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")

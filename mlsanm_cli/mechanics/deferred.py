@@ -13,11 +13,8 @@ Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 
 
 class BodyEquations:
-    """A body's equations, factorised by ``factorise`` on first use.
-
-    The callable is then dropped with the rows it holds. ``content`` is a digest of all input of the
-    equations.
-    """
+    """A body's equations, factorised by ``factorise`` on first use. The callable is then dropped with the
+    rows it holds. ``content`` is a digest of all input of the equations."""
 
     def __init__(self, content: str, factorise: Callable[[], LinearSystem]) -> None:
         self.content = content

@@ -39,11 +39,8 @@ def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, compone
 
 def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
     """Rows (3e, 2n) of the forces x, forces y and moments with ``arm`` (e, t, 2) of sigma n, summed over the
-    t quadrature points of each stencil.
-
-    The stencils have the weights (nnz, 2t) of d/dx and d/dy at these points; ``normal`` (e, t, 2) includes
-    the quadrature weights.
-    """
+    t quadrature points of each stencil. The stencils have the weights (nnz, 2t) of d/dx and d/dy at these
+    points; ``normal`` (e, t, 2) includes the quadrature weights."""
     values = np.zeros((3, len(stencils.indices), 2))
     add_forces(stencils.indptr, stencils.weights, c, arm, normal, values)
     rows = pair_rows(stencils, values[0])
@@ -85,10 +82,8 @@ def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> spars
 def nested_equilibrium_rows(
     stencils: Stencils, outer: Stencils, c: FloatArray, component: int
 ) -> sparse.csr_array:
-    """Rows (e, 2n) of div sigma in x (0) or y (1), by first derivatives of nodal stresses.
-
-    ``outer`` are stencils of the e points on each other.
-    """
+    """Rows (e, 2n) of div sigma in x (0) or y (1), by first derivatives of nodal stresses. ``outer`` are
+    stencils of the e points on each other."""
     first, second = ((XX, XY), (XY, YY))[component]
     d_x, d_y = (scalar_rows(outer, outer.weights[:, kind]) for kind in (1, 2))
     return sparse.csr_array(d_x @ stress_rows(stencils, c, first) + d_y @ stress_rows(stencils, c, second))

@@ -43,10 +43,8 @@ TRIANGLE_POINTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) 
 
 
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
-    """Integral of the product of two nodal fields (n, c), summed over components.
-
-    On a triangle of area A: A / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i)).
-    """
+    """Integral of the product of two nodal fields (n, c), summed over components. On a triangle of area A: A
+    / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i))."""
     a, b = first[cloud.triangles], second[cloud.triangles]
     products = (a * b).sum(axis=(1, 2)) + (a.sum(axis=1) * b.sum(axis=1)).sum(axis=1)
     return float(_areas(cloud, cloud.triangles) @ products) / 12.0
@@ -60,10 +58,8 @@ def _areas(cloud: Cloud, triangles: IntArray) -> FloatArray:
 
 
 def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> float:
-    """Integral of the product of two fields (b, c) at a surface's nodes, summed over components.
-
-    Between two nodes at distance L: L / 6 (2 a_0 b_0 + a_0 b_1 + a_1 b_0 + 2 a_1 b_1).
-    """
+    """Integral of the product of two fields (b, c) at a surface's nodes, summed over components. Between two
+    nodes at distance L: L / 6 (2 a_0 b_0 + a_0 b_1 + a_1 b_0 + 2 a_1 b_1)."""
     arc, a, b = surface.ends, first, second
     if surface.curve.closed:
         a, b = np.concatenate([a, a[:1]]), np.concatenate([b, b[:1]])
@@ -91,10 +87,8 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 
 
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
-    """A smooth nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2).
-
-    Approximately harmonic (conjugate gradients on the triangles); 0 in a component without known values.
-    """
+    """A smooth nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2). Approximately harmonic
+    (conjugate gradients on the triangles); 0 in a component without known values."""
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
     rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
@@ -176,10 +170,8 @@ def _beyond_linear(
     weights: FloatArray,
 ) -> float:
     """Twice the strain energy of triangles ``own`` (t, 3) with fitted stress, minus that with linear stress,
-    by quadrature points with barycentric ``shares`` (g, 3) and ``weights`` (g,).
-
-    Stress that is not from fits, such as thermal stress, is linear.
-    """
+    by quadrature points with barycentric ``shares`` (g, 3) and ``weights`` (g,). Stress that is not from
+    fits, such as thermal stress, is linear."""
     cloud, c = model.cloud, model.material.stiffness
     if model.material.nearly_incompressible:
         c = c - model.material.bulk_part
@@ -199,11 +191,9 @@ def _beyond_linear(
 
 
 def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:
-    """The rigid motion (n, 2) closest to the nodal ``displacement`` (n, 2).
-
-    ``levels`` are weights (n, 2) in order of priority: each decides what earlier ones leave undetermined. The
-    mean over the body decides the rest.
-    """
+    """The rigid motion (n, 2) closest to the nodal ``displacement`` (n, 2). ``levels`` are weights (n, 2) in
+    order of priority: each decides what earlier ones leave undetermined. The mean over the body decides the
+    rest."""
     size = float(np.ptp(cloud.points, axis=0).max())
     middle = cloud.areas @ cloud.points / cloud.areas.sum()
     center = (float(middle[0]), float(middle[1]))

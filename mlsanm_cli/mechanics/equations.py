@@ -44,10 +44,8 @@ def choose_equations(
     rows: RowTable,
     ghosts: IntArray,
 ) -> sparse.csr_array:
-    """Matrix (2N, r) that combines the rows to equations, in the order of the unknowns.
-
-    ``ghosts`` (g,) are the boundary nodes with a ghost; ghosts are the last unknowns.
-    """
+    """Matrix (2N, r) that combines the rows to equations, in the order of the unknowns. ``ghosts`` (g,) are
+    the boundary nodes with a ghost; ghosts are the last unknowns."""
     count = len(cloud.points)
     equation_of = np.arange(count)
     equation_of[ghosts] = count + np.arange(len(ghosts))

@@ -31,9 +31,7 @@ class Probe:
 
 def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
     """Rows (5e, 2N) of u_x, u_y, sigma_xx, sigma_yy, sigma_xy at ``points`` (e, 2), quantity by quantity.
-
-    Value and derivatives of the local polynomial at the point itself, as at nodes.
-    """
+    Value and derivatives of the local polynomial at the point itself, as at nodes."""
     cloud, settings = model.cloud, model.settings
     stencils = build_stencils(model.nodes, model.tree, points, 1, settings, cloud.sight, tips=model.tips)
     among = stencils
@@ -45,11 +43,9 @@ def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
 def point_rows(
     stencils: Stencils, material: PlaneMaterial, among: Stencils, nodal: Callable[[], Stencils]
 ) -> sparse.csr_array:
-    """The same rows at the points of ``stencils``.
-
-    Nearly incompressible materials interpolate a nodal field of mean pressure, see :meth:`BodyModel.stress`:
-    ``nodal`` gives its stencils, ``among`` those of the points on its nodes.
-    """
+    """The same rows at the points of ``stencils``. Nearly incompressible materials interpolate a nodal field
+    of mean pressure, see :meth:`BodyModel.stress`: ``nodal`` gives its stencils, ``among`` those of the
+    points on its nodes."""
     hidden = material.nearly_incompressible
     even = material.bulk_part if hidden else np.zeros((3, 3))
     blocks = [value_rows(stencils, component) for component in (0, 1)]

@@ -31,11 +31,9 @@ CORNER_HALVINGS = 14
 
 
 def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -> FloatArray:
-    """Right-hand sides (r, 2k) of the remainders for unit forces: x at all k places, then y.
-
-    If ``centred``, field and remainder together have zero mean free motion, as needed where that motion is no
-    unknown of the scene.
-    """
+    """Right-hand sides (r, 2k) of the remainders for unit forces: x at all k places, then y. If ``centred``,
+    field and remainder together have zero mean free motion, as needed where that motion is no unknown of the
+    scene."""
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
@@ -84,11 +82,9 @@ def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:
 def _on_pieces(
     body: ElasticBody, name: str, surface: Surface, forces: Forces, sent: FloatArray | None
 ) -> FloatArray:
-    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface.
-
-    Exact on a free surface, from the resultants of the fields over each cell's part of the outline; integrals
-    of the tractions ``sent`` (g, k, 2, 2) where these are given.
-    """
+    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface. Exact on a free
+    surface, from the resultants of the fields over each cell's part of the outline; integrals of the
+    tractions ``sent`` (g, k, 2, 2) where these are given."""
     pieces, gripped = body.pieces, np.array(body.gripped.get(name, FREE))
     springs = np.array(body.soft_springs.get(name, NO_SPRING))
     count = len(forces.place)

@@ -55,11 +55,8 @@ class RigidBodyModes:
 
 
 def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBodyModes:
-    """Rigid motions left free by the held components ``held`` (n, 2) of nodes ``points`` (n, 2).
-
-    A body that can rotate does so about its support, else about its centroid, computed with the nodes'
-    ``areas`` (n,).
-    """
+    """Rigid motions left free by the held components ``held`` (n, 2) of nodes ``points`` (n, 2). A body that
+    can rotate does so about its support, else about its centroid, computed with the nodes' ``areas`` (n,)."""
     middle = areas @ points / areas.sum()
     size = float(np.ptp(points, axis=0).max())
     center = (float(middle[0]), float(middle[1]))

@@ -1,7 +1,5 @@
-"""Bodies and everything that acts on them: scaled loads, rigid platens, supports.
-
-Load factors form one vector f (L,), in the order in which the case names the loads.
-"""
+"""Bodies and everything that acts on them: scaled loads, rigid platens, supports. Load factors form one
+vector f (L,), in the order in which the case names the loads."""
 
 from __future__ import annotations
 
@@ -94,10 +92,8 @@ class RigidMotion:
 @dataclass(frozen=True)
 class Platen:
     """A rigid platen bonded to ``surfaces`` of a body, and to those of ``others``; in a component without a
-    motion these are free of traction.
-
-    ``loads`` are the loads that move it, ``name`` denotes its place in messages; it rotates about ``center``.
-    """
+    motion these are free of traction. ``loads`` are the loads that move it, ``name`` denotes its place in
+    messages; it rotates about ``center``."""
 
     body: str
     surfaces: tuple[str, ...]
@@ -129,10 +125,8 @@ class Platen:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """The rigid obstacle of a ``contact``; fixed in components without a motion.
-
-    ``loads`` are the loads that move it.
-    """
+    """The rigid obstacle of a ``contact``; fixed in components without a motion. ``loads`` are the loads that
+    move it."""
 
     contact: str
     center: tuple[float, float]
@@ -143,10 +137,7 @@ class Obstacle:
 @dataclass(frozen=True)
 class FloatingBody:
     """A body held by contact only in some rigid motions, which are unknowns with its equilibrium as
-    equations.
-
-    A motion without resistance or force is prescribed as zero.
-    """
+    equations. A motion without resistance or force is prescribed as zero."""
 
     body: str
     center: tuple[float, float]
@@ -269,11 +260,9 @@ class Scene:
         ]
 
     def floating_patterns(self, body: str) -> FloatArray:
-        """Displacements (2N, k) of a body under the unknown motions q.
-
-        Motions without resistance are fixed by choosing one of the unknowns, which depends on the axes.
-        Subtracting their mean over the bodies makes the patterns independent of that choice.
-        """
+        """Displacements (2N, k) of a body under the unknown motions q. Motions without resistance are fixed
+        by choosing one of the unknowns, which depends on the axes. Subtracting their mean over the bodies
+        makes the patterns independent of that choice."""
         patterns = self._patterns(body)
         if not self.loose_motions:
             return patterns

@@ -113,11 +113,9 @@ class Wedge:
         return both, np.asarray(self.image @ both)
 
     def _stretching(self) -> tuple[ComplexArray, ComplexArray]:
-        """Transforms (n, 2, 2) of C and D times tan(pi z), with z the transform variable.
-
-        C tends to the logarithmic tensor L like L / (1 + exp(-t)), with the transform -pi / sin(pi z); D is
-        L / (1 - exp(-t)), with the transform -pi cot(pi z), plus the step under the force.
-        """
+        """Transforms (n, 2, 2) of C and D times tan(pi z), with z the transform variable. C tends to the
+        logarithmic tensor L like L / (1 + exp(-t)), with the transform -pi / sin(pi z); D is L / (1 -
+        exp(-t)), with the transform -pi cot(pi z), plus the step under the force."""
         shift = DIFFERENCE_STEP * STEP
         before, after = (
             self.kernel.displacement(

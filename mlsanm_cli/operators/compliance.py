@@ -30,10 +30,8 @@ Apply = Callable[[FloatArray], FloatArray]
 
 
 def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArray:
-    """The matrix A (g, c) approximated by ``start``.
-
-    ``of_columns`` computes A V (g, s) for V (c, s), ``of_rows`` U^T A (s, c) for U (g, s), both accurately.
-    """
+    """The matrix A (g, c) approximated by ``start``. ``of_columns`` computes A V (g, s) for V (c, s),
+    ``of_rows`` U^T A (s, c) for U (g, s), both accurately."""
     column = np.linalg.norm(start, axis=0)
     column[column == 0.0] = 1.0
     row = np.linalg.norm(start / column, axis=1)[:, None]

@@ -51,11 +51,9 @@ from mlsanm_cli.operators.system import Equations
 
 @dataclass(frozen=True)
 class Strong:
-    """Strong ``rows`` (g, n), scaled, and their operator ``loads`` (g, r) on right-hand sides.
-
-    The multiplier of row i belongs to place ``owner[i]`` (g,) among ``places`` (k, 2), at most four to one
-    place, where it is eliminated. The ``sums`` (s, g) of rows hold exactly.
-    """
+    """Strong ``rows`` (g, n), scaled, and their operator ``loads`` (g, r) on right-hand sides. The multiplier
+    of row i belongs to place ``owner[i]`` (g,) among ``places`` (k, 2), at most four to one place, where it
+    is eliminated. The ``sums`` (s, g) of rows hold exactly."""
 
     rows: sparse.csr_array
     loads: sparse.csr_array
@@ -149,10 +147,7 @@ class LeastSquares:
         self, force: FloatArray, misfit: FloatArray, tolerance: float
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
-        misfit.
-
-        ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem.
-        """
+        misfit. ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem."""
         solution = self.factor.solve(force + self._gather(misfit))
         progress = Progress.of(solution, tolerance)
         return self._further(force, misfit - self._apply(solution), solution, progress)[:2]
@@ -191,10 +186,10 @@ class LeastSquares:
     def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
         """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows and conditions
         ``wanted`` (s, c)."""
-        return self._roughly.met(self.factor.solve(self._gather(misfit)), wanted)
+        return self._unrefined_conditions.met(self.factor.solve(self._gather(misfit)), wanted)
 
     @cached_property
-    def _roughly(self) -> Conditions:
+    def _unrefined_conditions(self) -> Conditions:
         """The conditions with the response by the factor alone: its error in the bending of long thin bodies
         then affects both alike."""
         rows = self.conditions.rows

@@ -39,10 +39,8 @@ def neighbors_of(
     sight: VisibilityCriterion | None,
     known: IndexArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and node numbers (e, size) of stencils: the nearest nodes visible from ``targets`` (e, 2).
-
-    A new search is made only if the ``known`` ones (e, k) from :func:`nearest_nodes` do not suffice.
-    """
+    """Radii (e,) and node numbers (e, size) of stencils: the nearest nodes visible from ``targets`` (e, 2). A
+    new search is made only if the ``known`` ones (e, k) from :func:`nearest_nodes` do not suffice."""
     if known is None or known.shape[1] <= min(size, len(points) - 1):
         known = nearest_nodes(tree, targets, size)
     radius, indices = _nearest(points, tree, targets, size, known)
@@ -69,10 +67,7 @@ def _nearest(
     points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
 ) -> tuple[FloatArray, IntArray]:
     """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), ties broken by node
-    number.
-
-    Without this rule round-off would decide, and results would depend on units.
-    """
+    number. Without this rule round-off would decide, and results would depend on units."""
     indices = known[:, :size].astype(np.int64)
     radius = distances(points, targets, known[:, size - 1 : size])[:, 0]
     if known.shape[1] > size:

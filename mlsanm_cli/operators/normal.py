@@ -12,9 +12,7 @@ from mlsanm_cli.operators.structure import refuse_too_many, structure
 
 def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
     """M^T M of ``rows`` M (r, 2n), in 2 x 2 blocks of a node's two unknowns; columns of a row are not sorted.
-
-    Raises NumericalError for more blocks than 32-bit indices can count.
-    """
+    Raises NumericalError for more blocks than 32-bit indices can count."""
     begin, neighbour, blocks = _squares(rows, np.zeros(rows.shape[1] // 2, dtype=np.int64), 0)
     return sparse.bsr_array((blocks, neighbour, begin.astype(np.int32)), shape=(rows.shape[1],) * 2)
 
@@ -23,10 +21,8 @@ def bordered(
     rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
 ) -> sparse.bsr_array:
     """The matrix [M^T M, B^T; B, -1] of ``rows`` M (r, 2n) and ``strong`` rows B (g, 2n), in 2 x 2 blocks.
-
     The multiplier of strong row i belongs to vertex 2 ``owner[i]`` (g,) or the next one, of ``vertices`` in
-    all; unused multipliers are zero. Raises NumericalError for more blocks than 32-bit indices can count.
-    """
+    all; unused multipliers are zero. Raises NumericalError for more blocks than 32-bit indices can count."""
     order = np.argsort(owner, kind="stable")
     place = np.empty(len(owner), dtype=np.int64)
     place[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])

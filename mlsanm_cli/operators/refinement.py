@@ -12,21 +12,17 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 FULL_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update."""
 FUNCTIONAL_TOLERANCE = 1e-8
-"""The same for many solutions of which only functionals are needed.
-
-On graded clouds round-off in the residual changes solutions by 1e-9 to 2e-8 in every update.
-"""
+"""The same for many solutions of which only functionals are needed. On graded clouds round-off in the
+residual changes solutions by 1e-9 to 2e-8 in every update."""
 VERIFIED_TOLERANCE = 1e-7
 """Limit of the last update where it serves as error estimate."""
 BLOCK_COLUMNS = 64
 """Solutions refined at once: enough for dense products, few enough for memory."""
 MAX_UPDATES = 15
 DIRECTIONS = 6
-"""Number of earlier directions that the next one is made conjugate to.
-
-A ring of radius over thickness 100, eight nodes across, degree 4, is exact to 1e-9 after 6 steps with all of
-them, after 7 with three; with one it is off by 8e-6 after 10, and by the short recurrence 0.3 % after 15.
-"""
+"""Number of earlier directions that the next one is made conjugate to. A ring of radius over thickness 100,
+eight nodes across, degree 4, is exact to 1e-9 after 6 steps with all of them, after 7 with three; with one it
+is off by 8e-6 after 10, and by the short recurrence 0.3 % after 15."""
 STALL_RATIO, STALL_CHANGE = 0.5, 1e-5
 """An update larger than the first fraction of both previous ones, and smaller than the second fraction of the
 solution, means stagnation.
@@ -40,11 +36,8 @@ TINY = np.finfo(float).tiny
 @dataclass(frozen=True)
 class Progress:
     """Progress of several solutions: sizes (c,) of their ``last`` updates and of those ``before``, and which
-    are ``done`` (c,).
-
-    A solution is done when the predicted next update is at most ``tolerance`` and the last one at most
-    ``limit``, relatively.
-    """
+    are ``done`` (c,). A solution is done when the predicted next update is at most ``tolerance`` and the last
+    one at most ``limit``, relatively."""
 
     before: FloatArray
     last: FloatArray
@@ -84,11 +77,9 @@ class Progress:
 def refine(
     solution: FloatArray, update: Callable[[FloatArray], FloatArray], progress: Progress
 ) -> tuple[FloatArray, Progress]:
-    """``solution`` (n, c) after as many updates as needed, at least one, as the factor is inexact.
-
-    ``update`` computes the factor's correction of the residual (Higham 2002, doi:10.1137/1.9780898718027).
-    The iteration also ends where updates stop shrinking; the size of the last one shows that.
-    """
+    """``solution`` (n, c) after as many updates as needed, at least one, as the factor is inexact. ``update``
+    computes the factor's correction of the residual (Higham 2002, doi:10.1137/1.9780898718027). The iteration
+    also ends where updates stop shrinking; the size of the last one shows that."""
     for _ in range(MAX_UPDATES):
         step = update(solution)
         solution = solution + step

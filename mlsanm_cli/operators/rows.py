@@ -11,11 +11,9 @@ from mlsanm_cli.operators.structure import MAX_ENTRIES
 
 
 def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | None) -> sparse.csr_array:
-    """One row per stencil (e, 2n): sum over neighbours j of on_x[j] u_x[j] + on_y[j] u_y[j].
-
-    ``on_x`` and ``on_y`` (nnz,) follow the stencils' entries; None omits that component. Raises ValueError if
-    both are None.
-    """
+    """One row per stencil (e, 2n): sum over neighbours j of on_x[j] u_x[j] + on_y[j] u_y[j]. ``on_x`` and
+    ``on_y`` (nnz,) follow the stencils' entries; None omits that component. Raises ValueError if both are
+    None."""
     if on_x is not None and on_y is not None:
         return pair_rows(stencils, np.stack([on_x, on_y], axis=1))
     component, alone = (1, on_y) if on_x is None else (0, on_x)

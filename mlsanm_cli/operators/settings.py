@@ -12,10 +12,8 @@ NEIGHBORS = {1: 9, 2: 16, 3: 24, 4: 34, 5: 46, 6: 60}
 
 WEIGHT_EXPONENT = 4.0
 """Rows of a local fit are multiplied by exp(-WEIGHT_EXPONENT r^2), with r the distance over the stencil
-radius.
-
-With 6 the bulk error is a third smaller, but the compliance of Hertzian contact is no longer positive.
-"""
+radius. With 6 the bulk error is a third smaller, but the compliance of Hertzian contact is no longer
+positive."""
 
 ONE_SIDED_RADIUS, ONE_SIDED_DEGREE = 0.9, 4
 """Factor on the radius in these weights at boundary nodes, whose stencils reach one and a half times as far,
@@ -73,7 +71,5 @@ class MlsSettings:
     @property
     def rank_tolerance(self) -> float:
         """Smallest accepted ratio of diagonal entries of R; sound stencils lie 20 to 200 times above it.
-
-        Measured on bars 1 to 6 nodes thick: with a tenth of it, stencils pass that spoil the solution.
-        """
+        Measured on bars 1 to 6 nodes thick: with a tenth of it, stencils pass that spoil the solution."""
         return 10.0 ** -(self.degree + 1)

@@ -109,10 +109,8 @@ class Square:
 
 def factorise(rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArray) -> Square:
     """Factorise the equations ``choice`` (n, r) times ``rows`` (e, n), the first e of the r rows of
-    right-hand sides.
-
-    Equation k should have a large entry for unknown k, so that few rows are exchanged in pivoting.
-    """
+    right-hand sides. Equation k should have a large entry for unknown k, so that few rows are exchanged in
+    pivoting."""
     matrix = sparse.csr_array(choice[:, : rows.shape[0]] @ rows)
     pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)
     order = elimination_order(pattern, points)

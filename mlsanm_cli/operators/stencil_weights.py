@@ -37,9 +37,7 @@ class Stencils:
 
     def derivatives(self, field: FloatArray) -> FloatArray:
         """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c).
-
-        Raises ValueError for a field of another number of nodes.
-        """
+        Raises ValueError for a field of another number of nodes."""
         if len(field) != self.nodes:
             raise ValueError(f"a field of {len(field)} nodes for stencils of {self.nodes}")
         result = np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1]))

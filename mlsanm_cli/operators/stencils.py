@@ -1,8 +1,5 @@
 """Stencils: the neighbours of a point and the weights of value and derivatives there; those of a symmetric
-cloud are built on one side and reflected.
-
-Equation (1) of docs/method.md.
-"""
+cloud are built on one side and reflected. Equation (1) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -206,10 +203,8 @@ def _merge(
 
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
-    """Stencils of all nodes (n) from those of the mirror's own nodes (h).
-
-    Stencils on the line are averaged with their images, as only one of two equidistant nodes may be included.
-    """
+    """Stencils of all nodes (n) from those of the mirror's own nodes (h). Stencils on the line are averaged
+    with their images, as only one of two equidistant nodes may be included."""
     times = np.where(mirror.side == 0, 2, 1)
     whole = stencils.take(np.repeat(mirror.place, times))
     first = np.concatenate([[0], np.cumsum(times)])

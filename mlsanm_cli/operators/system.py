@@ -13,10 +13,8 @@ from mlsanm_cli.operators.refinement import FULL_TOLERANCE
 
 @dataclass(frozen=True)
 class Equations:
-    """A body's scaled equations: ``matrix`` (n, n) u = ``sources`` (n, c) v.
-
-    ``definite``: the matrix is symmetric positive definite.
-    """
+    """A body's scaled equations: ``matrix`` (n, n) u = ``sources`` (n, c) v. ``definite``: the matrix is
+    symmetric positive definite."""
 
     matrix: sparse.csr_array
     sources: sparse.csr_array
@@ -46,17 +44,12 @@ class LinearSystem(Protocol):
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
         """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture`` (s,
-        c) if given: (g, s) or (g, c).
-
-        Much cheaper than the solutions themselves for sparse sources.
-        """
+        c) if given: (g, s) or (g, c). Much cheaper than the solutions themselves for sparse sources."""
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """Relative change (c,) of the ``solutions`` (n, c) by one more refinement.
-
-        The residual itself is no measure: rows of nearly incompressible materials are so large that a useless
-        solution has one of the order of round-off.
-        """
+        """Relative change (c,) of the ``solutions`` (n, c) by one more refinement. The residual itself is no
+        measure: rows of nearly incompressible materials are so large that a useless solution has one of the
+        order of round-off."""
 
     @property
     def note(self) -> str:

@@ -1,7 +1,5 @@
-"""Hertz line contact (Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, chapter 4).
-
-All forces are per unit thickness; x runs along the surface from the middle of the contact, z into the body.
-"""
+"""Hertz line contact (Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, chapter 4). All forces
+are per unit thickness; x runs along the surface from the middle of the contact, z into the body."""
 
 from __future__ import annotations
 
@@ -15,10 +13,8 @@ from mlsanm_cli.arrays import FloatArray
 
 @dataclass(frozen=True)
 class HertzLine:
-    """Two cylinders of relative ``radius`` (1/R = 1/R1 + 1/R2) pressed together by ``force``.
-
-    ``modulus`` is E* with 1/E* = 1/E1' + 1/E2', E' = E/(1 - nu^2) in plane strain and E in plane stress.
-    """
+    """Two cylinders of relative ``radius`` (1/R = 1/R1 + 1/R2) pressed together by ``force``. ``modulus`` is
+    E* with 1/E* = 1/E1' + 1/E2', E' = E/(1 - nu^2) in plane strain and E in plane stress."""
 
     force: float
     radius: float

@@ -40,11 +40,8 @@ def check_coercivity(
     case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo
 ) -> float:
     """Smallest coercivity estimate of a scene. UnstableError if one is below its limit: results would be
-    invalid.
-
-    Contacts are checked on the nodes that touch in one of the states ``ends``, bodies without such a contact
-    by themselves, and all bodies of square schemes.
-    """
+    invalid. Contacts are checked on the nodes that touch in one of the states ``ends``, bodies without such a
+    contact by themselves, and all bodies of square schemes."""
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     estimates = _estimates(case, scene, condensed, closed, memo)
     spoken_for = {
@@ -115,10 +112,8 @@ def _bulk(body: ElasticBody, memo: Memo) -> float:
 
 
 def _bearing(closed: BoolArray, span: slice) -> BoolArray:
-    """Closed nodes (m,) of a contact between two other closed ones, or all if there are none such.
-
-    Modes of the last nodes at a corner of the slave are local, and affect neither the patch test nor punches.
-    """
+    """Closed nodes (m,) of a contact between two other closed ones, or all if there are none such. Modes of
+    the last nodes at a corner of the slave are local, and affect neither the patch test nor punches."""
     own = np.zeros_like(closed)
     own[span] = closed[span]
     inner = own.copy()

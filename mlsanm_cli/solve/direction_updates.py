@@ -140,10 +140,7 @@ def unturned(
 ) -> dict[str, float]:
     """Angles by which the directions of contact grids, now ``turned``, must rotate so that the contact forces
     of a state do no work along the ``held`` rigid motions (3,) of bodies about the origin; contacts that do
-    none are omitted.
-
-    Held rotations carry a moment, which does not depend on directions.
-    """
+    none are omitted. Held rotations carry a moment, which does not depend on directions."""
     held = [motion for motion in held if not any(way[2] for way in motion.values())]
     if not held:
         return {}

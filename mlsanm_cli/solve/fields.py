@@ -41,10 +41,7 @@ def fields_of(
     built: CondensedScene, states: Sequence[State], stress: bool, starts: Mapping[str, FloatArray] = NO_STARTS
 ) -> list[tuple[dict[str, Fields], float]]:
     """Fields of all bodies in each state, stresses only if requested, and the largest relative error of the
-    linear solutions.
-
-    States are solved together. ``starts`` are approximate solutions (2N, 1) by body.
-    """
+    linear solutions. States are solved together. ``starts`` are approximate solutions (2N, 1) by body."""
     found: list[tuple[dict[str, Fields], float]] = []
     for first in range(0, len(states), MAX_STATES):
         some = states[first : first + MAX_STATES]

@@ -114,11 +114,8 @@ def ranged(
     passed: dict[str, FloatArray],
 ) -> dict[str, ContactGrid] | None:
     """Grids with ranges fitted to the contact, and where it ``passed`` on its way; None if it comes to the
-    end of the available range.
-
-    Nodes beyond a grid that touch are included in its range from then on: they are paired in directions other
-    than those of the grid, and may be open on it.
-    """
+    end of the available range. Nodes beyond a grid that touch are included in its range from then on: they
+    are paired in directions other than those of the grid, and may be open on it."""
     touched = [condensed.touched(*state.unknowns) for state in states]
     result = dict(grids)
     for pairing in condensed.pairings:
@@ -198,11 +195,8 @@ def begun_open(
     states: Sequence[ExactState],
 ) -> dict[str, ContactRange]:
     """Grids of closed curves that begin inside a contact, with ranges that begin in the middle of the part
-    open in all states; none of those in contact all around.
-
-    Where a pin will be pressed in its hole is not known initially, and pressures on both sides of the
-    beginning of a range are independent.
-    """
+    open in all states; none of those in contact all around. Where a pin will be pressed in its hole is not
+    known initially, and pressures on both sides of the beginning of a range are independent."""
     found = {}
     for name, grid in grids.items():
         room = ranges[name]

@@ -28,10 +28,8 @@ Polisher = Callable[[State], PathStep]
 
 
 def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """The path with every saved state and the last one replaced by exact ones, each in a row of its own.
-
-    A saved level inside a step also gets the part of the step's series before it.
-    """
+    """The path with every saved state and the last one replaced by exact ones, each in a row of its own. A
+    saved level inside a step also gets the part of the step's series before it."""
     behind = max(start.position, start.told) if start else -1.0
     polish, end = _polisher(built, behind), float(len(built.case.stage))
     for step in path_of(built, start):

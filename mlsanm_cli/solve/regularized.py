@@ -68,10 +68,7 @@ APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "e
 
 def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Path of the regularised laws. Requested states are evaluated from the series of their step, or are ends
-    of Newton steps.
-
-    NumericalError if the path cannot be continued.
-    """
+    of Newton steps. NumericalError if the path cannot be continued."""
     wanted, options = output_positions(built), replace(path_options(built), direction=1)
     if start is None:
         point, first = start_at_rest(built, options)

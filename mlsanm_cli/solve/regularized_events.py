@@ -44,10 +44,8 @@ class EventFlags:
 
 
 class EventLocator:
-    """Finds the first event on a piece of path.
-
-    Afterwards ``reached`` tells whether there was one, ``hits`` its nodes.
-    """
+    """Finds the first event on a piece of path. Afterwards ``reached`` tells whether there was one, ``hits``
+    its nodes."""
 
     def __init__(self, problem: RegularizedFriction) -> None:
         self._problem = problem
@@ -154,9 +152,7 @@ def continued(
     problem: RegularizedFriction, x: FloatArray, lam: float, hits: EventFlags
 ) -> tuple[RegularizedFriction, FloatArray]:
     """The problem with the sets that hold beyond (x, lam), and the state with exact values of the event.
-
-    NoStateError if there are none.
-    """
+    NoStateError if there are none."""
     c, before = problem.condensed, problem.sets
     x = x.copy()
     p, _, _, t = problem.split(x)

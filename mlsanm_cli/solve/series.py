@@ -15,15 +15,7 @@ from mlsanm_cli.contact.laws.holonomic import HolonomicContact
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import Regularization, regularize
 from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
-from mlsanm_cli.continuation import (
-    AnmOptions,
-    Branch,
-    Follower,
-    NewtonOptions,
-    Outcome,
-    Problem,
-    Step,
-)
+from mlsanm_cli.continuation import AnmOptions, Branch, Follower, NewtonOptions, Outcome, Problem, Step
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State
@@ -103,10 +95,8 @@ def stopped(stage: int, outcome: Outcome) -> NumericalError:
 
 
 def sharpened(problem: Problem, x: FloatArray, lam: float) -> tuple[FloatArray, float]:
-    """Unknowns of a state from a series after one Newton update, and their residual.
-
-    Series only satisfy the tolerance, while results are compared to the last digit.
-    """
+    """Unknowns of a state from a series after one Newton update, and their residual. Series only satisfy the
+    tolerance, while results are compared to the last digit."""
     defect = problem.residual(x, lam)
     before = float(np.abs(defect).max())
     try:
@@ -152,10 +142,8 @@ def drawn(built: CondensedScene, coupling: Coupling) -> FloatArray:
 def states_in(
     problem: Problem, step: Step, stage: int, places: list[float]
 ) -> tuple[Step, list[tuple[FloatArray, float, float]]]:
-    """The step with unknowns, fractions and residuals at its ``places``.
-
-    Inner ones are corrected values of its series; a step without a series has a place at its end only.
-    """
+    """The step with unknowns, fractions and residuals at its ``places``. Inner ones are corrected values of
+    its series; a step without a series has a place at its end only."""
     states, sharp = [], 0
     for position in places:
         if not step.order or position - stage >= step.lam:
@@ -204,10 +192,8 @@ def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> d
 def smooth_status(
     law: Regularization, pressure: FloatArray, gap: FloatArray, held: IntArray
 ) -> NDArray[np.int8]:
-    """Status (m,) of the candidates under the regularised law; those in ``held`` stick where closed.
-
-    A node is closed if its pressure, in units of the scene, exceeds its gap.
-    """
+    """Status (m,) of the candidates under the regularised law; those in ``held`` stick where closed. A node
+    is closed if its pressure, in units of the scene, exceeds its gap."""
     closed = pressure / law.pressure > gap / law.gap
     status = np.where(closed, SLIP, OPEN).astype(np.int8)
     status[held[closed[held]]] = STICK

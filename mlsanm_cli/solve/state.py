@@ -1,7 +1,5 @@
-"""States of the load path, and the steps between them.
-
-Positions count stages: 1.25 is a quarter of the way through the second stage.
-"""
+"""States of the load path, and the steps between them. Positions count stages: 1.25 is a quarter of the way
+through the second stage."""
 
 from __future__ import annotations
 

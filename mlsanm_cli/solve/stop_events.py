@@ -47,10 +47,8 @@ class _NotSaved(Exception):
 
 
 class StoppedPath:
-    """The path of a scene, or its remaining part, up to a stop of the case.
-
-    ``reached`` is that stop once the path has ended at it.
-    """
+    """The path of a scene, or its remaining part, up to a stop of the case. ``reached`` is that stop once the
+    path has ended at it."""
 
     def __init__(
         self, built: CondensedScene, start: Checkpoint | None, last: State | None, follow: Follow

@@ -12,12 +12,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.assessment import energy
-from mlsanm_cli.app.assessment.checks import (
-    EnergyVerdict,
-    check_energy,
-    check_estimates,
-    force_balance,
-)
+from mlsanm_cli.app.assessment.checks import EnergyVerdict, check_energy, check_estimates, force_balance
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.cli import main
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus

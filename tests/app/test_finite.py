@@ -219,10 +219,7 @@ SLID = (
     + item("stage", drag=1.0)
     + table("output", at=[1.0, 1.5, 2.0])
 )
-CUT = {
-    "friction, equations renewed": (SLID, 4),
-    "series past limit points": (ARCH, 3),
-}
+CUT = {"friction, equations renewed": (SLID, 4), "series past limit points": (ARCH, 3)}
 
 
 @pytest.mark.parametrize("name", CUT)

@@ -18,19 +18,7 @@ from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.scenes import Quiet, solve
 from tests.app.vtk_files import area, listed, read
-from tests.case_text import (
-    body,
-    box,
-    contact,
-    disk,
-    head,
-    load,
-    material,
-    plane,
-    pushed,
-    support,
-    table,
-)
+from tests.case_text import body, box, contact, disk, head, load, material, plane, pushed, support, table
 
 CASES = Path(__file__).parents[2] / "cases"
 

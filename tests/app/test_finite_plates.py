@@ -59,12 +59,7 @@ def test_one_plate_on_two_bodies_in_contact(tmp_path: Path) -> None:
         )
         + load("p", ["one.top", "other.top"], "platen", fx=0.0, fy=-0.2, hinge=[0.15, 0.6])
         + "".join(
-            contact(
-                name,
-                f"{name}.bottom",
-                obstacle=plane([0.0, 0.0], [0.0, 1.0]),
-                friction=0.8,
-            )
+            contact(name, f"{name}.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.8)
             for name in ("one", "other")
         )
     )

@@ -25,28 +25,22 @@ def changed(old: str, new: str) -> str:
     return PATCH.replace(old, new, 1)
 
 
-NAMES = {
-    "climbing": "../../x",
-    "absolute": "/etc/x",
-    "slash": "a/b",
-    "nul": "a\0b",
-    "newline": "a\nb",
-    "escape": "\x1b[2J",
-    "long": "a" * 10_000,
-    "look-alike": "upp\u0435r",
-    "dot": "..",
-    "empty": "",
+NAMES = {"climbing": "../../x", "nul": "a\0b", "escape": "\x1b[2J", "long": "a" * 10_000}
+FILES = {
+    "mesh": (
+        "/dev/zero",
+        "/proc/self/mem",
+        "fifo",
+        "folder",
+        "binary.msh",
+        "binary.h5",
+        "sparse.msh",
+        "nothing",
+    ),
+    "points": ("/dev/random", "sparse.csv", "many.csv", "a\0b", "x" * 5000),
+    "table": ("/dev/zero", "fifo", "binary.csv", "sparse.csv", "many.csv", ""),
 }
-FILES = (
-    *("/dev/zero", "/dev/random", "/proc/kmsg", "/proc/self/mem", "fifo", "folder", "/", "binary.msh"),
-    *("binary.csv", "binary.h5", "sparse.msh", "sparse.csv", "many.csv", "a\0b", "", "x" * 5000, "nothing"),
-)
-EXPRESSIONS = (
-    *("x.__class__", "().__class__.__bases__", '__import__("os").system("touch pwned")', "exec(1)"),
-    *("9**9**9", "2**2**2**2**2**2**2", "lambda: 1", "[x for x in y]", 'f"{x}"', '"a"*9999999', "x:=1", "1j"),
-    *("x[0]", "await x", "...", "None", "True", "x == y", "x in y", "0x" + "f" * 400, "9" * 490, "x" * 501),
-    *("(" * 240 + "x" + ")" * 240, "+".join("x" * 240), "-" * 490 + "x", "max(*[1,2])", "sin(x=1)", "x\0"),
-)
+EXPRESSIONS = ("9**9**9", "2**2**2**2**2**2**2", "9" * 490, "(" * 240 + "x" + ")" * 240)
 SIZES = {
     "even": ("spacing = 0.25", "spacing = 1e-9", "body.upper.spacing"),
     "smallest number": ("spacing = 0.25", "spacing = 5e-324", "body.upper.spacing"),
@@ -126,22 +120,15 @@ def hostile() -> dict[str, Case]:
     for what, name in NAMES.items():
         text = json.dumps(name, ensure_ascii=False)
         cases[f"load {what}"] = changed('"press"', text), (), ".name: a name "
-    # The same for whatever has a name.
-    probe = '[[probe]]\nname = "a/b"\nbody = "upper"\npoint = [1.0, 1.5]\n'
-    cases |= {
-        "name of a contact": (changed('"interface"', '"a/b"'), (), ".name: a name "),
-        "name of a body": (changed('"upper"', '"a/b"'), (), ".name: a name "),
-        "name of a material": (PATCH.replace("material.steel", 'material."a/b"'), (), ": a name "),
-        "name of a probe": (f"{PATCH}\n{probe}", (), ".name: a name "),
-        "name in a stage": (f'{PATCH}\n[[stage]]\n"a/b" = 1.0\n', (), "stage.0."),
-    }
+    cases["name in a stage"] = f'{PATCH}\n[[stage]]\n"a/b" = 1.0\n', (), "stage.0."
     table = '[[load]]\nname = "q"\nboundary = "upper.right"\nkind = "pressure"\n'
-    for file in FILES:
-        text = json.dumps(file)
-        for kind in ("mesh", "points"):
+    for kind, files in FILES.items():
+        for file in files:
+            text = json.dumps(file)
             shape = f'shape = {{ kind = "{kind}", file = {text} }}'
-            cases[f"{kind} {file[:20]}"] = changed(SPACED, shape), (), "body.upper.shape.file"
-        cases[f"table {file[:20]}"] = f"{PATCH}\n{table}table = {text}\n", (), "load.q.table"
+            case = (changed(SPACED, shape), (), "body.upper.shape.file")
+            loaded = (f"{PATCH}\n{table}table = {text}\n", (), "load.q.table")
+            cases[f"{kind} {file[:20]}"] = loaded if kind == "table" else case
     for text in EXPRESSIONS:
         quoted = json.dumps(text)
         cases[f"expression {text[:20]}"] = f"{PATCH}\n{table}pressure = {quoted}\n", (), "load.q.pressure"

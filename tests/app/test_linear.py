@@ -16,10 +16,7 @@ from tests.app.scenes import BAR, NODAL, Quiet
 def test_results_do_not_depend_on_who_factorises(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(NODAL)
     found = run(
-        tmp_path / "case.toml",
-        overrides=('solver.linear="superlu"',),
-        out=tmp_path / "out",
-        console=Quiet(),
+        tmp_path / "case.toml", overrides=('solver.linear="superlu"',), out=tmp_path / "out", console=Quiet()
     )
     expected = run(tmp_path / "case.toml", out=tmp_path / "usual", console=Quiet())
     assert found["status"] == "done"

@@ -298,12 +298,7 @@ def test_a_disk_as_far_from_its_hole_all_around_is_pushed_to_its_wall(tmp_path: 
         + material("steel", E=1.0, nu=0.3)
         + body("disk", "steel", 0.25, disk([0.0, 0.0], 1.0))
         + load("push", None, "body-force", body="disk", body_force=[-2e-3, -1e-3])
-        + contact(
-            "hole",
-            "disk.arc",
-            obstacle={**disk([0.0, 0.0], 1.01), "inside": True},
-            **PRECISION,
-        )
+        + contact("hole", "disk.arc", obstacle={**disk([0.0, 0.0], 1.01), "inside": True}, **PRECISION)
     )
     summary = solve(text, tmp_path / "run")
     assert summary["status"] == "done"

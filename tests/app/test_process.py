@@ -27,10 +27,7 @@ QUICK = hertz().replace("accuracy = 0.01", "accuracy = 0.1")
 
 
 def start(
-    directory: Path,
-    text: str,
-    *arguments: str,
-    program: tuple[str, ...] = ("-m", "mlsanm_cli.cli"),
+    directory: Path, text: str, *arguments: str, program: tuple[str, ...] = ("-m", "mlsanm_cli.cli")
 ) -> subprocess.Popen[str]:
     (directory / "case.toml").write_text(text)
     return subprocess.Popen(

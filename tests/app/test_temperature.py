@@ -82,10 +82,7 @@ def ring(r: FloatArray) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 @pytest.mark.parametrize(
     ("shape", "field", "formula", "close"),
-    [
-        (DISK, "x**2 + y**2", disk, 2e-3),
-        (RING, "log(hypot(x, y))", ring, 8e-3),
-    ],
+    [(DISK, "x**2 + y**2", disk, 2e-3), (RING, "log(hypot(x, y))", ring, 8e-3)],
     ids=["disk", "ring"],
 )
 def test_round_bodies(

@@ -23,11 +23,7 @@ def load(name: str, boundary: str, kind: str, keys: str) -> str:
         (('"block.top"', '"blocks.top"'), "contact.interface.master", 'did you mean "block"'),
         (('"block.top"', '"top"'), "contact.interface.master", "<body>.<boundary>"),
         (('"cylinder.flat"', '"cylinder.top"'), "load.press.boundary", "no boundary"),
-        (
-            ('along = "top"', 'along = "cylinder.arc"'),
-            "body.block.refine.0.along",
-            "boundaries: ",
-        ),
+        (('along = "top"', 'along = "cylinder.arc"'), "body.block.refine.0.along", "boundaries: "),
         (('along = "top"', 'along = "block.tpo"'), "body.block.refine.0.along", 'did you mean "top"'),
         (("x = [-100.0, 100.0]", "x = [100.0, -100.0]"), "body.block.shape.x", "not a range"),
         (("spacing = 4.0", "spacing = 101.0"), "body.cylinder.spacing", "larger than the body"),

@@ -153,6 +153,6 @@ def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp
 
 def test_friction_limits_that_are_never_noticed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     changes = ('contact.interface.regularization.law="hyperbolic"', "stage=[{press=1.0},{push=1.0}]", COARSE)
-    monkeypatch.setattr(EventLocator, "__call__", lambda barrier, piece: np.inf)
+    monkeypatch.setattr(EventLocator, "__call__", lambda locator, piece: np.inf)
     summary = outcome("block_slide", tmp_path / "run", *changes)
     assert "beyond the friction limit" in summary["stop_reason"]

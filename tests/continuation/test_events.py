@@ -11,24 +11,24 @@ from .problems import Scalar
 
 
 def wall(level: float) -> tuple[list[Branch], object]:
-    """A barrier where the unknown reaches ``level``, and the pieces it was asked about."""
+    """An event where the unknown reaches ``level``, and the pieces it was asked about."""
     seen: list[Branch] = []
 
-    def barrier(piece: Branch) -> float:
+    def locate_event(piece: Branch) -> float:
         seen.append(piece)
         grid = np.linspace(0.0, piece.length, 200)
         past = np.flatnonzero((piece.weights(grid) @ piece.terms[0])[:, 0] >= level)
         return float(grid[past[0]]) if past.size else np.inf
 
-    return seen, barrier
+    return seen, locate_event
 
 
 @pytest.mark.parametrize("order", [8, 20])
 @pytest.mark.parametrize("level", [0.01, 0.4])
 def test_path_ends_at_the_barrier(order: int, level: float) -> None:
     problem = Scalar(0.0, 1.0, 1.0)
-    seen, barrier = wall(level)
-    follower = follow(problem, np.zeros(1), 0.0, 1.0, AnmOptions(order=order), barrier=barrier)  # type: ignore[arg-type]
+    seen, locate_event = wall(level)
+    follower = follow(problem, np.zeros(1), 0.0, 1.0, AnmOptions(order=order), locate_event=locate_event)  # type: ignore[arg-type]
     steps = list(follower.steps())
     assert follower.outcome.reason is StopReason.EVENT
     assert not follower.outcome.reached
@@ -40,8 +40,8 @@ def test_path_ends_at_the_barrier(order: int, level: float) -> None:
 
 def test_a_barrier_that_is_never_reached_changes_nothing() -> None:
     results = []
-    for barrier in (None, lambda piece: np.inf):
-        follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, barrier=barrier)
+    for locate_event in (None, lambda piece: np.inf):
+        follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, locate_event=locate_event)
         results.append([(step.x[0], step.lam) for step in follower.steps()])
         assert follower.outcome.reached
     assert np.array(results[0]) == pytest.approx(np.array(results[1]), rel=1e-12)

@@ -127,9 +127,3 @@ class Quiet(Circle):
 def test_tangent_without_a_finite_solution_is_singular() -> None:
     with pytest.raises(SingularTangentError):
         expansion_point(Quiet(), np.array([0.8]), 0.6)
-
-
-@pytest.mark.parametrize("scale", [np.array([1.0, 0.0]), np.array([1.0, -1.0]), np.array([np.nan])])
-def test_scales_must_be_positive(scale: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="positive"):
-        Metric(scale)

@@ -97,12 +97,3 @@ def test_round_off_bounds_the_digits_lost() -> None:
     assert abs(branch.evaluate(1.0)[0][0]) <= branch.round_off(1.0, np.ones(1))
     assert branch.round_off(1.0, np.ones(1)) == pytest.approx(2.0 * big / 1.5 * 2.2e-16, rel=0.02)
     assert branch.round_off(1.0, np.full(1, big)) == pytest.approx(2.0 / 1.5 * 2.2e-16, rel=0.02)
-
-
-def test_mismatched_coefficients_are_refused() -> None:
-    with pytest.raises(ValueError, match="do not match"):
-        Branch(np.zeros((4, 2)), np.zeros(3), 1.0)
-    with pytest.raises(ValueError, match="denominator"):
-        Branch(np.zeros((4, 2)), np.zeros(4), 1.0, np.array([2.0, 1.0]))
-    with pytest.raises(ValueError, match="denominator"):
-        Branch(np.zeros((2, 2)), np.zeros(2), 1.0, np.array([1.0, 1.0, 1.0]))

@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import (
-    AnmOptions,
-    Follower,
-    SingularTangentError,
-    StopReason,
-    Tangent,
-    follow,
-)
+from mlsanm_cli.continuation import AnmOptions, Follower, SingularTangentError, StopReason, Tangent, follow
 from mlsanm_cli.continuation.problem import FloatArray
 from mlsanm_cli.errors import NumericalError
 
@@ -96,7 +89,9 @@ def test_reasons_to_stop_are_named(
 
 
 def test_an_event_without_a_state_is_named() -> None:
-    follower = follow(Noisy(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, barrier=lambda piece: 0.5 * piece.length)
+    follower = follow(
+        Noisy(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, locate_event=lambda piece: 0.5 * piece.length
+    )
     assert not list(follower.steps())
     assert follower.outcome.reason is StopReason.CORRECTION_FAILED
 
@@ -143,8 +138,6 @@ def test_wrong_start_raises() -> None:
     follower = follow(Scalar(1.0, 0.0, 1.0), np.ones(1), 0.0, 2.0)  # x^2 + 1 = 0
     with pytest.raises(NumericalError):
         next(follower.steps())
-    with pytest.raises(ValueError, match="shape"):
-        follow(Scalar(0.0, 1.0), np.zeros(2), 0.0, 1.0)
 
 
 def test_follower_goes_once() -> None:
@@ -152,21 +145,3 @@ def test_follower_goes_once() -> None:
     list(follower.steps())
     with pytest.raises(RuntimeError, match="once"):
         next(follower.steps())
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"order": 1},
-        {"order": 41},
-        {"tolerance": 0.0},
-        {"tolerance": float("nan")},
-        {"max_steps": 0},
-        {"max_corrections": 0},
-        {"min_length": 0.0},
-        {"direction": 2},
-    ],
-)
-def test_senseless_options_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="must"):
-        AnmOptions(**wrong)  # type: ignore[arg-type]

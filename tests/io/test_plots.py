@@ -211,16 +211,7 @@ def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure
         assert meshes[0].get_clim() == pytest.approx(limits, abs=0.05)
 
 
-def test_wrong_shapes_names_and_places_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.png"
-    with pytest.raises(ValueError, match="pressure has shape"):
-        plot_pressure(path, "c", ARC, pressure()[None, :], LEVELS)
-    with pytest.raises(ValueError, match="curve a has shape"):
-        plot_path(path, ARC, {"a": ARC[1:]}, "x", "y")
-    with pytest.raises(ValueError, match="expected n = 64"):
-        plot_cloud.plot_cloud(path, [CloudBody(square().points, np.zeros((64, 3)), ARC[:64])], "s", "t")
-    with pytest.raises(ValueError, match="no body"):
-        plot_cloud.plot_cloud(path, [], "s", "t")
+def test_wrong_names_and_places_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="written as"), figures.picture(tmp_path / "a.bmp", 1.0, 1.0):
         pass
     with pytest.raises(RunError, match="cannot write"):

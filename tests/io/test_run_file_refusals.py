@@ -16,15 +16,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
-from tests.io.run_files import (
-    M,
-    contact_record,
-    datasets,
-    start_run,
-    step_row,
-    write_fields,
-    write_steps,
-)
+from tests.io.run_files import M, contact_record, datasets, start_run, step_row, write_fields, write_steps
 
 
 def test_a_row_of_another_shape_is_refused(tmp_path: Path) -> None:

@@ -26,13 +26,7 @@ from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.operators.least_squares import LeastSquares
 from mlsanm_cli.operators.settings import MlsSettings, Scheme
-from tests.mechanics.bodies import (
-    STEEL,
-    boundary_values,
-    build,
-    jittered_square,
-    with_body_force,
-)
+from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
 from tests.mechanics.waves import Wave
 
 HELD = {"bottom": (True, True)}
@@ -119,11 +113,7 @@ def test_polynomial_patch_under_forces_known_at_nodes(
 
 
 def wave_solution(
-    side: int,
-    degree: int,
-    seed: int = 0,
-    material: PlaneMaterial = STEEL,
-    scheme: Scheme = "least-squares",
+    side: int, degree: int, seed: int = 0, material: PlaneMaterial = STEEL, scheme: Scheme = "least-squares"
 ) -> tuple[ElasticBody, FloatArray, FloatArray]:
     """Body, computed and exact displacements (n, 2); traction on three sides."""
     cloud = jittered_square(side, 0.25, seed)
@@ -134,11 +124,7 @@ def wave_solution(
 
 
 def wave_error(
-    side: int,
-    degree: int,
-    seed: int = 0,
-    material: PlaneMaterial = STEEL,
-    scheme: Scheme = "least-squares",
+    side: int, degree: int, seed: int = 0, material: PlaneMaterial = STEEL, scheme: Scheme = "least-squares"
 ) -> float:
     """Root mean square error of the displacement, relative."""
     _, u, exact = wave_solution(side, degree, seed, material, scheme)

@@ -42,17 +42,7 @@ def test_stress_out_of_the_plane(poisson: float) -> None:
     assert not isotropic(2.0, poisson, "stress").across.any()
 
 
-def test_another_plane_is_refused() -> None:
-    with pytest.raises(ValueError, match="'axisymmetric'"):
-        isotropic(1.0, 0.3, "axisymmetric")
-
-
-@given(
-    xx=st.floats(-10, 10),
-    yy=st.floats(-10, 10),
-    xy=st.floats(-10, 10),
-    ratio=st.floats(0.0, 0.5),
-)
+@given(xx=st.floats(-10, 10), yy=st.floats(-10, 10), xy=st.floats(-10, 10), ratio=st.floats(0.0, 0.5))
 def test_von_mises_from_the_deviator(xx: float, yy: float, xy: float, ratio: float) -> None:
     tensor = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, ratio * (xx + yy)]])
     deviator = tensor - np.trace(tensor) / 3.0 * np.eye(3)

@@ -17,11 +17,10 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
 from mlsanm_cli.app.scene.clouds import clouds
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels import multifrontal
-from mlsanm_cli.kernels.multifrontal import borders
 from mlsanm_cli.operators.linear import cholesky, scratch
 from mlsanm_cli.operators.linear.cholesky import (
     MAX_BACKWARD_ERROR,
@@ -29,7 +28,6 @@ from mlsanm_cli.operators.linear.cholesky import (
     CholeskySolver,
     verified_or_superlu,
 )
-from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
 from mlsanm_cli.operators.normal import bordered
@@ -155,65 +153,6 @@ def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -
     assert "not positive definite" in factor.note
     wrong, places, _ = quasi_definite(100, 16)
     assert isinstance(CholeskySolver().factor_definite(wrong, places), SuperLUFactor)
-
-
-@settings(max_examples=15)
-@given(count=st.integers(1, 200), apiece=st.integers(1, 40), seed=st.integers(0, 1000))
-def test_multipliers_are_eliminated_where_the_tree_lets_them(count: int, apiece: int, seed: int) -> None:
-    matrix, points, negative = quasi_definite(count, apiece, seed)
-    plain = nested_dissection(
-        points[:count], sparse.bsr_array(normal_equations(points[:count], seed), blocksize=(2, 2))
-    )
-    tree, of_front = with_multipliers(plain, matrix, negative)
-    assert np.array_equal(np.sort(tree.order), np.arange(count + negative))
-    assert np.array_equal(tree.parent, plain.parent)
-    assert of_front.sum() == negative
-    assert np.array_equal(tree.order[tree.order < count], plain.order)
-    front = np.empty(count + negative, dtype=np.int64)
-    front[tree.order] = np.repeat(np.arange(len(tree.parent)), np.diff(tree.start))
-    for f in range(len(tree.parent)):
-        own = tree.order[tree.start[f] : tree.start[f + 1]]
-        # Behind the nodes of their front.
-        assert (own[len(own) - of_front[f] :] >= count).all()
-        assert (own[: len(own) - of_front[f]] < count).all()
-    # All that a multiplier touches is in its front, below it or above it.
-    above = [ancestors(tree.parent, f) for f in range(len(tree.parent))]
-    for late in range(count, count + negative):
-        for other in matrix.indices[matrix.indptr[late] : matrix.indptr[late + 1]]:
-            assert front[other] in above[front[late]] or front[late] in above[front[other]]
-
-
-def ancestors(parent: IntArray, front: int) -> set[int]:
-    """A front and all those above it."""
-    found = {front}
-    while parent[front] >= 0:
-        front = int(parent[front])
-        found.add(front)
-    return found
-
-
-@settings(max_examples=15)
-@given(count=st.integers(2, 150), seed=st.integers(0, 1000))
-def test_borders_are_those_of_elimination(count: int, seed: int) -> None:
-    points = scattered(count, seed)
-    graph = sparse.csr_array(normal_equations(points)[::2, ::2])
-    tree = nested_dissection(points, graph)
-    place = np.empty(count, dtype=np.int64)
-    place[tree.order] = np.arange(count)
-    indptr, indices = graph.indptr.astype(np.int32), graph.indices.astype(np.int32)
-    begin, border, _ = borders(tree.start, tree.parent, indptr, indices, tree.order, place)
-    # One elimination after the other: the neighbours of what goes become neighbours of each other.
-    joined = graph.toarray()[tree.order][:, tree.order] != 0.0
-    for f in range(len(tree.parent)):
-        touched = np.zeros(count, dtype=bool)
-        for node in range(tree.start[f], tree.start[f + 1]):
-            later = joined[node] & (np.arange(count) > node)
-            joined |= np.outer(later, later)
-            touched |= later
-        touched[: tree.start[f + 1]] = False
-        assert set(np.flatnonzero(touched)) <= set(border[begin[f] : begin[f + 1]])
-        assert (np.diff(border[begin[f] : begin[f + 1]]) > 0).all()
-        assert begin[f] == begin[f + 1] or border[begin[f]] >= tree.start[f + 1]
 
 
 @settings(max_examples=15)

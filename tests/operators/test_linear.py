@@ -19,7 +19,6 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.superlu import elimination_order
 from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress
 from mlsanm_cli.operators.square import Square
@@ -39,25 +38,6 @@ def positive_definite(points: FloatArray) -> sparse.csc_array:
     graph = neighbour_graph(points, 8)
     coupled = sparse.kron(graph, np.array([[1.0, 0.3], [0.3, 1.0]]))
     return sparse.csc_array(sparse.diags_array(1.5 * np.asarray(coupled.sum(axis=1))) - coupled)
-
-
-@given(count=st.integers(1, 400), seed=st.integers(0, 1000), stretch=st.sampled_from([1.0, 100.0]))
-def test_dissection_is_a_permutation_with_its_tree(count: int, seed: int, stretch: float) -> None:
-    points = np.random.default_rng(seed).uniform(0.0, 1.0, (count, 2)) * np.array([stretch, 1.0])
-    graph = neighbour_graph(points, min(6, count))
-    tree = nested_dissection(points, graph)
-    assert np.array_equal(np.sort(tree.order), np.arange(count))
-    # What a front touches beyond itself, its ancestors eliminate; its descendants come right before it.
-    front = np.empty(count, dtype=np.int64)
-    front[tree.order] = np.repeat(np.arange(len(tree.parent)), np.diff(tree.start))
-    for f, parent in enumerate(tree.parent):
-        assert parent == -1 if f == len(tree.parent) - 1 else parent > f
-        ancestors = [f]
-        while tree.parent[ancestors[-1]] >= 0:
-            ancestors.append(int(tree.parent[ancestors[-1]]))
-        for node in tree.order[tree.start[f] : tree.start[f + 1]]:
-            later = front[graph.indices[graph.indptr[node] : graph.indptr[node + 1]]]
-            assert set(later[later > f]) <= set(ancestors)
 
 
 def fill(matrix: sparse.csc_array, order: IntArray) -> int:

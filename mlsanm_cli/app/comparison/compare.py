@@ -1,7 +1,5 @@
-"""``mlsanm compare``: several methods on the same scene and operators.
-
-The rules of the comparison are in docs/methods-compared.md.
-"""
+"""``mlsanm compare``: several methods on the same scene and operators. The rules of the comparison are in
+docs/methods-compared.md."""
 
 from __future__ import annotations
 

@@ -54,10 +54,8 @@ def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
 
 
 def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
-    """ANM, the methods ``asked`` for, and that of the case, in the order of the table.
-
-    ``asked`` may contain "newton", "active-set" and "monolithic", which applies to all regularised methods.
-    """
+    """ANM, the methods ``asked`` for, and that of the case, in the order of the table. ``asked`` may contain
+    "newton", "active-set" and "monolithic", which applies to all regularised methods."""
     wanted = {ANM, *asked, *_own(case)}
     names = [name for name in (ANM, NEWTON) if name in wanted]
     if "monolithic" in wanted:
@@ -86,10 +84,8 @@ def law_of(case: Case) -> str:
 
 @dataclass
 class Measured:
-    """``states`` by position, as far as the path was followed, and the counts of the whole path.
-
-    ``seconds`` is the median CPU time of the path; ``failure`` and ``hint`` are empty if it was completed.
-    """
+    """``states`` by position, as far as the path was followed, and the counts of the whole path. ``seconds``
+    is the median CPU time of the path; ``failure`` and ``hint`` are empty if it was completed."""
 
     method: Method
     law: str
@@ -141,11 +137,7 @@ def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) 
 
 
 def measure_path(
-    method: Method,
-    law: str,
-    path: Callable[[], Iterator[Any]],
-    repeat: int,
-    check: Callable[[Any], None],
+    method: Method, law: str, path: Callable[[], Iterator[Any]], repeat: int, check: Callable[[Any], None]
 ) -> Measured:
     """Follows a ``path`` ``repeat`` times; ``check`` is called with every step, and may raise
     NumericalError."""

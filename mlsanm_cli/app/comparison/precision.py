@@ -38,11 +38,9 @@ class Curves:
 def precision_curves(
     built: CondensedScene, rows: Sequence[Measured], case_of: Callable[[Method], Case]
 ) -> Curves:
-    """L2 error against the exact law, CPU seconds and factorisations, by method and eta.
-
-    ``case_of`` returns the case of a method. A method that fails at some eta has no point there; there are no
-    points if the exact law has no states.
-    """
+    """L2 error against the exact law, CPU seconds and factorisations, by method and eta. ``case_of`` returns
+    the case of a method. A method that fails at some eta has no point there; there are no points if the exact
+    law has no states."""
     case = built.case
     exact = next((row for row in rows if row.done and row.law.startswith("exact")), None)
     states = exact.states if exact is not None else _exact_states(built, case_of)

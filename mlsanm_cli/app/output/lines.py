@@ -1,8 +1,6 @@
 """Contact surfaces and obstacles as lines, for files and pictures, and warnings of surfaces that slide far.
-
 At small strain contact partners are those of the undeformed state. If they slide by a considerable part of
-the contact's width, other points touch, and pressures are reported at points that have moved.
-"""
+the contact's width, other points touch, and pressures are reported at points that have moved."""
 
 from __future__ import annotations
 
@@ -55,10 +53,8 @@ def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
 
 
 def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
-    """Points (k, 2) and pairs of neighbours (e, 2) of the obstacle of every contact before loading.
-
-    Planes are drawn with a length relative to the scene, whose box is from ``low`` (2,) to ``high`` (2,).
-    """
+    """Points (k, 2) and pairs of neighbours (e, 2) of the obstacle of every contact before loading. Planes
+    are drawn with a length relative to the scene, whose box is from ``low`` (2,) to ``high`` (2,)."""
     return {
         contact.name: _drawn(contact.obstacle, low, high)
         for contact in case.contact

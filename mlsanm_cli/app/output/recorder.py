@@ -46,10 +46,8 @@ TALLIES = ("iterations", "factorizations", "solves", "residual", "linear_residua
 
 
 class Recorder(RunWriter):
-    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
-
-    With ``earlier`` it continues the files of an interrupted run after their last step.
-    """
+    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. With ``earlier`` it continues
+    the files of an interrupted run after their last step."""
 
     def __init__(
         self,
@@ -211,11 +209,7 @@ class Recorder(RunWriter):
             self._saved += 1
 
     def _check_places(
-        self,
-        built: CondensedScene,
-        state: State,
-        clouds: Mapping[str, Cloud],
-        fields: Mapping[str, Fields],
+        self, built: CondensedScene, state: State, clouds: Mapping[str, Cloud], fields: Mapping[str, Fields]
     ) -> None:
         """Raises NumericalError if bodies overlap; warns if a body overlaps itself or surfaces slide far."""
         moved = {name: one.displacement for name, one in fields.items()}

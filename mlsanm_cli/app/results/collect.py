@@ -28,11 +28,9 @@ Row = dict[str, Any]
 
 
 def collect(rundirs: Sequence[Path]) -> list[Row]:
-    """One row per run: directory, status, the keys that differ between the cases, figures.
-
-    Failed, stopped and running runs have rows with the figures available, and directories without a readable
-    run rows with status "unreadable". Files among the arguments, as ``sweep.csv``, are ignored.
-    """
+    """One row per run: directory, status, the keys that differ between the cases, figures. Failed, stopped
+    and running runs have rows with the figures available, and directories without a readable run rows with
+    status "unreadable". Files among the arguments, as ``sweep.csv``, are ignored."""
     rundirs = [place for place in rundirs if not place.is_file() or place.name == run_dir.RUN_FILE]
     heads, cases, results = zip(*map(_run, rundirs), strict=True) if rundirs else ((), (), ())
     keys = dict.fromkeys(key for case in cases for key in case)

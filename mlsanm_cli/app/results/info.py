@@ -31,11 +31,9 @@ PROVENANCE = (
 
 
 def info(rundir: Path) -> Mapping[str, Any]:
-    """The summary of a run and its provenance.
-
-    A run without summary.json is still running or was killed, which the lock of the directory distinguishes;
-    its figures are those of the steps in run.h5. Raises RunError for a directory without a readable run.
-    """
+    """The summary of a run and its provenance. A run without summary.json is still running or was killed,
+    which the lock of the directory distinguishes; its figures are those of the steps in run.h5. Raises
+    RunError for a directory without a readable run."""
     run = read_run(rundir)
     summary_file = run.directory / run_dir.SUMMARY_FILE
     summary = read_json(summary_file) if summary_file.is_file() else _unfinished(run)

@@ -16,10 +16,8 @@ from mlsanm_cli.io.run_reader import BodyData
 
 
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
-    """Draws the bodies coloured by their spacing, with supports, loads, obstacles and contacts.
-
-    Raises RunError for an unknown suffix, and if the file cannot be written.
-    """
+    """Draws the bodies coloured by their spacing, with supports, loads, obstacles and contacts. Raises
+    RunError for an unknown suffix, and if the file cannot be written."""
     if path.suffix.lower() not in SUFFIXES:
         raise RunError(f"{path}: picture formats are {', '.join(SUFFIXES)}", "the suffix selects the format")
     clouds = {name: model.cloud for name, model in prepared.models.items()}

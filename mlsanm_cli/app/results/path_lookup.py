@@ -55,10 +55,8 @@ class Level:
 
 
 def level_at(run: RunData, position: float) -> Level:
-    """The level of a path position.
-
-    Raises RunError if the path does not reach it, and between stored states at finite strain.
-    """
+    """The level of a path position. Raises RunError if the path does not reach it, and between stored states
+    at finite strain."""
     rows = np.asarray(run.path.position)
     finite = run.is_finite
     if not len(rows):
@@ -110,11 +108,9 @@ def _factors(run: RunData, row: int, share: float) -> FloatArray:
 
 
 def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, str]:
-    """Nodal displacements (n, 2) of a body at a level, and their origin.
-
-    Without unilateral contact states can be superposed: saved ones give any level whose load factors are a
-    linear combination of theirs. Raises RunError if the displacements are neither saved nor given by that.
-    """
+    """Nodal displacements (n, 2) of a body at a level, and their origin. Without unilateral contact states
+    can be superposed: saved ones give any level whose load factors are a linear combination of theirs. Raises
+    RunError if the displacements are neither saved nor given by that."""
     saved = [state for state in run.states if "displacement" in state.bodies[body]]
     if not saved:
         raise RunError(
@@ -173,10 +169,8 @@ def interpolation_error(position: FloatArray, history: FloatArray, row: int, sha
 
 def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray) -> float | None:
     """The estimated error of interpolated ``histories`` (S+1, ...), called ``name``, relative to the largest
-    value of the first in the adjacent rows; None if the level is not interpolated.
-
-    Raises RunError if the error is too large or unknown.
-    """
+    value of the first in the adjacent rows; None if the level is not interpolated. Raises RunError if the
+    error is too large or unknown."""
     if level.how != INTERPOLATED:
         return None
     position = np.asarray(run.path.position)
@@ -195,10 +189,8 @@ def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray)
 
 
 def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
-    """Pressure (m,) of every contact at a path position.
-
-    Raises RunError where the path does not reach the position, or where too little is stored about it.
-    """
+    """Pressure (m,) of every contact at a path position. Raises RunError where the path does not reach the
+    position, or where too little is stored about it."""
     level = level_at(run, position)
     for contact in run.contacts.values():
         checked_error(run, level, "pressures", contact.pressure)

@@ -215,10 +215,7 @@ def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
 
 def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool = False) -> None:
     """Draws the tangential force on the master over the tangential displacement of the platen that moves
-    most.
-
-    Without a platen, or with ``over_slip``, over the mean slip.
-    """
+    most. Without a platen, or with ``over_slip``, over the mean slip."""
     contact = run.contacts[name]
     force, (n_x, n_y) = tangential_force(run, name), mean_normal(run, name)
     along = {load: moved @ np.array([n_y, -n_x]) for load, moved in run.path.displacements.items()}

@@ -84,10 +84,8 @@ def probe_contact(
 
 
 def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False) -> list[Row]:
-    """Force (x, y) that a load or support exerts on its body, or a contact on its slave.
-
-    With ``contact`` the name is that of a contact, even if a load has it too.
-    """
+    """Force (x, y) that a load or support exerts on its body, or a contact on its slave. With ``contact`` the
+    name is that of a contact, even if a load has it too."""
     run, case = _read(rundir)
     _known(name, [*run.path.resultants, *run.contacts], "load, support or contact")
     if name in run.path.resultants and name in run.contacts and not contact:
@@ -139,12 +137,9 @@ def probe_point(
     point: tuple[float, float],
     field: str | None = None,
 ) -> list[Row]:
-    """Displacement and stress of a body at any point, at levels with saved fields.
-
-    Values and derivatives of the local polynomials of the run's degree, fitted to the nodal displacements.
-    Not for the ghost scheme, whose ghosts are not stored: without them stresses at surfaces had errors of
-    100 %.
-    """
+    """Displacement and stress of a body at any point, at levels with saved fields. Values and derivatives of
+    the local polynomials of the run's degree, fitted to the nodal displacements. Not for the ghost scheme,
+    whose ghosts are not stored: without them stresses at surfaces had errors of 100 %."""
     run, case = _read(rundir)
     _known(body, run.bodies, "body")
     levels = _levels(run, at)

@@ -48,11 +48,8 @@ CAPTIONS = {
 
 def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
     """Writes a page about one run or several, by default to ``report.html`` in the run directory or, for
-    several runs, in the current one.
-
-    Raises RunError for directories without a readable run, and if the file cannot be written or is not a
-    report of mlsanm.
-    """
+    several runs, in the current one. Raises RunError for directories without a readable run, and if the file
+    cannot be written or is not a report of mlsanm."""
     runs = [read_run(place) for place in rundirs]
     path = out or (runs[0].directory / run_dir.REPORT_FILE if len(runs) == 1 else Path(run_dir.REPORT_FILE))
     if path.suffix.lower() not in (".html", ".htm"):

@@ -123,11 +123,7 @@ def scalar_of(
 
 
 def field_of(
-    case: Case,
-    body: str,
-    fields: Mapping[str, FloatArray],
-    displacement: FloatArray,
-    field: str | None,
+    case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray, field: str | None
 ) -> tuple[FloatArray, str]:
     """A field (n,) of a body and its label with unit; by default that of `scalar_of`. Raises RunError if it
     was not saved.
@@ -176,10 +172,8 @@ def chosen_state(run: RunData, position: float | None) -> SavedState:
 
 def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
     """1, 2 or 5 times a power of ten by which displacements are multiplied to be seen; never below 1.
-
     Surfaces that met after closing a gap overlap in a picture by (scale - 1) times that gap, so scenes with
-    curved contacts are drawn nearly to scale.
-    """
+    curved contacts are drawn nearly to scale."""
     if run.is_finite:
         return 1.0
     size = _size(bodies)
@@ -204,10 +198,8 @@ def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
 def contact_window(
     run: RunData, position: float, bodies: Sequence[CloudBody], scale: float
 ) -> tuple[float, float, float, float] | None:
-    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene.
-
-    Its middle has moved as the node nearest to it is drawn, with displacements ``scale`` times as large.
-    """
+    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene. Its
+    middle has moved as the node nearest to it is drawn, with displacements ``scale`` times as large."""
     if not run.contacts:
         return None
     pressures = pressures_at(run, position)

@@ -222,14 +222,14 @@ def assemble_bodies(
             bodies[name] = known
             continue
         held, held_nodes, springs, touching = conditions[name]
-        twins = (
+        copies = (
             body
             for other, body in bodies.items()
             if conditions[other] == conditions[name] and is_translated_copy(model, body.model)
         )
-        twin = next(twins, None)
-        if twin is not None:
-            bodies[name] = with_shared_factors(twin, model)
+        translated = next(copies, None)
+        if translated is not None:
+            bodies[name] = with_shared_factors(translated, model)
             continue
         body = memo.value(
             "body",

@@ -68,10 +68,8 @@ def load_kernels(context: RunContext) -> Loaded:
 
 
 def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
-    """The scene on its initial clouds, with all checks that precede solving.
-
-    Raises CaseError for a scene that exceeds the memory, and for invalid contacts and platens.
-    """
+    """The scene on its initial clouds, with all checks that precede solving. Raises CaseError for a scene
+    that exceeds the memory, and for invalid contacts and platens."""
     load_kernels(context)
     try:
         with context.phase("cloud"):
@@ -106,10 +104,7 @@ def _size_key(case: Case) -> str:
 
 
 def place(
-    case: Case,
-    context: RunContext,
-    zones: tuple[Zone, ...] = (),
-    before: SceneModel | None = None,
+    case: Case, context: RunContext, zones: tuple[Zone, ...] = (), before: SceneModel | None = None
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
     equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
@@ -131,15 +126,10 @@ def _placed(
 
 
 def condense_scene(
-    case: Case,
-    prepared: SceneModel,
-    context: RunContext,
-    before: Scene | None = None,
+    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None = None
 ) -> CondensedScene:
-    """Assembles the systems of the bodies, condenses, and determines the reach of every contact.
-
-    Bodies with the same model as in the scene ``before`` keep their systems.
-    """
+    """Assembles the systems of the bodies, condenses, and determines the reach of every contact. Bodies with
+    the same model as in the scene ``before`` keep their systems."""
     idle = {weak.idle: weak.motion for weak in prepared.weak if weak.idle is not None}
     if idle:
         driven = tuple(weak for weak in prepared.weak if weak.idle is None)
@@ -161,11 +151,8 @@ def condense_scene(
 
 def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
     """Translations of floating bodies without a load in their direction, one at a time, then all of one
-    direction.
-
-    Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the motion is
-    then undetermined, and zero by symmetry.
-    """
+    direction. Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the
+    motion is then undetermined, and zero by symmetry."""
     idle = [
         (constraint.body, motion.component)
         for constraint in prepared.rigid_constraints
@@ -263,11 +250,7 @@ def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> Sce
 
 
 def _condense(
-    case: Case,
-    scene: Scene,
-    pairings: tuple[Pairing, ...],
-    stages: FloatArray,
-    context: RunContext,
+    case: Case, scene: Scene, pairings: tuple[Pairing, ...], stages: FloatArray, context: RunContext
 ) -> tuple[Condensed, tuple[ExactState, ...]]:
     """Condenses; an automatic reach of a contact is enlarged until no excluded node touches."""
     fixed = {contact.name: contact.reach for contact in case.contact}

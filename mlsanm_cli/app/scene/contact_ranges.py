@@ -40,10 +40,7 @@ MINIMUM_PASSES = 8
 
 
 def contact_ranges(
-    case: Case,
-    models: Mapping[str, BodyModel],
-    pairings: tuple[Pairing, ...],
-    held: Mapping[str, Restraints],
+    case: Case, models: Mapping[str, BodyModel], pairings: tuple[Pairing, ...], held: Mapping[str, Restraints]
 ) -> dict[str, ContactRange]:
     """The contacts that may have contact grids, by name: none on surfaces that are ``held`` or have
     springs."""

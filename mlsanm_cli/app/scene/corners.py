@@ -45,12 +45,9 @@ Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
 
 @dataclass(frozen=True)
 class SmoothPart:
-    """A stretch of a surface without a corner, from arc length ``first`` to ``last``.
-
-    At both ends: the corner if its fields are known, whether the outline ``continues`` smoothly, and whether
-    pressures may reach the end (``ended``): at known corners, and where the outline continues without a
-    contact.
-    """
+    """A stretch of a surface without a corner, from arc length ``first`` to ``last``. At both ends: the
+    corner if its fields are known, whether the outline ``continues`` smoothly, and whether pressures may
+    reach the end (``ended``): at known corners, and where the outline continues without a contact."""
 
     first: float
     last: float

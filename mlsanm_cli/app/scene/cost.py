@@ -1,7 +1,5 @@
-"""Estimated CPU time of a run: a model fitted to Hertz scenes of 1300 to 17500 nodes.
-
-It is accurate to about a factor of two on one core of a current machine with compiled kernels.
-"""
+"""Estimated CPU time of a run: a model fitted to Hertz scenes of 1300 to 17500 nodes. It is accurate to about
+a factor of two on one core of a current machine with compiled kernels."""
 
 from __future__ import annotations
 

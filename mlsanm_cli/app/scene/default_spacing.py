@@ -90,10 +90,8 @@ def bends(outline: Outline) -> bool:
 
 
 def leans(outline: Outline, clamped: Sequence[Curve], stretch: float) -> bool:
-    """Whether a body extends so far from its ``clamped`` sides that their compliance rotates it.
-
-    The depth of fields that decay ``stretch`` times as slowly as in an isotropic body counts accordingly.
-    """
+    """Whether a body extends so far from its ``clamped`` sides that their compliance rotates it. The depth of
+    fields that decay ``stretch`` times as slowly as in an isotropic body counts accordingly."""
     return stretch * _area(outline) > sum(curve.length for curve in clamped) ** 2 > 0.0
 
 

@@ -73,11 +73,9 @@ def constrain_free_rigid_modes(
     loads: Acting,
     exact: Collection[str] = (),
 ) -> Restrained:
-    """The rigid constraints with free modes prescribed at zero, and notes about them.
-
-    The directions of contacts named ``exact`` are those of their surfaces, of others those at the nodes.
-    Raises CaseError if a load drives a free mode.
-    """
+    """The rigid constraints with free modes prescribed at zero, and notes about them. The directions of
+    contacts named ``exact`` are those of their surfaces, of others those at the nodes. Raises CaseError if a
+    load drives a free mode."""
     kept = [
         unknown_motion(constraint, motion, clouds, pairings, loads)
         for constraint in rigid_constraints
@@ -122,11 +120,8 @@ def constrain_free_rigid_modes(
 
 def held_at_zero(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> RigidConstraint:
     """The ``constraint`` with the components that ``held`` names prescribed at zero: those by which motions
-    are fixed that move its centre along ``held[component]`` (2,).
-
-    Of a motion oblique to x and y its own direction is fixed: with x or y alone, displacements would depend
-    on the axes.
-    """
+    are fixed that move its centre along ``held[component]`` (2,). Of a motion oblique to x and y its own
+    direction is fixed: with x or y alone, displacements would depend on the axes."""
     axes, motions = _own_axes(constraint, held), []
     for one in constraint.motions:
         if one.component in axes:

@@ -57,10 +57,8 @@ def geometry_of(shape: AnyShape) -> Geometry:
 
 
 def floating(case: Case) -> Iterator[Fault]:
-    """A fault for every body without contact that can move freely; bodies in contact are checked later.
-
-    A plate moved by a force restrains only the rotation of its boundary, unless it is free to rotate.
-    """
+    """A fault for every body without contact that can move freely; bodies in contact are checked later. A
+    plate moved by a force restrains only the rotation of its boundary, unless it is free to rotate."""
     touching = {split_boundary(boundary)[0] for contact in case.contact for boundary in contact.boundaries}
     for index, body in enumerate(case.body):
         if body.name in touching:

@@ -32,10 +32,8 @@ LEVEL_TOLERANCE = 1e-6
 
 
 def narrow_zones(outline: Outline, far: float, across: float, growth: float) -> Iterator[Zone]:
-    """Zones with ``across`` spacings between opposite faces, if the spacing ``far`` is coarser.
-
-    Faces that meet in a corner are excluded: wedges would have arbitrarily fine nodes.
-    """
+    """Zones with ``across`` spacings between opposite faces, if the spacing ``far`` is coarser. Faces that
+    meet in a corner are excluded: wedges would have arbitrarily fine nodes."""
     owner, arc, step, points, normals = _samples(outline, far)
     width = np.full(len(owner), np.inf)
     pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
@@ -99,10 +97,8 @@ RIGHT = 0.05
 
 def sharp_ends(rest: Sequence[Curve], own: Curve, obstacle: Shape, far: float) -> Iterator[Zone]:
     """Zones at the ends of a surface ``own`` that touch a rigid ``obstacle`` as drawn, if it makes a corner
-    other than a right one with a piece of the ``rest`` of its outline there.
-
-    Where bodies touch each other both would need them: a dovetail had twice the nodes and was no better.
-    """
+    other than a right one with a piece of the ``rest`` of its outline there. Where bodies touch each other
+    both would need them: a dovetail had twice the nodes and was no better."""
     if own.closed:
         return
     ends = np.array([0.0, own.length])

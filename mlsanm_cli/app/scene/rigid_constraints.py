@@ -29,10 +29,8 @@ def rigid_constraints(
     springs: Mapping[str, Springs],
 ) -> list[mechanics.RigidConstraint]:
     """All rigid constraints, with ``held[body][surface]`` and ``held_nodes[body]`` as in `SceneModel`.
-
     ``grips`` are the surfaces held by supports or stiff springs. Raises CaseError for floating bodies in a
-    scheme that does not support them.
-    """
+    scheme that does not support them."""
     return [
         *_platens(case, clouds, grips, held_nodes),
         *_obstacles(case),
@@ -46,10 +44,7 @@ def components(nodes: tuple[tuple[int, int], ...]) -> tuple[bool, bool]:
 
 
 def _platens(
-    case: Case,
-    clouds: Mapping[str, Cloud],
-    held: HeldSurfaces,
-    held_nodes: HeldNodes,
+    case: Case, clouds: Mapping[str, Cloud], held: HeldSurfaces, held_nodes: HeldNodes
 ) -> Iterator[mechanics.Platen]:
     """Platens, one per boundary or list of boundaries of platen loads."""
     groups: dict[str, list[tuple[int, Platen]]] = {}

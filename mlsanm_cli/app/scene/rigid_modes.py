@@ -19,11 +19,9 @@ from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, RigidMotion
 
 MIN_NORMAL_COMPONENT = 0.2
-"""Root mean square component of its normals above which a contact resists a direction.
-
-A smaller one is due to slight curvature of the surface, and too small to distinguish the motion from
-asymmetry of the discretisation.
-"""
+"""Root mean square component of its normals above which a contact resists a direction. A smaller one is due
+to slight curvature of the surface, and too small to distinguish the motion from asymmetry of the
+discretisation."""
 FREE_TOLERANCE = 1e-6
 """Resistance below this is round-off."""
 MIN_EXACT_COMPONENT = 1e-3

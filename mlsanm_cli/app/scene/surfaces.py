@@ -1,8 +1,6 @@
-"""Boundaries of a case as pieces of the outline of a body: sides of one name, lists, parts.
-
-An outline has one piece per smooth stretch. Boundaries of several pieces and parts of boundaries are sets of
-pieces; supports and loads act on each piece. A contact joins its pieces to one surface.
-"""
+"""Boundaries of a case as pieces of the outline of a body: sides of one name, lists, parts. An outline has
+one piece per smooth stretch. Boundaries of several pieces and parts of boundaries are sets of pieces;
+supports and loads act on each piece. A contact joins its pieces to one surface."""
 
 from __future__ import annotations
 

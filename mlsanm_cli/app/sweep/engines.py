@@ -1,7 +1,5 @@
-"""Execution of the points of a sweep: in this process, in several local ones, or on a Dask cluster.
-
-Other processes are spawned: a fork would copy the state of threads that numba and BLAS have started.
-"""
+"""Execution of the points of a sweep: in this process, in several local ones, or on a Dask cluster. Other
+processes are spawned: a fork would copy the state of threads that numba and BLAS have started."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""``mlsanm sweep``: a case solved for all combinations of given values, each in its own run directory.
-
-Points of one geometry are consecutive, so that a process can reuse their operators.
-"""
+"""``mlsanm sweep``: a case solved for all combinations of given values, each in its own run directory. Points
+of one geometry are consecutive, so that a process can reuse their operators."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""The valid parts of a case: their relations are checked even if other parts have errors.
-
-The case layer does no geometry and reads no geometry files: the caller passes in a `GeometryInspector`.
-"""
+"""The valid parts of a case: their relations are checked even if other parts have errors. The case layer does
+no geometry and reads no geometry files: the caller passes in a `GeometryInspector`."""
 
 from __future__ import annotations
 
@@ -36,11 +34,9 @@ class Geometry:
 
 @dataclass(frozen=True)
 class GeometryInspector:
-    """Functions that examine the geometry of a case.
-
-    ``geometry`` raises GeometryError for a shape that is not a valid body; ``floating`` returns a fault for
-    every body without contact that can move freely, with its key in the case.
-    """
+    """Functions that examine the geometry of a case. ``geometry`` raises GeometryError for a shape that is
+    not a valid body; ``floating`` returns a fault for every body without contact that can move freely, with
+    its key in the case."""
 
     geometry: Callable[[AnyShape], Geometry]
     floating: Callable[[Case], Iterable[Fault]]
@@ -57,11 +53,9 @@ MAX_ROUNDS = 10
 
 @dataclass(frozen=True)
 class ValidParts:
-    """The valid part of the content ``data`` of a file as a ``case``.
-
-    ``places`` are the numbers of the list items in the file, ``incomplete`` the tables and lists from which
-    something was removed, ``geometries`` those of valid shapes by the number of the body.
-    """
+    """The valid part of the content ``data`` of a file as a ``case``. ``places`` are the numbers of the list
+    items in the file, ``incomplete`` the tables and lists from which something was removed, ``geometries``
+    those of valid shapes by the number of the body."""
 
     case: Case
     data: Mapping[str, Any]
@@ -150,10 +144,8 @@ class ValidParts:
 
 
 def validate(data: Mapping[str, Any], report: Report, covered: frozenset[KeyPath]) -> ValidParts | None:
-    """The valid parts of the content of a file; None if no case can be made of them.
-
-    Adds all validation errors to the report, except at or below ``covered`` paths, which have been reported.
-    """
+    """The valid parts of the content of a file; None if no case can be made of them. Adds all validation
+    errors to the report, except at or below ``covered`` paths, which have been reported."""
     places = {section: tuple(range(len(_items(data, section)))) for section in LISTS}
     incomplete: set[str] = set()
     rest = dict(data)

@@ -35,20 +35,12 @@ BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
 
 class Section(BaseModel):
-    """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types.
-
-    The docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema;
-    the docstring of the class describes the table.
-    """
+    """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types. The
+    docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema; the
+    docstring of the class describes the table."""
 
     # Deferred: the validator of the whole case is built once, when it is needed, not that of each table.
-    model_config = ConfigDict(
-        frozen=True,
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        defer_build=True,
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
     @classmethod
     def __get_pydantic_json_schema__(

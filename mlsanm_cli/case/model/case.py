@@ -1,7 +1,5 @@
-"""The case file as frozen values: one class per table, attributes named like the keys.
-
-Any consistent units of length, force per unit thickness and stress can be used. All defaults are set here.
-"""
+"""The case file as frozen values: one class per table, attributes named like the keys. Any consistent units
+of length, force per unit thickness and stress can be used. All defaults are set here."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""Expressions in x and y for quantities that depend on position: parsed and checked, never run as Python.
-
-The text is parsed as a Python expression. Only numbers, x, y, pi, arithmetic, comparisons, conditionals
-(``a if x < 1 else b``) and the functions below are allowed. All numbers are floats, which bounds their size.
-"""
+"""Expressions in x and y for quantities that depend on position: parsed and checked, never run as Python. The
+text is parsed as a Python expression. Only numbers, x, y, pi, arithmetic, comparisons, conditionals (``a if x
+< 1 else b``) and the functions below are allowed. All numbers are floats, which bounds their size."""
 
 from __future__ import annotations
 

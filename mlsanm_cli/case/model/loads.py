@@ -145,11 +145,8 @@ class Temperature(_InBody):
 
 
 class _RigidMotion(Section):
-    """A rigid body with a prescribed force or displacement in each direction.
-
-    ``force`` and ``displacement`` give both components, ``ux, uy, fx, fy`` one each. Forces are per unit
-    thickness.
-    """
+    """A rigid body with a prescribed force or displacement in each direction. ``force`` and ``displacement``
+    give both components, ``ux, uy, fx, fy`` one each. Forces are per unit thickness."""
 
     force: Annotated[Vector, FORCE] | None = None
     """Force, x and y."""

@@ -39,11 +39,9 @@ class Stop(Section):
 
 
 def check_stop(stop: Stop, path: KeyPath, names: dict[str, list[str]], report: Report) -> None:
-    """Adds problems for missing or double limits and unknown names.
-
-    ``names`` are those of the items of the case by section ("load", "contact", "probe", "support"), and of
-    its platen and obstacle loads ("rigid").
-    """
+    """Adds problems for missing or double limits and unknown names. ``names`` are those of the items of the
+    case by section ("load", "contact", "probe", "support"), and of its platen and obstacle loads
+    ("rigid")."""
     given = [key for key in ("above", "below") if getattr(stop, key) is not None]
     if stop.what == "fold":
         for key in (*given, *(("of",) if stop.of else ())):

@@ -29,9 +29,7 @@ class TableError(ValueError):
 
 def inline_tables(data: Mapping[str, Any], base: Path) -> tuple[dict[str, Any], list[tuple[KeyPath, str]]]:
     """The content of a case with the rows of tables in place of file names, which are relative to ``base``.
-
-    Also returns the problems found, by key; there the file name remains.
-    """
+    Also returns the problems found, by key; there the file name remains."""
     content = dict(data)
     problems: list[tuple[KeyPath, str]] = []
     loads = data.get("load")

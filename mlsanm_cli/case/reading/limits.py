@@ -1,8 +1,6 @@
-"""Limits on counts, depths and magnitudes, checked before anything else.
-
-They are far beyond any scene that could be solved, and keep checks whose cost grows faster than the input, as
-the search for crossing sides, below seconds.
-"""
+"""Limits on counts, depths and magnitudes, checked before anything else. They are far beyond any scene that
+could be solved, and keep checks whose cost grows faster than the input, as the search for crossing sides,
+below seconds."""
 
 from __future__ import annotations
 

@@ -34,10 +34,8 @@ REGULARIZED = "hyperbolic"
 
 @dataclass(frozen=True)
 class LoadedCase:
-    """A validated case with the text it came from.
-
-    ``case_hash`` is the SHA-256 of the resolved content: equal for equal cases, however they are written.
-    """
+    """A validated case with the text it came from. ``case_hash`` is the SHA-256 of the resolved content:
+    equal for equal cases, however they are written."""
 
     case: Case
     raw: str
@@ -57,11 +55,9 @@ class LoadedCase:
 def load_case(
     path: Path, overrides: Sequence[str] = (), inspector: GeometryInspector | None = None
 ) -> LoadedCase:
-    """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
-
-    Without ``inspector`` neither geometry nor names of boundaries are checked. Raises RunError
-    if the file cannot be read, and CaseError with every problem found.
-    """
+    """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation. Without
+    ``inspector`` neither geometry nor names of boundaries are checked. Raises RunError if the file cannot be
+    read, and CaseError with every problem found."""
     if not is_text(path.absolute()):
         # Files of bodies are stored with their absolute path.
         raise RunError(f"the path {str(path.absolute())!r} is not UTF-8 text", "rename the directories in it")
@@ -95,15 +91,10 @@ def _nearest_case(path: Path) -> str:
 
 
 def parse_case(
-    text: str,
-    path: Path,
-    overrides: Sequence[str] = (),
-    inspector: GeometryInspector | None = None,
+    text: str, path: Path, overrides: Sequence[str] = (), inspector: GeometryInspector | None = None
 ) -> LoadedCase:
-    """Validates a case given as text. Raises CaseError.
-
-    ``path`` is the source named in messages; other files are relative to its directory.
-    """
+    """Validates a case given as text. Raises CaseError. ``path`` is the source named in messages; other files
+    are relative to its directory."""
     source = str(path)
     content = _parse_toml(text, source)
     _refuse_sizes(content, Report(content, text, source))
@@ -132,10 +123,8 @@ def parse_case(
 
 
 def stored_case(text: str) -> Case:
-    """The resolved case of a run; the files that it names need not exist any more.
-
-    Raises RunError if the text is not a case.
-    """
+    """The resolved case of a run; the files that it names need not exist any more. Raises RunError if the
+    text is not a case."""
     try:
         return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
     except ValueError as error:
@@ -201,10 +190,8 @@ def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:
 
 
 def resolved_mapping(case: Case) -> dict[str, Any]:
-    """The case as nested plain values with all defaults; keys without a value are omitted.
-
-    Written as TOML and loaded again, it gives an equal case.
-    """
+    """The case as nested plain values with all defaults; keys without a value are omitted. Written as TOML
+    and loaded again, it gives an equal case."""
     found: dict[str, Any] = plain(case.model_dump(mode="python", exclude_none=True, by_alias=True))
     return found
 

@@ -1,7 +1,5 @@
-"""Starter cases: a small, commented case for each kind of scene, written by ``mlsanm new``.
-
-The published cases, with finer clouds and closed formulas, are in ``cases``.
-"""
+"""Starter cases: a small, commented case for each kind of scene, written by ``mlsanm new``. The published
+cases, with finer clouds and closed formulas, are in ``cases``."""
 
 from __future__ import annotations
 

@@ -102,8 +102,8 @@ class SetSystem:
         self._rows, self._columns = rows, columns
         # Tractions of slipping nodes are eliminated by their pressures.
         self._sliding, self._under = m + sliding, condensed.friction_nodes[sliding]
-        self._drag = sets.slip_sign[sliding] * condensed.friction[sliding]
-        self._slope = self._drag * columns[self._under] / columns[self._sliding]
+        self._friction_slope = sets.slip_sign[sliding] * condensed.friction[sliding]
+        self._slope = self._friction_slope * columns[self._under] / columns[self._sliding]
         self._kind = np.concatenate(
             [sets.closed, 2.0 * sets.stuck + sets.slip_sign, np.ones(len(whole) - m - n)]
         )
@@ -164,7 +164,7 @@ class SetSystem:
         # Exact, without the update's round-off.
         open_ones = self._kind == 0.0
         unknowns[open_ones] = 0.0
-        unknowns[self._sliding] = self._drag * unknowns[self._under]
+        unknowns[self._sliding] = self._friction_slope * unknowns[self._under]
         return unknowns
 
     def scaled_solution(self, rhs: FloatArray) -> FloatArray:

@@ -40,12 +40,8 @@ def animate_pressure(
     arc_label: str,
     pressure_label: str,
 ) -> None:
-    """Writes a GIF or MP4 of the pressures (frames, m) at the arc lengths ``arc`` (m,) of a contact.
-
-    Raises ValueError for wrong shapes, RunError if the file cannot be written.
-    """
-    if pressure.shape != (len(titles), len(arc)) or not len(arc):
-        raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(titles), len(arc))}")
+    """Writes a GIF or MP4 of the pressures (frames, m) at the arc lengths ``arc`` (m,) of a contact. Raises
+    RunError if the file cannot be written."""
     left, right = visible_range(arc, pressure, None)
     highest = float(pressure.max(initial=0.0)) or 1.0
 
@@ -80,12 +76,8 @@ def animate_bodies(
     unit: str = "",
 ) -> None:
     """Writes a GIF or MP4 of the deformed bodies in several states, each with its ``marks``, with common
-    colours and limits of the axes; ``unit`` is that of lengths.
-
-    Raises ValueError if there is no state, RunError if the file cannot be written.
-    """
-    if not states:
-        raise ValueError("no state to draw")
+    colours and limits of the axes; ``unit`` is that of lengths. Raises RunError if the file
+    cannot be written."""
     everything = [body for bodies in states for body in bodies]
     limits = range_of(everything)
     corners = np.array([window_of(everything, scale, one) for one in marks])

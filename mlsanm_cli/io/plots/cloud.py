@@ -39,9 +39,7 @@ _MAX_HEIGHT = 7.0
 @dataclass(frozen=True)
 class CloudBody:
     """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), and ``scalar`` (n,) for the colour.
-
-    ``triangles`` (t, 3) fill it; without them Delaunay triangles are selected by the node spacing.
-    """
+    ``triangles`` (t, 3) fill it; without them Delaunay triangles are selected by the node spacing."""
 
     points: FloatArray
     displacement: FloatArray
@@ -96,16 +94,9 @@ def plot_cloud(
 
     ``scale`` multiplies the displacements and is shown in the title; ``window`` (x0, x1, y0, y1) adds a
     second panel with this detail. ``label`` names the scalar; dots are the nodes, grey lines the undeformed
-    outlines; ``marks`` are supports, loads and obstacles; ``unit`` is that of lengths. Raises ValueError for
-    wrong shapes, RunError if ``path`` cannot be written.
+    outlines; ``marks`` are supports, loads and obstacles; ``unit`` is that of lengths. Raises RunError if
+    ``path`` cannot be written.
     """
-    if not bodies:
-        raise ValueError("no body to draw")
-    for body in bodies:
-        count = len(body.points)
-        if body.displacement.shape != (count, 2) or body.scalar.shape != (count,):
-            wrong = f"displacement {body.displacement.shape}, scalar {body.scalar.shape}"
-            raise ValueError(f"{wrong}: expected n = {count} rows")
     marks = marks or ConditionMarks()
     whole = window_of(bodies, scale, marks)
     views = [whole] if window is None else [whole, window]

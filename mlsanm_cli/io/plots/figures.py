@@ -70,11 +70,9 @@ def resolution(dpi: int) -> Iterator[None]:
 
 @contextmanager
 def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """Yields an empty figure of ``width`` x ``height`` inches and saves it at the end of the block.
-
-    The suffix of ``path`` selects the format: .png, .svg or .pdf. Raises ValueError for others, RunError if
-    the file cannot be written.
-    """
+    """Yields an empty figure of ``width`` x ``height`` inches and saves it at the end of the block. The
+    suffix of ``path`` selects the format: .png, .svg or .pdf. Raises ValueError for others, RunError if the
+    file cannot be written."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.suffix!r}")

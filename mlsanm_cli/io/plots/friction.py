@@ -32,10 +32,8 @@ def plot_traction(
     """Draws the traction at the nodes of a contact with its friction limits, and the stick and slip zones.
 
     ``arc``, ``traction``, ``limit`` (mu p) and ``status`` (0 open, 1 stick, 2 slip) are (m,). Values far
-    above ``highest`` are cut off. Raises ValueError for wrong shapes, RunError if ``path`` cannot be written.
+    above ``highest`` are cut off. Raises RunError if ``path`` cannot be written.
     """
-    if not arc.shape == traction.shape == limit.shape == status.shape:
-        raise ValueError(f"shapes differ: {arc.shape}, {traction.shape}, {limit.shape}, {status.shape}")
     left, right = visible_range(arc, limit[None, :], None)
     with picture(path, 7.2, 3.8) as figure:
         axes = figure.subplots()
@@ -83,12 +81,8 @@ def plot_loop(
     *,
     force_label: str = "tangential force on the master, per unit thickness",
 ) -> None:
-    """Draws the tangential force of a contact against a displacement along the load path, both (S+1,).
-
-    Raises ValueError for other shapes, RunError if ``path`` cannot be written.
-    """
-    if displacement.shape != force.shape:
-        raise ValueError(f"displacement has shape {displacement.shape}, force {force.shape}")
+    """Draws the tangential force of a contact against a displacement along the load path, both (S+1,). Raises
+    RunError if ``path`` cannot be written."""
     with picture(path, 5.2, 4.2) as figure:
         axes = figure.subplots()
         axes.plot(displacement, force, color=COLOURS[0], marker="o", markersize=2.0)

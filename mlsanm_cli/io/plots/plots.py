@@ -49,10 +49,8 @@ def plot_pressure(
     ``arc`` (m,), ``pressure`` (levels, m), one label per level. Markers show the nodes, and thereby
     oscillations from node to node. With ``reference``, which belongs to the last level, the difference to it
     is drawn below in percent of its peak. ``suffix`` follows the contact in the title. Values far above
-    ``highest`` are cut off. Raises ValueError for wrong shapes, RunError if ``path`` cannot be written.
+    ``highest`` are cut off. Raises RunError if ``path`` cannot be written.
     """
-    if pressure.shape != (len(level_labels), len(arc)) or not level_labels:
-        raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(level_labels), len(arc))}")
     left, right = visible_range(arc, pressure, reference)
     inside = (arc >= left) & (arc <= right)
     shades = _shades(len(level_labels))
@@ -96,15 +94,9 @@ def plot_path(
     title: str = "Load path",
     joined: bool = True,
 ) -> None:
-    """Draws quantities along the load path, one marker per step.
-
-    ``x`` (S+1,), for instance the position or a platen's displacement, and curves of the same length; without
-    ``joined`` markers only, for steps between which nothing is known. Raises ValueError for other lengths,
-    RunError if ``path`` cannot be written.
-    """
-    for label, values in curves.items():
-        if values.shape != x.shape:
-            raise ValueError(f"curve {label} has shape {values.shape}, expected {x.shape}")
+    """Draws quantities along the load path, one marker per step. ``x`` (S+1,), for instance the position or a
+    platen's displacement, and curves of the same length; without ``joined`` markers only, for steps between
+    which nothing is known. Raises RunError if ``path`` cannot be written."""
     with picture(path, 6.0, 3.8) as figure:
         axes = figure.subplots()
         for index, (label, values) in enumerate(curves.items()):
@@ -185,17 +177,11 @@ class PlotCurve:
 
 
 def plot_curves(path: Path, curves: Sequence[PlotCurve], x_label: str, y_label: str, title: str) -> None:
-    """Draws curves in one picture, distinguished by colours, then by line styles.
-
-    Raises ValueError for arrays of different lengths or no curve, RunError if ``path`` cannot be written.
-    """
-    if not curves:
-        raise ValueError("no curve to draw")
+    """Draws curves in one picture, distinguished by colours, then by line styles. Raises RunError if ``path``
+    cannot be written."""
     with picture(path, 7.2, 4.2) as figure:
         axes = figure.subplots()
         for index, curve in enumerate(curves):
-            if curve.x.shape != curve.y.shape:
-                raise ValueError(f"{curve.label}: x has shape {curve.x.shape}, y {curve.y.shape}")
             axes.plot(
                 curve.x,
                 curve.y,
@@ -229,11 +215,9 @@ class WorkCurve:
 
 
 def plot_precision(path: Path, curves: Sequence[WorkCurve], exact: tuple[float, float] | None) -> None:
-    """Draws errors against CPU seconds and against factorisations, one curve per method.
-
-    ``exact`` are seconds and factorisations for the exact law, shown as a vertical line: it is the reference
-    of the errors. Raises RunError if ``path`` cannot be written.
-    """
+    """Draws errors against CPU seconds and against factorisations, one curve per method. ``exact`` are
+    seconds and factorisations for the exact law, shown as a vertical line: it is the reference of the errors.
+    Raises RunError if ``path`` cannot be written."""
     with picture(path, 8.4, 3.8) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         for index, curve in enumerate(curves):

@@ -107,10 +107,8 @@ def _compiled(kernel: Kernel) -> Any:
 
 
 def _check_layout(kernel: Kernel, types: tuple[Any, ...], result: Any) -> None:
-    """Raise TypeError if a kernel returns another type than declared.
-
-    Raises UnloadableError if numba's calling convention differs from ours.
-    """
+    """Raise TypeError if a kernel returns another type than declared. Raises UnloadableError if numba's
+    calling convention differs from ours."""
     from numba.core import registry
 
     parts = getattr(result, "types", (result,))
@@ -151,10 +149,8 @@ def _kinds(layout: Any) -> str:
 
 
 def in_process(kernel: Kernel, place: Path | None = None) -> Callable[..., Any]:
-    """A kernel called through numba, compiled for this process or cached by numba in ``place``.
-
-    ``place`` must depend on all sources: numba checks a function's own file only, not those it calls.
-    """
+    """A kernel called through numba, compiled for this process or cached by numba in ``place``. ``place``
+    must depend on all sources: numba checks a function's own file only, not those it calls."""
     _bind()
     types = tuple(_type(one) for one in kernel.signature.arguments)
     dispatcher: Any = numba.njit(**OPTIONS)(kernel.__wrapped__)

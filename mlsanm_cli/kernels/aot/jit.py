@@ -120,10 +120,8 @@ _loaded: list[Loaded] = []
 
 
 def is_warm() -> bool:
-    """Whether machine code is loaded, or stored by an earlier run and loaded now.
-
-    Raises RunError if NUMBA_DISABLE_JIT is set.
-    """
+    """Whether machine code is loaded, or stored by an earlier run and loaded now. Raises RunError if
+    NUMBA_DISABLE_JIT is set."""
     if DISABLED:
         raise RunError("NUMBA_DISABLE_JIT is set, and a run needs its kernels compiled", "unset it")
     with _lock:
@@ -185,11 +183,8 @@ def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
 
 
 def _compiled_apart(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
-    """``compiled(kernels)`` in a thread, which ends before the next kernel when interrupted.
-
-    An interrupt while LLVM calls back into Python would be printed and lost; in this waiting thread it is
-    not.
-    """
+    """``compiled(kernels)`` in a thread, which ends before the next kernel when interrupted. An interrupt
+    while LLVM calls back into Python would be printed and lost; in this waiting thread it is not."""
     from concurrent.futures import ThreadPoolExecutor
 
     waited = True

@@ -92,10 +92,8 @@ def read(place: Path) -> Code | None:
 
 
 def write(place: Path, code: Code) -> None:
-    """Store machine code atomically, writable by its owner only.
-
-    Raises OSError, also if others may write to a parent directory, as it would not be read again.
-    """
+    """Store machine code atomically, writable by its owner only. Raises OSError, also if others may write to
+    a parent directory, as it would not be read again."""
     _make_private_directory(place)
     reason = who_else_may_write(place)
     if reason:

@@ -30,11 +30,8 @@ DONE = (0, -2)
 
 @dataclass(frozen=True)
 class Code:
-    """An ``object`` file and its ``entries``: symbol names by kernel names.
-
-    ``symbols`` are the external functions it calls, ``math`` those of them that numba binds to mathematical
-    functions.
-    """
+    """An ``object`` file and its ``entries``: symbol names by kernel names. ``symbols`` are the external
+    functions it calls, ``math`` those of them that numba binds to mathematical functions."""
 
     object: bytes
     entries: Mapping[str, str]

@@ -62,11 +62,9 @@ class Value:
         return cls(name, DTYPES[found[1]], int(found[3]), found[2] is not None)
 
     def words(self, value: Any) -> tuple[Any, ...]:
-        """The words passed to machine code: a number, or an array's descriptor.
-
-        Raises TypeError for a value of another type than the kernel was compiled for, OverflowError for an
-        integer of more than 64 bits.
-        """
+        """The words passed to machine code: a number, or an array's descriptor. Raises TypeError for a value
+        of another type than the kernel was compiled for, OverflowError for an integer of more than 64
+        bits."""
         if self.ndim == 0:
             return (self._scalar(value),)
         if (

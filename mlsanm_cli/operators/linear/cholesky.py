@@ -1,8 +1,5 @@
 """Multifrontal factorisation with nested-dissection fronts, on top of BLAS and LAPACK; factors are verified,
-with SuperLU as fallback.
-
-Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004).
-"""
+with SuperLU as fallback. Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004)."""
 
 from __future__ import annotations
 
@@ -122,10 +119,8 @@ class CholeskyFactor:
         return (*tree, self.values, shape.unit, *self.links)
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
-        """Solution for (n,) or (n, c) right-hand sides; the matrix is symmetric.
-
-        Raises ValueError for another n.
-        """
+        """Solution for (n,) or (n, c) right-hand sides; the matrix is symmetric. Raises ValueError for
+        another n."""
         if len(rhs) != len(self.order):
             raise ValueError(f"{len(rhs)} rows for {len(self.order)} unknowns")
         if not rhs.size:
@@ -151,10 +146,7 @@ class CholeskySolver:
 
     def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
         """Factorise; falls back to SuperLU, with a note, if a pivot has the wrong sign or the factor is
-        inaccurate.
-
-        Raises NumericalError if that is inaccurate too.
-        """
+        inaccurate. Raises NumericalError if that is inaccurate too."""
         blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
         fronts = Fronts.of(points, blocks, negative)
         panels = MappedArray(int(fronts.panel[-1]))
@@ -181,10 +173,8 @@ correction restores (1e-17 to 4e-14)."""
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
-    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note.
-
-    Raises NumericalError if that is inaccurate too.
-    """
+    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note. Raises NumericalError
+    if that is inaccurate too."""
     if factor is not None and _accurate(matrix, factor):
         return factor
     plain = sparse.csc_array(matrix)
@@ -195,8 +185,7 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
             "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
         )
     return replace(
-        other,
-        note="the equations are not positive definite to working precision; SuperLU factorised them",
+        other, note="the equations are not positive definite to working precision; SuperLU factorised them"
     )
 
 

@@ -18,11 +18,9 @@ DIRECTIONS = 8
 
 @dataclass(frozen=True)
 class Dissection:
-    """Elimination ``order`` (n,) of the vertices, and the tree of fronts.
-
-    Front k of f eliminates vertices ``start[k]`` to ``start[k + 1]``, which are adjacent to later ones of its
-    ancestors only: ``parent`` (f,), -1 for the root. Descendants come right before their ancestor.
-    """
+    """Elimination ``order`` (n,) of the vertices, and the tree of fronts. Front k of f eliminates vertices
+    ``start[k]`` to ``start[k + 1]``, which are adjacent to later ones of its ancestors only: ``parent`` (f,),
+    -1 for the root. Descendants come right before their ancestor."""
 
     order: IntArray
     start: IntArray
@@ -48,19 +46,14 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     # The kernel numbers fronts, and parents, from last to first.
     parent = parents[:count][::-1]
     return Dissection(
-        order,
-        np.append(begins[:count][::-1], len(points)),
-        np.where(parent >= 0, count - 1 - parent, -1),
+        order, np.append(begins[:count][::-1], len(points)), np.where(parent >= 0, count - 1 - parent, -1)
     )
 
 
 def with_multipliers(tree: Dissection, graph: sparse.bsr_array, count: int) -> tuple[Dissection, IntArray]:
     """Insert the last ``count`` vertices of a ``graph`` into the ``tree`` of the others; also returns their
-    number per front (f,), in which they come last.
-
-    They join the front where their neighbours' fronts meet. In the dissection they would pull all adjacent
-    vertices into separators: factors were a third larger.
-    """
+    number per front (f,), in which they come last. They join the front where their neighbours' fronts meet.
+    In the dissection they would pull all adjacent vertices into separators: factors were a third larger."""
     first, found = len(tree.order), np.empty(count, dtype=np.int64)
     front = np.empty(first, dtype=np.int64)
     front[tree.order] = np.repeat(np.arange(len(tree.parent)), np.diff(tree.start))

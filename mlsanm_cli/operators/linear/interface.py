@@ -26,10 +26,8 @@ class Factor(Protocol):
         """Solution for right-hand sides (n,) or (n, c), with the transposed matrix if ``transposed``."""
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c): (g, c).
-
-        By forward substitution only where the method allows it, else by :func:`products_of_solutions`.
-        """
+        """``left`` (g, n) times the solutions for ``right`` (n, c): (g, c). By forward substitution only
+        where the method allows it, else by :func:`products_of_solutions`."""
 
 
 class DirectSolver(Protocol):

@@ -1,8 +1,6 @@
-"""Large arrays mapped to files, of which only the last used one occupies memory.
-
-Bodies are factorised, condensed and solved one after the other. The system writes mapped pages to disk and
-releases them when memory is needed, so that scenes of many bodies may be larger than memory.
-"""
+"""Large arrays mapped to files, of which only the last used one occupies memory. Bodies are factorised,
+condensed and solved one after the other. The system writes mapped pages to disk and releases them when memory
+is needed, so that scenes of many bodies may be larger than memory."""
 
 from __future__ import annotations
 
@@ -23,10 +21,8 @@ DEFAULT_DIRECTORY = "/var/tmp"
 
 
 class MappedArray:
-    """An uninitialised array of ``size`` doubles, mapped to an anonymous file if it is large.
-
-    In memory where the system cannot release mapped pages or the disk is full.
-    """
+    """An uninitialised array of ``size`` doubles, mapped to an anonymous file if it is large. In memory where
+    the system cannot release mapped pages or the disk is full."""
 
     def __init__(self, size: int) -> None:
         mapped = _mapped(8 * size) if 8 * size >= MAPPED_SIZE else None
