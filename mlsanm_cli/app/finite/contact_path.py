@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from mlsanm_cli.app.finite.accuracy import missed_in_contact
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
-from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep
+from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Missed
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
@@ -74,9 +76,10 @@ def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator
             check_deformation(scene, reached, state.factors, state.displacement)
             check_overlaps(scene, reached, state.whole, state.shown(scene))
             _check_stability(reached, path.now.stability)
+            missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
-            yield replace(done, mark=path.mark(state, size))
+            yield replace(done, mark=path.mark(state, size), missed=missed)
 
 
 def _check_stability(position: float, stability: float) -> None:
@@ -108,6 +111,7 @@ class _Path:
         self._stiffness = modulus / scene.size
         self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
         self._slip, self._work = none, none
+        self._before: FloatArray | None = None
         self._settled = False
         self._sides = self._answers()
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
@@ -177,7 +181,7 @@ class _Path:
             far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))
             if found is not None and far <= 1.0 and self._stretched(found) <= MAX_STRETCH:
                 self._add_slip(found)
-                self.now = found
+                self._before, self.now = self.now.place, found
                 longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                 return reached, size * min(longer, 0.9 / far if far else longer)
             size = 0.5 * (reached - position)
@@ -247,10 +251,7 @@ class _Path:
 
     def _solved(self, position: float) -> Pressed | None:
         factors = factors_at(self._scene.stages, position)
-        scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
-        pressing = ExactContact(self._projectors, *args, self._sides)
-        tolerance = self._scene.case.solver.tolerance
+        pressing, tolerance = self._system(), self._scene.case.solver.tolerance
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
@@ -262,6 +263,15 @@ class _Path:
         self._iterations += tried
         self._solves += 0 if found is None else found.solves
         return found
+
+    def _system(self) -> ExactContact:
+        scene = self._scene
+        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
+        return ExactContact(dict(self._projectors), *args, self._sides)
+
+    def missed(self, state: FiniteState) -> Missed:
+        """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
+        return partial(missed_in_contact, self._system(), self.now, self._before, state.whole)
 
     def _failed(self, position: float) -> None:
         where, first = f"the path stopped at position {position:.6g}", 0

@@ -176,7 +176,7 @@ def _summary(
         summary["force_balance"] = recorder.balance
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability
-        summary["error_estimate"] = {"energy": recorder.estimate}
+        summary["error_estimate"] = {"energy": recorder.estimate} | _missing(scene, recorder, clock)
         if errors := contact_errors(recorder.refinement, recorder.touched):
             summary["error_estimate"]["contacts"] = errors
         summary["energy_error"] = recorder.energy_error
@@ -201,6 +201,19 @@ def _summary(
         "peak_memory_mb": peak_memory_mb(),
         "warnings": recorder.warnings,
     }
+
+
+def _missing(scene: FiniteScene, recorder: FiniteRecorder, clock: Clock) -> dict[str, Any]:
+    """Estimated errors of displacements and pressures in the last state; None where there is no estimate."""
+    state, weights = recorder.last, {one.name: one.slave.weight for one in scene.contacts}
+    if recorder.missed is None or state is None:
+        return {"displacement": None}
+    try:
+        with clock.phase("estimate"):
+            missing = recorder.missed()
+    except (NumericalError, np.linalg.LinAlgError):  # clouds too small for the next degree
+        return {"displacement": None}
+    return missing.figures(state.displacement, state.pressed, weights)
 
 
 MIN_CONTACT_NODES, MIN_FREE_NODES = 4, 6
