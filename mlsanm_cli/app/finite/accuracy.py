@@ -27,30 +27,15 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 
 @dataclass(frozen=True)
 class Missing:
-    """Change of the displacements (2N,) of all bodies and of the nominal pressures (c,) and ``normal`` ones
-    of a state if fits were of the next degree."""
+    """Changes of a state if fits were of the next degree: of the displacements (2N,) of all bodies, of the
+    nominal ``pressure`` (c,), of the ``traction`` (2s,) of all sides and of ``free`` motions (d,); ``bodies`` have
+    these fits."""
 
+    bodies: Mapping[str, FiniteBody]
     displacement: FloatArray
     pressure: FloatArray
-
-    def figures(
-        self, displacement: FloatArray, pressed: Pressed | None, contacts: Mapping[str, FloatArray]
-    ) -> dict[str, object]:
-        """For summary.json: of a ``displacement`` (2N,), and of the pressures of ``contacts`` by the lengths
-        (c,) of their nodes in turn."""
-        size = float(np.linalg.norm(displacement))
-        found: dict[str, object] = {
-            "displacement": float(np.linalg.norm(self.displacement)) / size if size else None
-        }
-        pressure, first = {}, 0
-        for name, weight in contacts.items():
-            here, first = slice(first, first + len(weight)), first + len(weight)
-            if pressed is not None and pressed.pressure[here].any():
-                change, whole = (
-                    np.sqrt(weight @ one[here] ** 2) for one in (self.pressure, pressed.pressure)
-                )
-                pressure[name] = float(change / whole)
-        return found | ({"pressure": pressure} if pressure else {})
+    traction: FloatArray
+    free: FloatArray
 
 
 def missed_in_contact(
@@ -65,16 +50,18 @@ def missed_in_contact(
     step = Iteration(pressing, factors, before, closer, measured=measured)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     done = step.taken(*state, first=False)
-    return Missing(done.du, np.where(now.sets.closed | done.sets.closed, done.dp, 0.0))
+    pressure = np.where(now.sets.closed | done.sets.closed, done.dp, 0.0)
+    return Missing(measured, done.du, pressure, done.traction, done.free)
 
 
 def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatArray) -> Missing:
     """Of the ``displacement`` (2N,) of a body without contact at load ``factors`` (L,). Raises NumericalError
     or LinAlgError."""
-    series = BodySeries(_next(projector.body), 0)
+    better, none = _next(projector.body), np.zeros(0)
+    series = BodySeries(better, 0)
     series.put(0, displacement, factors)
-    left = projector.scaled(series.rows(0))
-    return Missing(-projector.factorised(displacement, factors).solve(left), np.zeros(0))
+    change = -projector.factorised(displacement, factors).solve(projector.scaled(series.rows(0)))
+    return Missing({better.elastic.model.name: better}, change, none, none, none)
 
 
 def _next(body: FiniteBody) -> FiniteBody:

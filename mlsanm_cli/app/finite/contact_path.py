@@ -33,6 +33,10 @@ INCREMENT_SLACK = 1.4
 MAX_ITERATIONS = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 MIN_INCREMENT = 1e-5
+MAX_FAILED = 3
+"""Failed increments after which equations renewed just before keep the residual of their state, as no state
+near it solves them: a bulb seal dragged by its door stopped at a fifth of the way, next to the corner that it
+is clamped in."""
 MAX_SLIP = 0.2
 """Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
 the same direction before and after it, which has no history."""
@@ -112,6 +116,7 @@ class _Path:
         self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
         self._slip, self._work = none, none
         self._before: FloatArray | None = None
+        self._fresh: frozenset[str] = frozenset()
         self._settled = False
         self._sides = self._answers()
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
@@ -152,15 +157,17 @@ class _Path:
         self.now, self._slip, self._work, self._settled = state.pressed, state.slip, state.work, True
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(mark.acting, np.cumsum(counts)[:-1])
+        kept = {name for name, keeps in zip(scene.bodies, mark.keeps, strict=True) if keeps}
         for (name, own), factors in zip(scene.parts(mark.station).items(), acting, strict=True):
             if not np.array_equal(own, self._projectors[name].station):
-                self._projectors[name] = scene.projector(name, own, factors)
+                self._projectors[name] = scene.projector(name, own, factors, name in kept)
         self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
 
     def mark(self, state: FiniteState, size: float) -> FiniteMark:
         """Checkpoint at a ``state`` with the ``size`` of the next increment."""
         station = np.concatenate([one.station for one in self._projectors.values()])
-        return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size)
+        keeps = np.array([bool(one.rest.any()) for one in self._projectors.values()])
+        return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size, keeps=keeps)
 
     def start(self) -> Pressed:
         """State before loading. NumericalError if its iterations do not converge."""
@@ -173,7 +180,7 @@ class _Path:
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
-        stage = int(position)
+        stage, whole, failed = int(position), size, 0
         while True:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
@@ -184,9 +191,20 @@ class _Path:
                 self._before, self.now = self.now.place, found
                 longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                 return reached, size * min(longer, 0.9 / far if far else longer)
-            size = 0.5 * (reached - position)
+            size, failed = 0.5 * (reached - position), failed + 1
+            if failed == MAX_FAILED and self._keep():
+                size = whole
             if size < MIN_INCREMENT:
                 self._failed(position)
+
+    def _keep(self) -> bool:
+        """Whether there are new equations that did not keep what their rows were left with; they do now."""
+        fresh, self._fresh = self._fresh, frozenset()
+        for name in fresh:
+            args = (name, self._projectors[name].station, self._acting[name])
+            self._projectors[name] = self._scene.projector(*args, keeps=True)
+            self.spent += 1
+        return bool(fresh)
 
     def _stretched(self, found: Pressed) -> float:
         """Largest stretch of a node relative to the expansion point of its equations."""
@@ -299,11 +317,12 @@ class _Path:
         renewed."""
         acting = self._scene.acting(state.whole, state.traction)
         renewed, kept = False, self._kept(state.traction)
+        self._fresh = frozenset()
         for name, own in self._scene.parts(state.displacement).items():
             body, station = self._scene.bodies[name], self._projectors[name].station
             angle = body.turn(own) - body.turn(station)
             if far_from(body, own, station):
-                station = own
+                station, self._fresh = own, self._fresh | {name}
             elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
                 upright = name in self._scene.upright
                 station = own if upright else _turned(body.elastic.model.nodes, station, angle)

@@ -1,13 +1,17 @@
-"""Nodal estimate of the error of the energy at finite strain."""
+"""Estimated errors at finite strain: of the energy by residuals; of displacements, pressures and forces by
+fits of the next degree."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.assessment.energy import thin_part
+from mlsanm_cli.app.finite.accuracy import Missing
+from mlsanm_cli.app.finite.fields import SceneForces, resultants
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.arrays import FloatArray
@@ -119,3 +123,31 @@ def check_work(scene: FiniteScene, missing: Mapping[str, float], error: float) -
     message = f"the work of stresses in body {worst} differs from that of its forces by {100.0 * error:.2g} %"
     hint = f"make body.{worst}.spacing smaller, above all {thin or 'where it is held and where it touches'}"
     return f"{message}: forces may be as far off; {hint}"
+
+
+def missing_figures(scene: FiniteScene, state: FiniteState, missing: Missing) -> dict[str, Any]:
+    """Estimated errors of a state for summary.json by what its fits are ``missing``: of all displacements
+    (root mean square), of the pressures of each contact (L2 norm), and the largest of a force over the
+    largest force on a body."""
+    size, pressed = float(np.linalg.norm(state.displacement)), state.pressed
+    found: dict[str, Any] = {
+        "displacement": float(np.linalg.norm(missing.displacement)) / size if size else None
+    }
+    pressure, first, after = {}, 0, replace(state, displacement=state.displacement + missing.displacement)
+    if pressed is not None:
+        for contact in scene.contacts:
+            here = slice(first, first + contact.slave.count)
+            first, weight, own = here.stop, contact.slave.weight, pressed.pressure[here]
+            if own.any():
+                part = float(weight @ missing.pressure[here] ** 2 / (weight @ own**2))
+                pressure[contact.name] = float(np.sqrt(part))
+        moved = (pressed.traction + missing.traction, pressed.free + missing.free)
+        after = replace(after, pressed=replace(pressed, traction=moved[0], free=moved[1]))
+    better = replace(scene, bodies=missing.bodies)
+    known, others = (SceneForces.of(*one) for one in ((scene, state), (better, after)))
+    changed = resultants(better, others)
+    if __import__("os").environ.get("DBGF"): print({n:(f.tolist(),changed[n].tolist()) for n,f in resultants(scene,known).items()})
+    apart = [np.hypot(*(changed[name] - force)) for name, force in resultants(scene, known).items()]
+    if known.size:
+        found["force"] = float(max(apart, default=0.0) / known.size)
+    return found | ({"pressure": pressure} if pressure else {})

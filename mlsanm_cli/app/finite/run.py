@@ -13,7 +13,7 @@ from mlsanm_cli.app.assessment.energy import NODE_FORCE_SHIFT
 from mlsanm_cli.app.assessment.quality import Quality, announce
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError, check_work
+from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError, check_work, missing_figures
 from mlsanm_cli.app.finite.fields import (
     SceneForces,
     contact_summary,
@@ -25,7 +25,7 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.patches import between_nodes
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
-from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
+from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, is_automatic, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import FiniteState, interrupted_run
 from mlsanm_cli.app.finite.verdict import ELLIPTICITY_WARNING
@@ -204,16 +204,14 @@ def _summary(
 
 
 def _missing(scene: FiniteScene, recorder: FiniteRecorder, clock: Clock) -> dict[str, Any]:
-    """Estimated errors of displacements and pressures in the last state; None where there is no estimate."""
-    state, weights = recorder.last, {one.name: one.slave.weight for one in scene.contacts}
-    if recorder.missed is None or state is None:
+    """Estimated errors of displacements, pressures and forces in the last state, None without an estimate."""
+    if recorder.missed is None or recorder.last is None:
         return {"displacement": None}
     try:
         with clock.phase("estimate"):
-            missing = recorder.missed()
+            return missing_figures(scene, recorder.last, recorder.missed())
     except (NumericalError, np.linalg.LinAlgError):  # clouds too small for the next degree
         return {"displacement": None}
-    return missing.figures(state.displacement, state.pressed, weights)
 
 
 MIN_CONTACT_NODES, MIN_FREE_NODES = 4, 6
@@ -235,19 +233,21 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
         closed, gap = pressed.sets.closed[here], pressed.gap[here]
         near = int(np.argmin(gap))
         spacing = float(side.weight[near])
+        # A corner touches by one node, however fine nodes are.
+        at_corners = np.isin(np.flatnonzero(closed), side.corners).all()
+        coarser = "" if is_automatic(scene.case, contact) else ', or leave the spacing to "auto"'
         if not closed.any():
             if between_nodes(side, pressed, here):
                 yield (
                     f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
-        elif closed.sum() < MIN_CONTACT_NODES or _few_to_free_ends(side, closed):
+        elif not at_corners and (closed.sum() < MIN_CONTACT_NODES or _few_to_free_ends(side, closed)):
             lean = _lean(side, closed, pressed.normal[here])
             leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
             yield (
                 f"contact {contact.name}: too few nodes of {name} in contact for accurate pressures "
-                f"({closed.sum()}, {spacing:.3g} apart){leans}: "
-                'use finer nodes there, or leave the spacing to "auto"'
+                f"({closed.sum()}, {spacing:.3g} apart){leans}: use finer nodes there{coarser}"
             )
         elif isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
             yield from _ends(contact, closed, pressed.place[here])

@@ -13,13 +13,12 @@ import numpy as np
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.checkpoint import as_text, flattened, restored, unreadable
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunOrigin
-
 
 Missed: TypeAlias = Callable[[], Missing]
 
@@ -99,7 +98,7 @@ class FiniteMark:
 
     Power series also store the ``stage`` and the load factor ``lam`` within it, the ``direction`` (2N + 1,)
     of the path, the requested ``levels`` left in the stage, and whether the equations are to be ``renewed``
-    first.
+    first; paths in contact, whether the equations of each body keep a residual (``keeps``).
     """
 
     state: FiniteState
@@ -111,6 +110,7 @@ class FiniteMark:
     direction: FloatArray = field(default_factory=lambda: np.zeros(0))
     levels: FloatArray = field(default_factory=lambda: np.zeros(0))
     renewed: bool = False
+    keeps: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @property
     def branch(self) -> Branch | None:
