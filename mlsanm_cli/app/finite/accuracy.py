@@ -9,7 +9,6 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,15 +26,12 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 
 @dataclass(frozen=True)
 class Missing:
-    """Changes of a state if fits were of the next degree: of the displacements (2N,) of all bodies, of the
-    nominal ``pressure`` (c,), of the ``traction`` (2s,) of all sides and of ``free`` motions (d,); ``bodies`` have
-    these fits."""
+    """Changes of a state if fits were of the next degree: of the displacements (2N,) of all bodies, the
+    nominal ``pressure`` (c,), and the ``traction`` (2s,) of all sides."""
 
-    bodies: Mapping[str, FiniteBody]
     displacement: FloatArray
     pressure: FloatArray
     traction: FloatArray
-    free: FloatArray
 
 
 def missed_in_contact(
@@ -51,17 +47,16 @@ def missed_in_contact(
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     done = step.taken(*state, first=False)
     pressure = np.where(now.sets.closed | done.sets.closed, done.dp, 0.0)
-    return Missing(measured, done.du, pressure, done.traction, done.free)
+    return Missing(done.du, pressure, done.traction)
 
 
 def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatArray) -> Missing:
     """Of the ``displacement`` (2N,) of a body without contact at load ``factors`` (L,). Raises NumericalError
     or LinAlgError."""
-    better, none = _next(projector.body), np.zeros(0)
-    series = BodySeries(better, 0)
+    series, none = BodySeries(_next(projector.body), 0), np.zeros(0)
     series.put(0, displacement, factors)
     change = -projector.factorised(displacement, factors).solve(projector.scaled(series.rows(0)))
-    return Missing({better.elastic.model.name: better}, change, none, none, none)
+    return Missing(change, none, none)
 
 
 def _next(body: FiniteBody) -> FiniteBody:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_in_contact
+from mlsanm_cli.app.finite.limits import slid, strode
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Missed
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps
@@ -17,8 +18,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
 from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, unpressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.geometry.obstacles import Round
-from mlsanm_cli.contact.laws.contact_status import SLIP
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
@@ -37,9 +36,6 @@ MAX_FAILED = 3
 """Failed increments after which equations renewed just before keep the residual of their state, as no state
 near it solves them: a bulb seal dragged by its door stopped at a fifth of the way, next to the corner that it
 is clamped in."""
-MAX_SLIP = 0.2
-"""Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
-the same direction before and after it, which has no history."""
 
 RENEWAL_ANGLE = 0.5
 """Rotation of a body (radian) relative to the expansion point above which the equations rotate with it: with
@@ -47,11 +43,6 @@ those of the undeformed state a wheel cannot roll by more than a right angle."""
 MAX_STRETCH = 1.6
 """Largest stretch of a node in an increment relative to the expansion point: 1.7 reduced the stability of
 half a disk under a plate from 0.84 to -0.03."""
-ZERO_PRESSURE = 1e-6
-"""Pressures below this part of the contact's largest are zero."""
-MAX_APPROACH = 0.5
-"""Largest motion of a node towards a possible partner in an increment: its gap plus this part of the thinner
-body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 
 
 def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
@@ -185,7 +176,7 @@ class _Path:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))
+            far = 0.0 if found is None else self._far(position, reached, found)
             if found is not None and far <= 1.0 and self._stretched(found) <= MAX_STRETCH:
                 self._add_slip(found)
                 self._before, self.now = self.now.place, found
@@ -196,6 +187,11 @@ class _Path:
                 size = whole
             if size < MIN_INCREMENT:
                 self._failed(position)
+
+    def _far(self, position: float, reached: float, found: Pressed) -> float:
+        """How far an increment goes over its largest length."""
+        args = (self._scene, self.now, found)
+        return max(slid(*args), strode(*args, position, reached))
 
     def _keep(self) -> bool:
         """Whether there are new equations that did not keep what their rows were left with; they do now."""
@@ -213,52 +209,6 @@ class _Path:
             most_stretched(body, parts[name], self._projectors[name].station)
             for name, body in self._scene.bodies.items()
         )
-
-    def _slid(self, found: Pressed) -> float:
-        """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
-        largest, first = 0.0, 0
-        for contact in self._scene.contacts:
-            here = slice(first, first + contact.slave.count)
-            first = here.stop
-            closed = found.sets.closed[here] | self.now.sets.closed[here]
-            if contact.friction and closed.any() and not self._slides(found, here):
-                width = float(contact.slave.weight[closed].sum())
-                slid = float(np.abs(found.slip[here][closed]).max())
-                largest = max(largest, slid / (MAX_SLIP * width))
-        return largest
-
-    def _strode(self, position: float, reached: float, found: Pressed) -> float:
-        """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
-        scene, now = self._scene, self.now
-        sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
-        moved = np.abs(found.displacement - now.displacement).max()
-        farthest = float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values())))
-        before, after = (
-            np.append(factors_at(scene.stages, at), one.free)
-            for at, one in ((position, now), (reached, found))
-        )
-        first, node = 0, 0
-        for contact in scene.contacts:
-            here = slice(first, first + contact.slave.count)
-            own = slice(node, node + 2 * sum(side.count for side in contact.sides))
-            first, node, place = here.stop, own.stop, now.place[here]
-            then = contact.apart(now.surface[own].reshape(-1, 2), before, place)
-            way = np.hypot(*(contact.apart(found.surface[own].reshape(-1, 2), after, place) - then).T)
-            thin = min(sizes[side.body].min() for side in contact.sides)
-            gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
-            if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
-                thin = min(thin, contact.shape.radius)
-            farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + MAX_APPROACH * thin)).max()))
-        return farthest
-
-    def _slides(self, found: Pressed, here: slice) -> bool:
-        """Whether all closed nodes of a contact slide in one direction before and after the increment."""
-        senses, least = [], ZERO_PRESSURE * float(found.pressure[here].max())
-        for state in (self.now, found):
-            # Nodes without pressure have no history of friction.
-            closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]
-            senses += np.where(state.sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
-        return len(set(senses)) == 1 and senses[0] != 0.0
 
     def _add_slip(self, found: Pressed) -> None:
         """Accumulate slips and dissipated work, by the trapezoidal rule."""
