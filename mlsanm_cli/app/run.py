@@ -116,7 +116,7 @@ def set_up(
     else:
         adapted = refine_again(case, refinement, context)
     nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
-    for warning in (*adapted.warnings, *nodal_warnings(adapted.prepared, nodal)):
+    for warning in (*adapted.warnings, *nodal_warnings(adapted.prepared, nodal, adapted.prepared.models)):
         warn(warning)
     return adapted
 

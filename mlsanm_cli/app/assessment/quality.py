@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import pairwise
@@ -108,7 +108,10 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
         for name, cloud in bodies.items()
         for text in _cloud_warnings(name, cloud, name in brought, name in graded)
     ]
-    warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.ranges])
+    # At finite strain automatic spacings are made alike where bodies touch, which a first run finds.
+    own = {one.name for one in case.body if case.model.strain == "small" or one.spacing != "auto"}
+    nodal = [pairing for pairing in prepared.pairings if pairing.name not in prepared.ranges]
+    warnings += nodal_warnings(prepared, nodal, own | brought)
     warnings += [text for one in prepared.pairings if one.bonded for text in _bond_warnings(one, clouds)]
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
@@ -128,12 +131,14 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     )
 
 
-def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing]) -> list[str]:
-    """Warnings of contacts with nodal pressures."""
+def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing], own: Collection[str]) -> list[str]:
+    """Warnings of contacts with nodal pressures; of spacings, if one is its body's ``own``."""
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     nodal = [(pairing, spacing_ratio(pairing, clouds)) for pairing in pairings if not pairing.bonded]
     warnings = [
-        ratio_message(one, ratio) for one, ratio in nodal if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF)
+        ratio_message(one, ratio)
+        for one, ratio in nodal
+        if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF) and not set(own).isdisjoint(one.bodies)
     ]
     return warnings + [
         text

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from mlsanm_cli.app.finite.accuracy import missed_in_contact
+from mlsanm_cli.app.finite.limits import slid, strode
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
-from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep
+from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Missed
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
 from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, unpressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.geometry.obstacles import Round
-from mlsanm_cli.contact.laws.contact_status import SLIP
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
@@ -31,9 +32,10 @@ INCREMENT_SLACK = 1.4
 MAX_ITERATIONS = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 MIN_INCREMENT = 1e-5
-MAX_SLIP = 0.2
-"""Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
-the same direction before and after it, which has no history."""
+MAX_FAILED = 3
+"""Failed increments after which equations renewed just before keep the residual of their state, as no state
+near it solves them: a bulb seal dragged by its door stopped at a fifth of the way, next to the corner that it
+is clamped in."""
 
 RENEWAL_ANGLE = 0.5
 """Rotation of a body (radian) relative to the expansion point above which the equations rotate with it: with
@@ -41,11 +43,6 @@ those of the undeformed state a wheel cannot roll by more than a right angle."""
 MAX_STRETCH = 1.6
 """Largest stretch of a node in an increment relative to the expansion point: 1.7 reduced the stability of
 half a disk under a plate from 0.84 to -0.03."""
-ZERO_PRESSURE = 1e-6
-"""Pressures below this part of the contact's largest are zero."""
-MAX_APPROACH = 0.5
-"""Largest motion of a node towards a possible partner in an increment: its gap plus this part of the thinner
-body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 
 
 def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
@@ -74,9 +71,10 @@ def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator
             check_deformation(scene, reached, state.factors, state.displacement)
             check_overlaps(scene, reached, state.whole, state.shown(scene))
             _check_stability(reached, path.now.stability)
+            missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
-            yield replace(done, mark=path.mark(state, size))
+            yield replace(done, mark=path.mark(state, size), missed=missed)
 
 
 def _check_stability(position: float, stability: float) -> None:
@@ -108,6 +106,8 @@ class _Path:
         self._stiffness = modulus / scene.size
         self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
         self._slip, self._work = none, none
+        self._before: FloatArray | None = None
+        self._fresh: frozenset[str] = frozenset()
         self._settled = False
         self._sides = self._answers()
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
@@ -148,15 +148,17 @@ class _Path:
         self.now, self._slip, self._work, self._settled = state.pressed, state.slip, state.work, True
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(mark.acting, np.cumsum(counts)[:-1])
+        kept = {name for name, keeps in zip(scene.bodies, mark.keeps, strict=True) if keeps}
         for (name, own), factors in zip(scene.parts(mark.station).items(), acting, strict=True):
             if not np.array_equal(own, self._projectors[name].station):
-                self._projectors[name] = scene.projector(name, own, factors)
+                self._projectors[name] = scene.projector(name, own, factors, name in kept)
         self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
 
     def mark(self, state: FiniteState, size: float) -> FiniteMark:
         """Checkpoint at a ``state`` with the ``size`` of the next increment."""
         station = np.concatenate([one.station for one in self._projectors.values()])
-        return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size)
+        keeps = np.array([bool(one.rest.any()) for one in self._projectors.values()])
+        return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size, keeps=keeps)
 
     def start(self) -> Pressed:
         """State before loading. NumericalError if its iterations do not converge."""
@@ -169,20 +171,36 @@ class _Path:
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
-        stage = int(position)
+        stage, whole, failed = int(position), size, 0
         while True:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))
+            far = 0.0 if found is None else self._far(position, reached, found)
             if found is not None and far <= 1.0 and self._stretched(found) <= MAX_STRETCH:
                 self._add_slip(found)
-                self.now = found
+                self._before, self.now = self.now.place, found
                 longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                 return reached, size * min(longer, 0.9 / far if far else longer)
-            size = 0.5 * (reached - position)
+            size, failed = 0.5 * (reached - position), failed + 1
+            if failed == MAX_FAILED and self._keep():
+                size = whole
             if size < MIN_INCREMENT:
                 self._failed(position)
+
+    def _far(self, position: float, reached: float, found: Pressed) -> float:
+        """How far an increment goes over its largest length."""
+        args = (self._scene, self.now, found)
+        return max(slid(*args), strode(*args, position, reached))
+
+    def _keep(self) -> bool:
+        """Whether there are new equations that did not keep what their rows were left with; they do now."""
+        fresh, self._fresh = self._fresh, frozenset()
+        for name in fresh:
+            args = (name, self._projectors[name].station, self._acting[name])
+            self._projectors[name] = self._scene.projector(*args, keeps=True)
+            self.spent += 1
+        return bool(fresh)
 
     def _stretched(self, found: Pressed) -> float:
         """Largest stretch of a node relative to the expansion point of its equations."""
@@ -191,52 +209,6 @@ class _Path:
             most_stretched(body, parts[name], self._projectors[name].station)
             for name, body in self._scene.bodies.items()
         )
-
-    def _slid(self, found: Pressed) -> float:
-        """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
-        largest, first = 0.0, 0
-        for contact in self._scene.contacts:
-            here = slice(first, first + contact.slave.count)
-            first = here.stop
-            closed = found.sets.closed[here] | self.now.sets.closed[here]
-            if contact.friction and closed.any() and not self._slides(found, here):
-                width = float(contact.slave.weight[closed].sum())
-                slid = float(np.abs(found.slip[here][closed]).max())
-                largest = max(largest, slid / (MAX_SLIP * width))
-        return largest
-
-    def _strode(self, position: float, reached: float, found: Pressed) -> float:
-        """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
-        scene, now = self._scene, self.now
-        sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
-        moved = np.abs(found.displacement - now.displacement).max()
-        farthest = float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values())))
-        before, after = (
-            np.append(factors_at(scene.stages, at), one.free)
-            for at, one in ((position, now), (reached, found))
-        )
-        first, node = 0, 0
-        for contact in scene.contacts:
-            here = slice(first, first + contact.slave.count)
-            own = slice(node, node + 2 * sum(side.count for side in contact.sides))
-            first, node, place = here.stop, own.stop, now.place[here]
-            then = contact.apart(now.surface[own].reshape(-1, 2), before, place)
-            way = np.hypot(*(contact.apart(found.surface[own].reshape(-1, 2), after, place) - then).T)
-            thin = min(sizes[side.body].min() for side in contact.sides)
-            gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
-            if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
-                thin = min(thin, contact.shape.radius)
-            farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + MAX_APPROACH * thin)).max()))
-        return farthest
-
-    def _slides(self, found: Pressed, here: slice) -> bool:
-        """Whether all closed nodes of a contact slide in one direction before and after the increment."""
-        senses, least = [], ZERO_PRESSURE * float(found.pressure[here].max())
-        for state in (self.now, found):
-            # Nodes without pressure have no history of friction.
-            closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]
-            senses += np.where(state.sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
-        return len(set(senses)) == 1 and senses[0] != 0.0
 
     def _add_slip(self, found: Pressed) -> None:
         """Accumulate slips and dissipated work, by the trapezoidal rule."""
@@ -247,10 +219,7 @@ class _Path:
 
     def _solved(self, position: float) -> Pressed | None:
         factors = factors_at(self._scene.stages, position)
-        scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
-        pressing = ExactContact(self._projectors, *args, self._sides)
-        tolerance = self._scene.case.solver.tolerance
+        pressing, tolerance = self._system(), self._scene.case.solver.tolerance
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
@@ -262,6 +231,15 @@ class _Path:
         self._iterations += tried
         self._solves += 0 if found is None else found.solves
         return found
+
+    def _system(self) -> ExactContact:
+        scene = self._scene
+        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
+        return ExactContact(dict(self._projectors), *args, self._sides)
+
+    def missed(self, state: FiniteState) -> Missed:
+        """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
+        return partial(missed_in_contact, self._system(), self.now, self._before, state.whole)
 
     def _failed(self, position: float) -> None:
         where, first = f"the path stopped at position {position:.6g}", 0
@@ -289,11 +267,12 @@ class _Path:
         renewed."""
         acting = self._scene.acting(state.whole, state.traction)
         renewed, kept = False, self._kept(state.traction)
+        self._fresh = frozenset()
         for name, own in self._scene.parts(state.displacement).items():
             body, station = self._scene.bodies[name], self._projectors[name].station
             angle = body.turn(own) - body.turn(station)
             if far_from(body, own, station):
-                station = own
+                station, self._fresh = own, self._fresh | {name}
             elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
                 upright = name in self._scene.upright
                 station = own if upright else _turned(body.elastic.model.nodes, station, angle)

@@ -1,13 +1,16 @@
-"""Nodal estimate of the error of the energy at finite strain."""
+"""Estimated errors at finite strain: of the energy by residuals; of displacements, pressures and forces by
+fits of the next degree."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.assessment.energy import thin_part
+from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.arrays import FloatArray
@@ -72,7 +75,7 @@ class EnergyError:
             return (
                 f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
                 f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to crushed "
-                "corners with friction: make the loads smaller"
+                "corners: make the loads smaller, or round these corners"
             )
         name = max(self.nodal, key=lambda one: float(self.nodal[one].max()))
         cloud, node = scene.bodies[name].elastic.model.cloud, int(np.argmax(self.nodal[name]))
@@ -119,3 +122,29 @@ def check_work(scene: FiniteScene, missing: Mapping[str, float], error: float) -
     message = f"the work of stresses in body {worst} differs from that of its forces by {100.0 * error:.2g} %"
     hint = f"make body.{worst}.spacing smaller, above all {thin or 'where it is held and where it touches'}"
     return f"{message}: forces may be as far off; {hint}"
+
+
+def missing_figures(scene: FiniteScene, state: FiniteState, missing: Missing) -> dict[str, Any]:
+    """Estimated errors of a state for summary.json by what its fits are ``missing``: of all displacements
+    (root mean square), and by contact of the pressures (L2 norm) and of the force over the largest one."""
+    size, pressed = float(np.linalg.norm(state.displacement)), state.pressed
+    found: dict[str, Any] = {
+        "displacement": float(np.linalg.norm(missing.displacement)) / size if size else None
+    }
+    if pressed is None:
+        return found
+    pressure, force, first, node = {}, {}, 0, 0
+    tractions = (state.traction.reshape(-1, 2), missing.traction.reshape(-1, 2))
+    for contact in scene.contacts:
+        weight = contact.slave.weight
+        here, there = slice(first, first + len(weight)), slice(node, node + len(weight))
+        first, node = here.stop, node + sum(side.count for side in contact.sides)
+        if pressed.pressure[here].any():
+            part = weight @ missing.pressure[here] ** 2 / (weight @ pressed.pressure[here] ** 2)
+            pressure[contact.name] = float(np.sqrt(part))
+            force[contact.name] = [float(np.hypot(*(weight @ one[there]))) for one in tractions]
+    largest = max((whole for whole, _ in force.values()), default=0.0)
+    return found | {
+        "pressure": pressure,
+        "contacts": {name: change / largest for name, (_, change) in force.items() if largest},
+    }

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from mlsanm_cli.app.finite.accuracy import missed_alone
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
@@ -235,7 +237,8 @@ class _Stage:
         parts = np.arange(1.0, WORK_PARTS) / WORK_PARTS * step.branch.length if step.order else ()
         points = (step.branch.evaluate(part) for part in parts)
         way = tuple(self._state(lam, x, 0.0) for x, lam in points)
-        return FiniteStep(state, passed, step.arc_length, *counts, turns, way=way)
+        missed = partial(missed_alone, self.problem.projector, step.x, state.factors)
+        return FiniteStep(state, passed, step.arc_length, *counts, turns, way=way, missed=missed)
 
     def _state(self, lam: float, x: FloatArray, residual: float) -> FiniteState:
         position = self._stage + lam

@@ -28,7 +28,15 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.patches import Touched
 from mlsanm_cli.app.finite.refinement import Refinement
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteEarlier, FiniteMark, FiniteState, FiniteStep, Turn, plain_mark
+from mlsanm_cli.app.finite.states import (
+    FiniteEarlier,
+    FiniteMark,
+    FiniteState,
+    FiniteStep,
+    Missed,
+    Turn,
+    plain_mark,
+)
 from mlsanm_cli.app.output.lines import obstacles
 from mlsanm_cli.app.output.recording import body_part, vtu_data
 from mlsanm_cli.app.output.writer import RunWriter, body_datasets
@@ -83,6 +91,7 @@ class FiniteRecorder(RunWriter):
         self._lines = LinesWriter(directory)
         self.steps = self._saved = self.renewed = self._rows = 0
         self.last: FiniteState | None = None
+        self.missed: Missed | None = None
         self.balance = self.largest = 0.0
         self.unaccounted = self.kept = self.energy = 0.0
         self.missing: dict[str, float] = {}
@@ -175,7 +184,7 @@ class FiniteRecorder(RunWriter):
     def _count(self, scene: FiniteScene, step: FiniteStep) -> None:
         self.steps += self.last is not None
         self.touched.add(scene, step)
-        before, self.last = self.last, step.state
+        before, self.last, self.missed = self.last, step.state, step.missed
         self.count(step, [step.state.residual, *(one.residual for one in step.saved), 0.0])
         self.renewed += step.renewed
         self.turns += step.turns

@@ -139,7 +139,7 @@ def _alike(scene: FiniteScene, finer: SceneModel) -> bool:
 
 def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
     """Segments and spacings (z, 5) required by the contacts, empty if all have enough nodes."""
-    own = [contact for contact in scene.contacts if _is_automatic(scene.case, contact)]
+    own = [contact for contact in scene.contacts if is_automatic(scene.case, contact)]
     if not any(contact.name in touched.coarse for contact in own):
         return NO_ZONES
     rows: list[FloatArray] = []
@@ -154,7 +154,7 @@ def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
     return found
 
 
-def _is_automatic(case: Case, contact: AnyContact) -> bool:
+def is_automatic(case: Case, contact: AnyContact) -> bool:
     """Whether the spacings of all bodies of a contact are automatic."""
     names = {side.body for side in contact.sides}
     return all(one.spacing == "auto" and not one.has_nodes for one in case.body if one.name in names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from mlsanm_cli.app.assessment.energy import NODE_FORCE_SHIFT
 from mlsanm_cli.app.assessment.quality import Quality, announce
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError, check_work
+from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError, check_work, missing_figures
 from mlsanm_cli.app.finite.fields import (
     SceneForces,
     contact_summary,
@@ -25,7 +26,7 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.patches import between_nodes
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
-from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
+from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, is_automatic, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import FiniteState, interrupted_run
 from mlsanm_cli.app.finite.verdict import ELLIPTICITY_WARNING
@@ -68,8 +69,9 @@ def run_finite(
             if stop is None:
                 finer = refined(scene, recorder.touched, refinement, failure, context)
             if finer is None:
-                ending = _ending(scene, recorder, context, failure, stop)
-                summary = _summary(scene, recorder, ending, quality, context.clock)
+                errors = _errors(scene, recorder, context.clock)
+                ending = _ending(scene, recorder, context, errors, failure, stop)
+                summary = _summary(scene, recorder, ending, quality, context.clock, errors)
                 recorder.finish(summary)
                 return summary
         refinement, prepared = finer
@@ -103,6 +105,7 @@ def _ending(
     scene: FiniteScene,
     recorder: FiniteRecorder,
     context: RunContext,
+    errors: Mapping[str, Any],
     failure: NumericalError | None,
     stop: KeyboardInterrupt | None,
 ) -> Ending:
@@ -114,7 +117,7 @@ def _ending(
     try:
         if failure is not None:
             raise failure
-        _check_end(scene, recorder)
+        _check_end(scene, recorder, errors)
     except NumericalError as error:
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, scene)
@@ -122,7 +125,19 @@ def _ending(
     return Ending("done", "end of the last stage")
 
 
-def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
+def _errors(scene: FiniteScene, recorder: FiniteRecorder, clock: Clock) -> dict[str, Any]:
+    """Estimated errors of the last state; of displacements None where the clouds are too small for one."""
+    missing: dict[str, Any] = {"displacement": None}
+    if recorder.missed is not None and recorder.last is not None:
+        with clock.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
+            missing = missing_figures(scene, recorder.last, recorder.missed())
+    found, forces = {"energy": recorder.estimate} | missing, missing.get("contacts", {})
+    for name, error in contact_errors(recorder.refinement, recorder.touched).items():
+        forces[name] = max(error, forces.get(name, 0.0))
+    return found | ({"contacts": forces} if forces else {})
+
+
+def _check_end(scene: FiniteScene, recorder: FiniteRecorder, errors: Mapping[str, Any]) -> None:
     """Warn of an inaccurate last state. NumericalError if its forces are not balanced."""
     assert recorder.last is not None
     waves = extremes(scene, recorder.last)["ellipticity"]
@@ -135,6 +150,12 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
         recorder.warn(EnergyError.of(scene, recorder.last).warning(scene, recorder.estimate, kept))
     if text := check_work(scene, recorder.missing, recorder.energy_error):
         recorder.warn(text)
+    for name, error in errors.get("contacts", {}).items():
+        if error > ESTIMATE_WARNING:
+            sides = next(one for one in scene.contacts if one.name == name).sides
+            hint = " and ".join(f"body.{side.body}.spacing" for side in sides)
+            size = f"the force is estimated to be off by {100.0 * error:.2g} %"
+            recorder.warn(f"contact {name}: {size}: make {hint} smaller")
     for text in recorder.refinement.warnings:
         recorder.warn(text)
     if recorder.last.pressed is not None:
@@ -152,7 +173,12 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
 
 
 def _summary(
-    scene: FiniteScene, recorder: FiniteRecorder, ending: Ending, quality: Quality, clock: Clock
+    scene: FiniteScene,
+    recorder: FiniteRecorder,
+    ending: Ending,
+    quality: Quality,
+    clock: Clock,
+    errors: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Content of summary.json for the completed part of the path."""
     state, nodes = recorder.last, scene.unknowns // 2
@@ -176,9 +202,7 @@ def _summary(
         summary["force_balance"] = recorder.balance
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability
-        summary["error_estimate"] = {"energy": recorder.estimate}
-        if errors := contact_errors(recorder.refinement, recorder.touched):
-            summary["error_estimate"]["contacts"] = errors
+        summary["error_estimate"] = errors
         summary["energy_error"] = recorder.energy_error
         summary["finite_strain"] = {
             "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
@@ -222,19 +246,21 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
         closed, gap = pressed.sets.closed[here], pressed.gap[here]
         near = int(np.argmin(gap))
         spacing = float(side.weight[near])
+        # A corner touches by one node, however fine nodes are.
+        at_corners = np.isin(np.flatnonzero(closed), side.corners).all()
+        coarser = "" if is_automatic(scene.case, contact) else ', or leave the spacing to "auto"'
         if not closed.any():
             if between_nodes(side, pressed, here):
                 yield (
                     f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
-        elif closed.sum() < MIN_CONTACT_NODES or _few_to_free_ends(side, closed):
+        elif not at_corners and (closed.sum() < MIN_CONTACT_NODES or _few_to_free_ends(side, closed)):
             lean = _lean(side, closed, pressed.normal[here])
             leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
             yield (
                 f"contact {contact.name}: too few nodes of {name} in contact for accurate pressures "
-                f"({closed.sum()}, {spacing:.3g} apart){leans}: "
-                'use finer nodes there, or leave the spacing to "auto"'
+                f"({closed.sum()}, {spacing:.3g} apart){leans}: use finer nodes there{coarser}"
             )
         elif isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
             yield from _ends(contact, closed, pressed.place[here])

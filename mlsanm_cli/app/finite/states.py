@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.checkpoint import as_text, flattened, restored, unreadable
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunOrigin
+
+Missed: TypeAlias = Callable[[], Missing]
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,8 @@ class FiniteStep:
     its counters, its limit points, and intermediate states ``way`` of a power series.
 
     ``renewed``: the equations were renewed at its end; ``mark`` is the checkpoint at its end; ``kept``, the
-    work of contact tractions on the displacements that would remove the residuals which equations keep.
+    work of contact tractions on the displacements that would remove the residuals which equations keep;
+    ``missed`` computes what fits of the next degree would change.
     """
 
     state: FiniteState
@@ -83,6 +87,7 @@ class FiniteStep:
     mark: FiniteMark | None = None
     kept: float = 0.0
     way: tuple[FiniteState, ...] = ()
+    missed: Missed | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ class FiniteMark:
 
     Power series also store the ``stage`` and the load factor ``lam`` within it, the ``direction`` (2N + 1,)
     of the path, the requested ``levels`` left in the stage, and whether the equations are to be ``renewed``
-    first.
+    first; paths in contact, whether the equations of each body keep a residual (``keeps``).
     """
 
     state: FiniteState
@@ -105,6 +110,7 @@ class FiniteMark:
     direction: FloatArray = field(default_factory=lambda: np.zeros(0))
     levels: FloatArray = field(default_factory=lambda: np.zeros(0))
     renewed: bool = False
+    keeps: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @property
     def branch(self) -> Branch | None:

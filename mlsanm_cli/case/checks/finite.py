@@ -9,6 +9,7 @@ from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.model.loads import ObstacleMotion, Platen, Pressure
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle
+from mlsanm_cli.case.model.places import Place
 from mlsanm_cli.case.report import Report
 
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
@@ -60,13 +61,17 @@ def _check_law(material: Material, path: KeyPath, plane: str, report: Report) ->
 
 
 def _check_loads(parts: ValidParts, plane: str, report: Report) -> None:
+    ways: dict[tuple[Place, ...], set[str]] = {}
+    for one in parts.loads.values():
+        if isinstance(one, Platen):
+            ways.setdefault(one.places, set()).update(one.control)
     for index, load in parts.loads.items():
         path: KeyPath = ("load", index)
         if isinstance(load, Pressure) and load.follows and plane == "stress":
             report.add(
                 (*path, "follows"), f"a follower pressure in plane stress {_UNSUPPORTED}", "follows = false"
             )
-        elif isinstance(load, Platen) and load.turning != "fixed" and len(load.control) < 2:
+        elif isinstance(load, Platen) and load.turning != "fixed" and len(ways[load.places]) < 2:
             # The direction in which a rotating plate would let its body slide rotates with it.
             message = "a plate that can rotate at finite strain needs a value in both directions"
             report.add(path, message, "give ux or fx, and uy or fy; a force of 0.0 for a free direction")

@@ -1,0 +1,68 @@
+"""How far an increment of bodies in contact may go: limits of slips and motions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.contact.finite.exact import Pressed
+from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.geometry.obstacles import Round
+from mlsanm_cli.contact.laws.contact_status import SLIP
+from mlsanm_cli.solve.condensed_scene import factors_at
+
+MAX_SLIP = 0.2
+"""Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
+the same direction before and after it, which has no history."""
+ZERO_PRESSURE = 1e-6
+"""Pressures below this part of the contact's largest are zero."""
+MAX_APPROACH = 0.5
+"""Largest motion of a node towards a possible partner in an increment: its gap plus this part of the thinner
+body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
+
+
+def slid(scene: FiniteScene, now: Pressed, found: Pressed) -> float:
+    """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
+    largest, first = 0.0, 0
+    for contact in scene.contacts:
+        here = slice(first, first + contact.slave.count)
+        first = here.stop
+        closed = found.sets.closed[here] | now.sets.closed[here]
+        if contact.friction and closed.any() and not _slides(now, found, here):
+            width = float(contact.slave.weight[closed].sum())
+            slid = float(np.abs(found.slip[here][closed]).max())
+            largest = max(largest, slid / (MAX_SLIP * width))
+    return largest
+
+
+def strode(scene: FiniteScene, now: Pressed, found: Pressed, position: float, reached: float) -> float:
+    """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
+    sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
+    moved = np.abs(found.displacement - now.displacement).max()
+    farthest = float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values())))
+    before, after = (
+        np.append(factors_at(scene.stages, at), one.free) for at, one in ((position, now), (reached, found))
+    )
+    first, node = 0, 0
+    for contact in scene.contacts:
+        here = slice(first, first + contact.slave.count)
+        own = slice(node, node + 2 * sum(side.count for side in contact.sides))
+        first, node, place = here.stop, own.stop, now.place[here]
+        then = contact.apart(now.surface[own].reshape(-1, 2), before, place)
+        way = np.hypot(*(contact.apart(found.surface[own].reshape(-1, 2), after, place) - then).T)
+        thin = min(sizes[side.body].min() for side in contact.sides)
+        gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
+        if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
+            thin = min(thin, contact.shape.radius)
+        farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + MAX_APPROACH * thin)).max()))
+    return farthest
+
+
+def _slides(now: Pressed, found: Pressed, here: slice) -> bool:
+    """Whether all closed nodes of a contact slide in one direction before and after the increment."""
+    senses, least = [], ZERO_PRESSURE * float(found.pressure[here].max())
+    for state in (now, found):
+        # Nodes without pressure have no history of friction.
+        closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]
+        senses += np.where(state.sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
+    return len(set(senses)) == 1 and senses[0] != 0.0
