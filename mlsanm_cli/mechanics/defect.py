@@ -20,7 +20,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
+from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.fits import fitted_derivatives
@@ -123,20 +123,24 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
 
     Raises NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree.
     """
-    model = body.model
+    model, stiffness = body.model, body.model.material.stiffness
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
     better = better or NextDegree(model)
-    derivatives = better.of_displacement(displacement)
-    stress = stress_of(derivatives, model.material.stiffness) - model.stress(displacement)
+    own, derivatives = model.stencils.derivatives(displacement), better.of_displacement(displacement)
+    divergence, lost = model.divergence_of(own - derivatives), stress_of(own - derivatives, stiffness)
+    mean = np.zeros((0, 3)), np.zeros((0, 3))
+    if model.material.nearly_incompressible:
+        even = model.material.bulk_part
+        pressure = model.mean_stress(own)
+        divergence = divergence + model.stress_divergence(pressure) - divergence_of_stress(better.of_stress(pressure))
+        mean = stress_of(own - derivatives, even) + pressure, pressure
     source = np.zeros(body.rows)
-    divergence = model.divergence_by(derivatives, better.of_stress)
-    source[: 2 * len(stress)] = (model.divergence(displacement) - divergence).T.ravel()
+    source[: 2 * len(own)] = divergence.T.ravel()
     for name, surface in model.cloud.surfaces.items():
-        traction = traction_of(stress[surface.index], surface.normal)
-        source += body.source(name, -traction, held=False)
+        source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
-    lacking = partial(better.stress_around, displacement)
+    lacking = partial(better.stress_around, displacement, mean)
     fluxes = body.pieces.flux_of(lacking, body.gripped)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
     reactions = {
@@ -150,7 +154,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
         for name, axes in body.gripped.items()
         if any(axes)
     }
-    return Defect(source, stress, reactions)
+    return Defect(source, stress_of(derivatives, stiffness) - model.stress(displacement), reactions)
 
 
 @dataclass(frozen=True)
@@ -174,20 +178,33 @@ class NextDegree:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
         return self._derivatives(stress, self.model.cloud.points, next_degree(self.model.settings))
 
-    def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
+    def stress_around(
+        self,
+        displacement: FloatArray,
+        mean: tuple[FloatArray, FloatArray],
+        places: FloatArray,
+        points: FloatArray,
+    ) -> FloatArray:
         """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
-        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives."""
-        model = self.model
+        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives.
+
+        In nearly incompressible bodies, mean stress is that of fits to nodal values (n, 3), a pair ``mean``.
+        """
+        model, c = self.model, self.model.material.stiffness
         # Fluxes are not of the narrower fits at nodes.
         settings = replace(model.settings, narrow=False)
-        own, better = (
-            self._derivatives(displacement, places, some) for some in (settings, next_degree(settings))
-        )
+        fits = settings, next_degree(settings)
+        own, better = (self._derivatives(displacement, places, some) for some in fits)
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
         near = [less[:, :, 0], less[:, :, 1] + x * less[:, :, 3] + y * less[:, :, 4]]
         near.append(less[:, :, 2] + x * less[:, :, 4] + y * less[:, :, 5])
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
-        return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
+        if not model.material.nearly_incompressible:
+            return stress_of(whole, c).reshape(*points.shape[:2], 3)
+        flat = points.reshape(-1, 2)
+        of_mean = (self._derivatives(one, flat, some)[:, 0] for one, some in zip(mean, fits, strict=True))
+        first, second = of_mean
+        return (stress_of(whole, c - model.material.bulk_part) + first - second).reshape(*points.shape[:2], 3)
 
     def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
         """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses

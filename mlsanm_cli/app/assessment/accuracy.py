@@ -61,9 +61,6 @@ class Accuracy:
         change times a bulk modulus without bound, 5 times the error at a Poisson's ratio of 0.45, 3000 times
         at 0.4999. Refinement still uses it.
         """
-        bodies = built.scene.bodies.values()
-        if any(body.model.material.nearly_incompressible for body in bodies):
-            return {"displacement": None, "pressure": dict.fromkeys(self.from_bulk)}
         pressure, exact = {}, self.state
         blind = len(built.condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
