@@ -8,7 +8,7 @@ displacements arises that hardly any equation controls.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -214,11 +214,13 @@ class BodyModel:
         c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
         if not self.material.nearly_incompressible:
             return stress_of(derivatives, c)
-        return np.asarray(stress_of(derivatives, c - self.material.bulk_part) + self.mean_stress(derivatives))
+        return np.asarray(
+            stress_of(derivatives, c - self.material.bulk_part) + self.mean_stress(displacement)
+        )
 
-    def mean_stress(self, derivatives: FloatArray) -> FloatArray:
-        """Fit (n, 3) to the nodal mean stress of a displacement with ``derivatives`` (n, 6, 2)."""
-        nodal = stress_of(derivatives, self.material.bulk_part)
+    def mean_stress(self, displacement: FloatArray) -> FloatArray:
+        """The part (n, 3) of :meth:`stress` that is fitted to nodal values."""
+        nodal = stress_of(self.stencils.derivatives(displacement), self.material.bulk_part)
         return np.asarray(self._stress_stencils.derivatives(nodal)[:, 0])
 
     def divergence_of(self, derivatives: FloatArray) -> FloatArray:

@@ -19,8 +19,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
+from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.fits import fitted_derivatives
@@ -48,9 +49,9 @@ ALGEBRAIC_FLOOR = 1e-13
 """The same as a fraction of the displacements, for scenes that the fits represent exactly."""
 
 
-def next_degree(settings: MlsSettings) -> MlsSettings:
+def next_degree(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
     """Settings of the fits that evaluate the defect."""
-    return replace(settings, degree=settings.degree + 1, neighbors=None)
+    return enough_neighbors(replace(settings, degree=settings.degree + 1, neighbors=None), material)
 
 
 @dataclass(frozen=True)
@@ -127,16 +128,17 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
     better = better or NextDegree(model)
-    own, derivatives = model.stencils.derivatives(displacement), better.of_displacement(displacement)
-    divergence, lost = model.divergence_of(own - derivatives), stress_of(own - derivatives, stiffness)
-    mean = np.zeros((0, 3)), np.zeros((0, 3))
+    derivatives = better.of_displacement(displacement)
+    less = model.stencils.derivatives(displacement) - derivatives
+    lost, divergence, mean = stress_of(less, stiffness), model.divergence_of(less), None
     if model.material.nearly_incompressible:
-        even = model.material.bulk_part
-        pressure = model.mean_stress(own)
-        divergence = divergence + model.stress_divergence(pressure) - divergence_of_stress(better.of_stress(pressure))
-        mean = stress_of(own - derivatives, even) + pressure, pressure
+        # The defect of the area change times the bulk modulus is large and not smooth. It enters by the
+        # body's own fits, as in its rows; the next degree is compared on the mean stress, which is smooth.
+        smooth = model.mean_stress(displacement)
+        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.of_stress(smooth))
+        mean = stress_of(less, model.material.bulk_part) + smooth, smooth
     source = np.zeros(body.rows)
-    source[: 2 * len(own)] = divergence.T.ravel()
+    source[: 2 * len(less)] = divergence.T.ravel()
     for name, surface in model.cloud.surfaces.items():
         source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
@@ -172,39 +174,42 @@ class NextDegree:
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        return self._derivatives(displacement, self.model.cloud.points, next_degree(self.model.settings))
+        return self._derivatives(
+            displacement, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
+        )
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
-        return self._derivatives(stress, self.model.cloud.points, next_degree(self.model.settings))
+        return self._derivatives(
+            stress, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
+        )
 
     def stress_around(
         self,
         displacement: FloatArray,
-        mean: tuple[FloatArray, FloatArray],
+        mean: tuple[FloatArray, FloatArray] | None,
         places: FloatArray,
         points: FloatArray,
     ) -> FloatArray:
         """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
-        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives.
-
-        In nearly incompressible bodies, mean stress is that of fits to nodal values (n, 3), a pair ``mean``.
+        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives; in nearly
+        incompressible bodies mean stresses are fits of both degrees to nodal ones, a pair ``mean`` (n, 3).
         """
         model, c = self.model, self.model.material.stiffness
         # Fluxes are not of the narrower fits at nodes.
         settings = replace(model.settings, narrow=False)
-        fits = settings, next_degree(settings)
+        fits = settings, next_degree(settings, model.material)
         own, better = (self._derivatives(displacement, places, some) for some in fits)
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
         near = [less[:, :, 0], less[:, :, 1] + x * less[:, :, 3] + y * less[:, :, 4]]
         near.append(less[:, :, 2] + x * less[:, :, 4] + y * less[:, :, 5])
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
-        if not model.material.nearly_incompressible:
+        if mean is None:
             return stress_of(whole, c).reshape(*points.shape[:2], 3)
-        flat = points.reshape(-1, 2)
-        of_mean = (self._derivatives(one, flat, some)[:, 0] for one, some in zip(mean, fits, strict=True))
-        first, second = of_mean
-        return (stress_of(whole, c - model.material.bulk_part) + first - second).reshape(*points.shape[:2], 3)
+        flat, pairs = points.reshape(-1, 2), zip(mean, fits, strict=True)
+        first, second = (self._derivatives(values, flat, some)[:, 0] for values, some in pairs)
+        stress = stress_of(whole, c - model.material.bulk_part) + first - second
+        return stress.reshape(*points.shape[:2], 3)
 
     def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
         """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses

@@ -60,8 +60,8 @@ class Condensed:
     without exception. ``probes`` maps each probe to its displacement and stress (5,), ``moments`` each
     rotating plate to its moment on the bodies about the hinge, ``holding`` the body and component of each
     motion held at zero to the reaction. ``by_bonds`` (m + n + k, 2b) are the changes of gaps, slips and force
-    imbalance by the pressures and tractions of bonds. ``solves`` counts columns. ``content`` is a digest of everything
-    except friction coefficients. ``kept`` are near fields at points of the bodies.
+    imbalance by the pressures and tractions of bonds. ``solves`` counts columns. ``content`` is a digest of
+    everything except friction coefficients. ``kept`` are near fields at points of the bodies.
     """
 
     pairings: tuple[Pairing, ...]
