@@ -8,7 +8,7 @@ displacements arises that hardly any equation controls.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -208,27 +208,24 @@ class BodyModel:
         c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
         if not self.material.nearly_incompressible:
             return stress_of(derivatives, c)
-        even = self.material.bulk_part
-        fitted = self._stress_stencils.derivatives(stress_of(derivatives, even))[:, 0]
-        return np.asarray(stress_of(derivatives, c - even) + fitted)
+        return np.asarray(
+            stress_of(derivatives, c - self.material.bulk_part) + self.mean_stress(displacement)
+        )
 
-    def divergence(self, displacement: FloatArray) -> FloatArray:
-        """div sigma (n, 2) of nodal ``displacement`` (N, 2), as by the rows of :meth:`equilibrium`."""
-        return self.divergence_by(self.stencils.derivatives(displacement), self._stress_stencils.derivatives)
+    def mean_stress(self, displacement: FloatArray) -> FloatArray:
+        """The part (n, 3) of :meth:`stress` that is fitted to nodal values."""
+        nodal = stress_of(self.stencils.derivatives(displacement), self.material.bulk_part)
+        return np.asarray(self._stress_stencils.derivatives(nodal)[:, 0])
 
-    def divergence_by(
-        self, derivatives: FloatArray, of_stress: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray:
-        """The same from the ``derivatives`` (n, 6, 2) of a displacement; ``of_stress`` differentiates nodal
-        stresses (n, 3)."""
+    def divergence_of(self, derivatives: FloatArray) -> FloatArray:
+        """div sigma (n, 2) from ``derivatives`` (n, 6, 2) of a displacement, as by :meth:`equilibrium`."""
         c = self.material.stiffness
         nested = self.settings.degree == 1
         if not nested and not self.material.nearly_incompressible:
             return divergence_of(derivatives, c)
         even = c if nested else self.material.bulk_part
         rest = 0.0 if nested else divergence_of(derivatives, c - even)
-        result: FloatArray = divergence_of_stress(of_stress(stress_of(derivatives, even))) + rest
-        return result
+        return np.asarray(self.stress_divergence(stress_of(derivatives, even)) + rest)
 
     def stress_divergence(self, stress: FloatArray) -> FloatArray:
         """Divergence (n, 2) of nodal ``stress`` (n, 3) at the cloud's points."""

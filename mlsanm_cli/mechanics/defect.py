@@ -19,8 +19,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
+from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
+from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
+from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.fits import fitted_derivatives
@@ -48,9 +49,9 @@ ALGEBRAIC_FLOOR = 1e-13
 """The same as a fraction of the displacements, for scenes that the fits represent exactly."""
 
 
-def next_degree(settings: MlsSettings) -> MlsSettings:
+def next_degree(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
     """Settings of the fits that evaluate the defect."""
-    return replace(settings, degree=settings.degree + 1, neighbors=None)
+    return enough_neighbors(replace(settings, degree=settings.degree + 1, neighbors=None), material)
 
 
 @dataclass(frozen=True)
@@ -119,20 +120,25 @@ def correct(
 def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
     """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known. Raises
     NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree."""
-    model = body.model
+    model, stiffness = body.model, body.model.material.stiffness
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
     better = better or NextDegree(model)
     derivatives = better.of_displacement(displacement)
-    stress = stress_of(derivatives, model.material.stiffness) - model.stress(displacement)
+    less = model.stencils.derivatives(displacement) - derivatives
+    lost, divergence, mean = stress_of(less, stiffness), model.divergence_of(less), None
+    if model.material.nearly_incompressible:
+        # The defect of the area change times the bulk modulus is large and not smooth. It enters by the
+        # body's own fits, as in its rows; the next degree is compared on the mean stress, which is smooth.
+        smooth = model.mean_stress(displacement)
+        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.of_stress(smooth))
+        mean = stress_of(less, model.material.bulk_part) + smooth, smooth
     source = np.zeros(body.rows)
-    divergence = model.divergence_by(derivatives, better.of_stress)
-    source[: 2 * len(stress)] = (model.divergence(displacement) - divergence).T.ravel()
+    source[: 2 * len(less)] = divergence.T.ravel()
     for name, surface in model.cloud.surfaces.items():
-        traction = traction_of(stress[surface.index], surface.normal)
-        source += body.source(name, -traction, held=False)
+        source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
-    lacking = partial(better.stress_around, displacement)
+    lacking = partial(better.stress_around, displacement, mean)
     fluxes = body.pieces.flux_of(lacking, body.gripped)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
     reactions = {
@@ -146,7 +152,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
         for name, axes in body.gripped.items()
         if any(axes)
     }
-    return Defect(source, stress, reactions)
+    return Defect(source, stress_of(derivatives, stiffness) - model.stress(displacement), reactions)
 
 
 @dataclass(frozen=True)
@@ -164,26 +170,42 @@ class NextDegree:
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        return self._derivatives(displacement, self.model.cloud.points, next_degree(self.model.settings))
+        return self._derivatives(
+            displacement, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
+        )
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
-        return self._derivatives(stress, self.model.cloud.points, next_degree(self.model.settings))
+        return self._derivatives(
+            stress, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
+        )
 
-    def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
+    def stress_around(
+        self,
+        displacement: FloatArray,
+        mean: tuple[FloatArray, FloatArray] | None,
+        places: FloatArray,
+        points: FloatArray,
+    ) -> FloatArray:
         """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
-        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives."""
-        model = self.model
+        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives; in nearly
+        incompressible bodies mean stresses are fits of both degrees to nodal ones, a pair ``mean`` (n, 3).
+        """
+        model, c = self.model, self.model.material.stiffness
         # Fluxes are not of the narrower fits at nodes.
         settings = replace(model.settings, narrow=False)
-        own, better = (
-            self._derivatives(displacement, places, some) for some in (settings, next_degree(settings))
-        )
+        fits = settings, next_degree(settings, model.material)
+        own, better = (self._derivatives(displacement, places, some) for some in fits)
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
         near = [less[:, :, 0], less[:, :, 1] + x * less[:, :, 3] + y * less[:, :, 4]]
         near.append(less[:, :, 2] + x * less[:, :, 4] + y * less[:, :, 5])
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
-        return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
+        if mean is None:
+            return stress_of(whole, c).reshape(*points.shape[:2], 3)
+        flat, pairs = points.reshape(-1, 2), zip(mean, fits, strict=True)
+        first, second = (self._derivatives(values, flat, some)[:, 0] for values, some in pairs)
+        stress = stress_of(whole, c - model.material.bulk_part) + first - second
+        return stress.reshape(*points.shape[:2], 3)
 
     def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
         """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses

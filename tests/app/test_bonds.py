@@ -115,14 +115,25 @@ def test_a_disk_bonded_in_a_ring(slave: str, tmp_path: Path) -> None:
         + load("pull", "ring.outer", "pressure", pressure=-1.0)
         + bond("glue", slave, "ring.inner" if slave == "disk.arc" else "disk.arc")
     )
-    assert solve(text, tmp_path / "run")["status"] == "done"
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
     # Displacements at radius 1 per pressure there, and per pull.
     inner = 1.3 * 0.4 / 1000.0
     ring, pull = 1.3 / 100.0 * (0.4 + 4.0) / 3.0, 1.3 / 100.0 * (0.4 * 4.0 + 4.0) / 3.0
     tension = pull / (inner + ring)
-    found = read_run(tmp_path / "run").contacts["glue"]
+    data = read_run(tmp_path / "run")
+    found = data.contacts["glue"]
     np.testing.assert_allclose(found.pressure[-1], -tension, rtol=1e-2)
     np.testing.assert_allclose(found.traction[-1], 0.0, atol=1.5e-2 * tension)
+    away, size = 0.0, 0.0
+    for name, one in data.bodies.items():
+        r, beyond = np.hypot(*one.points.T)[:, None], 4.0 / 3.0 * (1.0 - tension)
+        stretch = 1.3 / 100.0 * (0.4 * (tension + beyond) + beyond / np.maximum(r, 1.0) ** 2)
+        true = one.points * (inner * tension if name == "disk" else stretch)
+        away += ((data.states[-1].bodies[name]["displacement"] - true) ** 2).sum()
+        size += (true**2).sum()
+    error = float(np.sqrt(away / size))
+    assert error / 3.0 <= summary["error_estimate"]["displacement"] <= 3.0 * error
 
 
 def coated(split: bool) -> str:

@@ -124,13 +124,17 @@ def test_two_cylinders(tmp_path: Path, cylinders: Truth) -> None:
     check(*solve("two_cylinders", tmp_path / "run", *sizes), cylinders)
 
 
-@pytest.mark.parametrize(("degree", "spacing"), [(2, 0.1), (4, 0.05)])
-def test_lame(tmp_path: Path, degree: int, spacing: float) -> None:
+@pytest.mark.parametrize(
+    ("degree", "spacing", "nu"), [(2, 0.1, 0.3), (4, 0.05, 0.3), (2, 0.1, 0.46), (2, 0.1, 0.4999)]
+)
+def test_lame(tmp_path: Path, degree: int, spacing: float, nu: float) -> None:
+    # With the defect of the area change times the bulk modulus the last estimate was 22.
     sizes = (f"body.ring.spacing={spacing!r}", f"body.ring.refine.0.spacing={0.5 * spacing!r}")
-    summary, data = solve("lame", tmp_path / "run", f"mls.degree={degree}", *sizes)
+    steel = f"material.steel.nu={nu!r}"
+    summary, data = solve("lame", tmp_path / "run", f"mls.degree={degree}", steel, *sizes)
     points, found = data.bodies["ring"].points, data.states[-1].bodies["ring"]["displacement"]
     r = np.hypot(points[:, 0], points[:, 1])
-    ring = LameRing(1.0, 2.0, 100.0, 210e3 / (1.0 - 0.3**2), 0.3 / 0.7)
+    ring = LameRing(1.0, 2.0, 100.0, 210e3 / (1.0 - nu**2), nu / (1.0 - nu))
     expected = points * (ring.displacement(r) / r)[:, None]
     error = norm(found - expected) / norm(expected)
     assert error / FACTOR <= summary["error_estimate"]["displacement"] <= error * FACTOR
@@ -140,13 +144,6 @@ def test_lame(tmp_path: Path, degree: int, spacing: float) -> None:
 @pytest.mark.parametrize("degree", [1, 6])
 def test_no_figure_is_made_up_for_other_degrees(tmp_path: Path, degree: int) -> None:
     summary, _ = solve("lame", tmp_path / "run", f"mls.degree={degree}")
-    assert summary["error_estimate"] == {"displacement": None, "pressure": {}}
-
-
-def test_nearly_incompressible_bodies_have_no_estimate(tmp_path: Path) -> None:
-    # It had been 22 times the displacement, where the error was 0.6 %.
-    summary, _ = solve("lame", tmp_path / "run", "mls.degree=2", "material.steel.nu=0.4999")
-    assert summary["status"] == "done"
     assert summary["error_estimate"] == {"displacement": None, "pressure": {}}
 
 

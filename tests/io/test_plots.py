@@ -223,6 +223,9 @@ def test_singular_ends_leave_room_for_the_rest(kept: list[Figure]) -> None:
     """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are."""
     x = 1.0 - np.concatenate([np.geomspace(1e-9, 0.5, 60), np.linspace(0.52, 1.0, 40)])
     place = np.concatenate([-x, x[-2::-1]])
+    # A bounded peak at an end is none, a weakly singular one is.
+    assert not is_singular(place, 1.0 + place)
+    assert is_singular(place[1:], (1.0 + 1e-9 - place[1:]) ** -0.1)
     for singular, pressure in ((True, 1.0 / np.sqrt(1.0 - place**2)), (False, np.sqrt(1.0 - place**2))):
         highest = regular_peak(place, pressure)
         assert is_singular(place, pressure) == singular

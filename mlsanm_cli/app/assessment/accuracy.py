@@ -17,8 +17,9 @@ import numpy as np
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import corrected_state, halved_pressure, l2, rough_state
+from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure, l2, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -54,15 +55,7 @@ class Accuracy:
     from_law: float = 0.0
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
-        """Estimates for summary.json; for a ``state``, its pressures are compared with the exact ones, too.
-
-        There are none for nearly incompressible bodies: the defect of the mean stress is that of the volume
-        change times a bulk modulus without bound, 5 times the error at a Poisson's ratio of 0.45, 3000 times
-        at 0.4999. Refinement still uses it.
-        """
-        bodies = built.scene.bodies.values()
-        if any(body.model.material.nearly_incompressible for body in bodies):
-            return {"displacement": None, "pressure": dict.fromkeys(self.from_bulk)}
+        """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
         pressure, exact = {}, self.state
         blind = len(built.condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
@@ -98,8 +91,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
     unknown: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
-    # Friction depends on the path, and bonds would have to be solved again.
-    blind = len(condensed.friction_nodes) > 0 or len(condensed.bonds.pairings) > 0
+    blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
         return Accuracy(None, unknown, unknown, state, None, {}, {})
     try:
@@ -114,10 +106,11 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     largest = _largest([one.displacement for one in bodies.values()])
     try:
         halved = halved_pressure(condensed, state) if has_nodal_pressures(built) else None
-        after = corrected_state(condensed, scene, state, bodies)
+        by = changes_of(condensed, scene, bodies)
+        after = by.state(condensed, state)
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
         moved = (after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction))
-        error = squared_changes(built, bodies, *moved)
+        error = squared_changes(built, bodies, by.bonds, *moved)
     except NumericalError:  # the corrected scene has no contact state
         return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
     pressures = pressure_errors(built, state, after.pressure, rough, halved)
@@ -149,13 +142,14 @@ def _largest(displacements: list[FloatArray]) -> float:
 def squared_changes(
     built: CondensedScene,
     bodies: Mapping[str, Corrected],
+    bonds: Bonds,
     motion: FloatArray,
     pressure: FloatArray,
     traction: FloatArray,
 ) -> float:
     """Sum of squares of the change of all displacements by the corrections of ``bodies``, and by changes of
-    motions (k,), pressures (m,) and tractions (n,) that follow from them."""
-    condensed, scene, total = built.condensed, built.scene, 0.0
+    ``bonds``, motions (k,), pressures (m,) and tractions (n,) that follow from them."""
+    condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
     moved = (np.zeros(built.stages.shape[1]), motion, pressure, traction)
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]

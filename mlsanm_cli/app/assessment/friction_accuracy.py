@@ -15,7 +15,13 @@ from mlsanm_cli.app.assessment.accuracy import (
     squared_changes,
 )
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.accuracy import changes_of, frozen_change, halved_pressure, roughness_of
+from mlsanm_cli.contact.laws.accuracy import (
+    Changes,
+    changes_of,
+    frozen_change,
+    halved_pressure,
+    roughness_of,
+)
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
@@ -33,7 +39,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     As without friction, but with the stick and slip status of that state: the path is not followed again.
     """
     condensed = built.condensed
-    if not len(condensed.friction_nodes) or condensed.bonds.pairings or not state.closed.any():
+    if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
     if any(body.model.settings.degree not in DEGREES for body in built.scene.bodies.values()):
         return accuracy
@@ -46,11 +52,10 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         bodies = corrected_bodies(built, state.unknowns, memo)
         by = changes_of(condensed, built.scene, bodies)
         change = _change(built, last, by)
-        lost = *roughness_of(condensed, built.scene, bodies), np.zeros_like(by[2])
-        rough = _change(built, last, lost)
+        rough = _change(built, last, roughness_of(condensed, built.scene, bodies))
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
-    error = squared_changes(built, bodies, change.motion, change.pressure, change.traction)
+    error = squared_changes(built, bodies, by.bonds, change.motion, change.pressure, change.traction)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
     pressures = pressure_errors(
@@ -66,10 +71,8 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     )
 
 
-def _change(
-    built: CondensedScene, state: ExactState, by: tuple[FloatArray, FloatArray, FloatArray]
-) -> ContactSolution:
-    """Response of the contact to changes ``by`` gaps (m,), slips (n,) and force imbalance (k,)."""
+def _change(built: CondensedScene, state: ExactState, by: Changes) -> ContactSolution:
+    """Response of the contact to changes ``by`` something else."""
     condensed = built.condensed
     # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)

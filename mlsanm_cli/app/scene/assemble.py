@@ -93,7 +93,7 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
 def estimated(case: Case) -> bool:
     """Whether errors are estimated at a higher degree; with friction the path would have to be repeated."""
     known = case.mls.degree == "auto" or case.mls.degree in DEGREES
-    return known and not any(contact.friction for contact in case.contact)
+    return known and not any(contact.friction and not contact.bonded for contact in case.contact)
 
 
 def prepare(
@@ -122,7 +122,7 @@ def prepare(
         known = before.get(name)
         if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
             return known
-        foresight = next_degree(settings).stencil_size if estimated(case) else 0
+        foresight = next_degree(settings, material).stencil_size if estimated(case) else 0
         return memo.value(
             "model",
             model_key(name, cloud, material, settings, clamped),

@@ -13,6 +13,9 @@ THRESHOLD = 0.01
 PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
 """The peak is singular if it exceeds PEAK_RATIO the pressure that only a fraction PEAK_SHARE of the loaded
 length exceeds."""
+LEAST_POWER, HALVINGS, SINGULAR_REACH = 0.03, 5, 0.05
+"""Or if pressures grow towards it by at least this power of the distance at every one of so many halvings
+within this part of the loaded length: at the corner of a block that slides, the power is 0.1."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -69,7 +72,19 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
     order = order[pressure[order] > 0.0]
     lengths = np.cumsum(np.gradient(arc_length)[order])
     rest = float(pressure[order][np.searchsorted(lengths, (1.0 - PEAK_SHARE) * lengths[-1])])
-    return float(pressure[top]) if inside or pressure[top] <= PEAK_RATIO * rest else rest
+    singular = pressure[top] > PEAK_RATIO * rest or _grows(arc_length, pressure, top, float(lengths[-1]))
+    return float(pressure[top]) if inside or not singular else rest
+
+
+def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bool:
+    """Whether pressures grow towards an end ``top`` of the ``loaded`` length by a power of the distance."""
+    away = np.where(pressure > 0.0, np.abs(arc - arc[top]), np.inf)
+    order = np.argsort(away)[: int((pressure > 0.0).sum())]
+    places = 2.0 * away[order[min(1, len(order) - 1)]] * 2.0 ** np.arange(HALVINGS + 1)
+    if places[-1] > SINGULAR_REACH * loaded:
+        return False
+    found = np.interp(places, away[order], pressure[order])
+    return bool((found[:-1] >= 2.0**LEAST_POWER * found[1:]).all())
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:

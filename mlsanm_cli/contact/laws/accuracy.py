@@ -4,14 +4,16 @@ linearised response of a state to small changes of gaps and slips, with slip sta
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
+from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.contact.response.drivers import spans
@@ -22,21 +24,24 @@ from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Platen, Scene
 
 
-def corrected_state(
-    condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
-) -> ExactState:
-    """The exact state after the corrections of ``bodies`` are added to their displacements.
+@dataclass(frozen=True)
+class Changes:
+    """Changes of ``gaps`` (m,), ``slips`` (n,) and force ``imbalance`` of the rigid constraints (k,), and the
+    ``bonds`` with the tractions that follow."""
 
-    The corrections change gaps, and platen forces computed from the stress field. Raises NumericalError if
-    the changed contact problem has no solution.
-    """
-    gaps, _, imbalance = changes_of(condensed, scene, bodies)
-    changed = replace(
-        condensed,
-        gap=_shifted(condensed.gap, gaps),
-        balance=_shifted(condensed.balance, imbalance),
-    )
-    return solve_exact(changed, state.factors, state.active)
+    gaps: FloatArray
+    slips: FloatArray
+    imbalance: FloatArray
+    bonds: Bonds
+
+    def state(self, condensed: Condensed, before: ExactState) -> ExactState:
+        """The exact state after them. Raises NumericalError if there is none."""
+        changed = replace(
+            condensed,
+            gap=_shifted(condensed.gap, self.gaps),
+            balance=_shifted(condensed.balance, self.imbalance),
+        )
+        return solve_exact(changed, before.factors, before.active)
 
 
 def rough_state(
@@ -46,27 +51,27 @@ def rough_state(
 
     Raises NumericalError if it has none.
     """
-    gaps, _ = roughness_of(condensed, scene, bodies)
-    if not gaps.any():
-        return state
-    return solve_exact(replace(condensed, gap=_shifted(condensed.gap, gaps)), state.factors, state.active)
+    lost = roughness_of(condensed, scene, bodies)
+    return lost.state(condensed, state) if lost.gaps.any() else state
 
 
-def roughness_of(
-    condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]
-) -> tuple[FloatArray, FloatArray]:
-    """What smoothing takes from gaps (m,) and slips (n,) by the displacements of ``bodies``."""
+def roughness_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]) -> Changes:
+    """What smoothing takes from the displacements of ``bodies``."""
     moved = {name: one.displacement for name, one in bodies.items()}
-    return _summed(condensed, scene, moved, lost=True)
+    nothing = np.zeros(len(condensed.balance.constant))
+    return Changes(*_summed(condensed, scene, moved, lost=True), nothing, condensed.bonds)
 
 
-def changes_of(
-    condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Changes of gaps (m,), slips (n,) and force imbalance of the rigid constraints (k,) by the displacement
-    corrections of ``bodies``; the imbalance includes the stress of the better fits."""
+def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]) -> Changes:
+    """Changes by the displacement corrections of ``bodies``; the imbalance includes the stress of the better
+    fits."""
     corrections = {name: one.change.reshape(-1, 2) for name, one in bodies.items()}
     gaps, slips = _summed(condensed, scene, corrections)
+    bonds = condensed.bonds
+    opened = np.zeros((2, len(bonds.pressure.constant)))
+    for pairing in bonds.pairings:
+        opened[:, bonds.spans[pairing.name]] = _moved(pairing, scene, corrections)
+    bonds = bonds.opened(*opened)
     imbalance = np.zeros(len(condensed.balance.constant))
     for row, (constraint, motion) in enumerate(scene.unknown_motions):
         if isinstance(constraint, Platen) and not motion.alone:
@@ -77,7 +82,11 @@ def changes_of(
                 x, y = constraint.center
                 carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
                 imbalance[row] += motion.direction @ carried
-    return gaps, slips, imbalance
+    if bonds.pairings:
+        followed = condensed.by_bonds @ np.concatenate([bonds.pressure.constant, bonds.traction.constant])
+        more = np.split(followed, np.cumsum([len(gaps), len(slips)]))
+        gaps, slips, imbalance = gaps + more[0], slips + more[1], imbalance + more[2]
+    return Changes(gaps, slips, imbalance, bonds)
 
 
 def _summed(
@@ -86,12 +95,20 @@ def _summed(
     """:func:`changes` of gaps (m,) and slips (n,) of all contacts by ``displacements`` (N, 2) of bodies."""
     gaps, slips = np.zeros(len(condensed.weight)), np.zeros(len(condensed.friction_nodes))
     for pairing in condensed.pairings:
-        for name in dict.fromkeys(pairing.bodies):
-            gap, slip = changes(scene.bodies[name], name, pairing, displacements[name], lost)
-            gaps[condensed.spans[pairing.name]] += gap
-            if pairing.friction:
-                slips[condensed.tangential[pairing.name]] += slip
+        gap, slip = _moved(pairing, scene, displacements, lost)
+        gaps[condensed.spans[pairing.name]] = gap
+        if pairing.friction:
+            slips[condensed.tangential[pairing.name]] = slip
     return gaps, slips
+
+
+def _moved(
+    pairing: Pairing, scene: Scene, displacements: Mapping[str, FloatArray], lost: bool = False
+) -> FloatArray:
+    """The same (2, m) of one contact."""
+    bodies = dict.fromkeys(pairing.bodies)
+    parts = (changes(scene.bodies[name], name, pairing, displacements[name], lost) for name in bodies)
+    return np.asarray(sum(np.stack(part) for part in parts))
 
 
 def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
@@ -151,17 +168,17 @@ def frozen_change(
     gaps: FloatArray,
     closed: BoolArray,
     stuck: BoolArray,
-    by: tuple[FloatArray, FloatArray, FloatArray],
+    by: Changes,
 ) -> ContactSolution:
-    """Change of a state with ``pressure`` (m,), ``traction`` (n,) and ``gaps`` (m,) when gaps (m,), slips
-    (n,) and the force imbalance of the rigid constraints (k,) change ``by`` given amounts.
+    """Change of a state with ``pressure`` (m,), ``traction`` (n,) and ``gaps`` (m,) when gaps, slips and
+    force imbalance change ``by`` given amounts.
 
     ``closed`` (m,) nodes stay closed unless they would pull, open ones stay open unless they would overlap;
     nodes with friction that are ``stuck`` (n,) keep their slips, the others keep slipping. The change is
     linear but for the edges of contact, so that the load history need not be repeated. Raises NumericalError
     if there is no solution.
     """
-    m, n, nodes, still = len(pressure), len(traction), condensed.friction_nodes, np.zeros(len(by[2]))
+    m, n, nodes, still = len(pressure), len(traction), condensed.friction_nodes, np.zeros(len(by.imbalance))
     least = np.finfo(float).eps ** 0.5 * np.abs(pressure).max(initial=0.0)
     compliance = float(np.abs(np.diagonal(condensed.gap.pressure)).max(initial=0.0))
     overlap = least * min(1.0, compliance or 1.0)
@@ -175,7 +192,8 @@ def frozen_change(
             system = SetSystem(condensed, ContactStatus(closed, stuck & touching, slides))
         except SingularSystemError as error:
             raise NumericalError("the contact state is singular") from error
-        more = system.response(by[0] + gaps + caused[:m], by[1] + caused[m : m + n], by[2] + caused[m + n :])
+        gap, slip, imbalance = np.split(caused, [m, m + n])
+        more = system.response(by.gaps + gaps + gap, by.slips + slip, by.imbalance + imbalance)
         found = replace(more, pressure=more.pressure + lost[:m], traction=more.traction + lost[m : m + n])
         changed = np.where(closed, pressure + found.pressure < -least, found.gap < -overlap)
         if not changed.any():

@@ -14,7 +14,7 @@ spacings the strip's curvature agrees with Timoshenko's to 3e-7.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,7 +44,8 @@ class Bonds:
     """The bonded contacts ``pairings``, with the ``spans`` of their nodes among those of all bonds.
 
     ``pressure`` and ``traction`` (b,) are maps from the unknowns of the other contacts, which ``free`` (m,)
-    marks among all pressures and ``sliding`` (n,) among all tractions.
+    marks among all pressures and ``sliding`` (n,) among all tractions. ``response`` (2b, 2b) maps gaps and
+    slips of the bonds to the pressures and tractions that close them.
     """
 
     pairings: tuple[Pairing, ...]
@@ -53,12 +54,13 @@ class Bonds:
     traction: LinearMap
     free: BoolArray
     sliding: BoolArray
+    response: FloatArray
 
     @classmethod
     def none(cls) -> Bonds:
         """No bonds."""
         nothing, no = Columns(0, 0, 0).zeros(0), np.zeros(0, dtype=bool)
-        return cls((), {}, nothing, nothing, no, no)
+        return cls((), {}, nothing, nothing, no, no, np.zeros((0, 0)))
 
     def whole(self, unknowns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """The unknowns f, q, p, t extended to the pressures and tractions of all contacts."""
@@ -74,6 +76,19 @@ class Bonds:
         """Pressures and tractions (m,) of one bond."""
         own = self.spans[name]
         return self.pressure.take(own)(*unknowns), self.traction.take(own)(*unknowns)
+
+    def opened(self, gaps: FloatArray, slips: FloatArray) -> Bonds:
+        """Bonds that also close ``gaps`` (b,) and ``slips`` (b,), which arise from something else."""
+        more = np.split(self.response @ np.concatenate([gaps, slips]), 2)
+        maps = zip((self.pressure, self.traction), more, strict=True)
+        pressure, traction = (replace(one, constant=one.constant + by) for one, by in maps)
+        return replace(self, pressure=pressure, traction=traction)
+
+    def acting(self, linear: LinearMap) -> FloatArray:
+        """Columns (r, 2b) of a map of all unknowns for the pressures and tractions of bonds."""
+        if not self.pairings:
+            return np.zeros((len(linear.constant), 0))
+        return np.hstack([linear.pressure[:, ~self.free], linear.traction[:, ~self.sliding]])
 
     def reduced(self, linear: LinearMap) -> LinearMap:
         """A map of all unknowns as a map of those of the other contacts."""
@@ -118,15 +133,18 @@ def bind(
     means = (np.tile(weight, 2)[:, None] * whole).T
     try:
         system = DenseSystem(means @ matrix @ whole, whole.shape[1])
-        solved = -whole @ system.solve(means @ np.concatenate(rest))
+        known = np.hstack([np.concatenate(rest), np.eye(2 * first)])
+        solved = -whole @ system.solve(means @ known)
     except SingularSystemError as error:
         raise NumericalError(
             f"the tractions of bonded contact {bonded[0].name} are not determined",
             f"use more similar spacings along {' and '.join(bonded[0].names)}",
         ) from error
-    ends = np.cumsum([gap.load.shape[1], gap.motion.shape[1], int(free.sum())])
-    maps = [LinearMap(np.zeros(first), *np.split(half, ends, axis=1)) for half in np.split(solved, 2)]
-    return Bonds(bonded, spans, maps[0], maps[1], free, sliding)
+    ends = np.cumsum([gap.load.shape[1], gap.motion.shape[1], int(free.sum()), int(sliding.sum())])
+    *parts, response = np.split(solved, ends, axis=1)
+    halves = zip(*(np.split(part, 2) for part in parts), strict=True)
+    maps = [LinearMap(np.zeros(first), *half) for half in halves]
+    return Bonds(bonded, spans, maps[0], maps[1], free, sliding, response)
 
 
 def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:

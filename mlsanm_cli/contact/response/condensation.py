@@ -143,6 +143,8 @@ def _condensed(
     gap, slip, beyond = correct_short_waves(gap, slip, frictional, drivers.spans, drivers.tangential, along)
     bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _with_law(pairings))
     reduced, free, sliding = bonds.reduced, ~_bonded_mask(drivers.pairings), ~_bonded_mask(drivers.frictional)
+    unreduced = gap.take(free), slip.take(sliding), balance_of_constraints(forces)
+    own_gap, own_slip, balance = map(reduced, unreduced)
     kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_bonded_mask(pairings, watched=True)
     return Condensed(
         pairings=loose.pairings,
@@ -152,10 +154,10 @@ def _condensed(
         tangential=loose.tangential,
         friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.frictional]),
         friction=_friction(loose.pairings),
-        gap=reduced(gap.take(free)),
-        slip=reduced(slip.take(sliding)),
+        gap=own_gap,
+        slip=own_slip,
         watched=reduced(watched.take(looked_at)),
-        balance=reduced(balance_of_constraints(forces)),
+        balance=balance,
         beyond=sparse.csr_array(beyond[kept][:, kept]) if bonds.pairings else beyond,
         forces={name: reduced(one) for name, one in reported_forces(forces).items()},
         contact_forces={
@@ -167,6 +169,7 @@ def _condensed(
         moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
         holding={where: reduced(one) for where, one in holding_forces(forces).items()},
         bonds=bonds,
+        by_bonds=np.concatenate([bonds.acting(one) for one in unreduced]),
         sources=sources,
         solutions=responses.solutions,
         solves=sum(len(used_columns(source)) for source in sources.values()),

@@ -59,8 +59,9 @@ class Condensed:
     is the sum of forces on each body (2 per body) except components held at single nodes, ``sums`` the same
     without exception. ``probes`` maps each probe to its displacement and stress (5,), ``moments`` each
     rotating plate to its moment on the bodies about the hinge, ``holding`` the body and component of each
-    motion held at zero to the reaction. ``solves`` counts columns. ``content`` is a digest of everything
-    except friction coefficients. ``kept`` are near fields at points of the bodies.
+    motion held at zero to the reaction. ``by_bonds`` (m + n + k, 2b) are the changes of gaps, slips and force
+    imbalance by the pressures and tractions of bonds. ``solves`` counts columns. ``content`` is a digest of
+    everything except friction coefficients. ``kept`` are near fields at points of the bodies.
     """
 
     pairings: tuple[Pairing, ...]
@@ -83,6 +84,7 @@ class Condensed:
     solves: int
     content: str
     bonds: Bonds = field(default_factory=Bonds.none)
+    by_bonds: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
     moments: Mapping[str, LinearMap] = field(default_factory=dict)
     holding: Mapping[tuple[str, int], LinearMap] = field(default_factory=dict)
