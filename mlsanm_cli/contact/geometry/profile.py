@@ -13,6 +13,12 @@ THRESHOLD = 0.01
 PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
 """The peak is singular if it exceeds PEAK_RATIO the pressure that only a fraction PEAK_SHARE of the loaded
 length exceeds."""
+DECADES, END_SHARE = np.array([4.0, 40.0, 400.0]), 0.1
+"""Distances from an end, in its finest intervals, between which the growth of pressures is compared, within
+this fraction of the surface."""
+GROWTH, LEAST_GROWTH = 0.6, 0.01
+"""A weakly singular pressure grows by at least this fraction of its growth over the decade before, which is
+0.1 to 0.3 at a regular end, and by this fraction of itself."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -73,8 +79,18 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:
-    """Whether the largest pressure (m,) is at a singular end."""
-    return regular_peak(arc_length, pressure) < float(pressure.max(initial=0.0))
+    """Whether the largest pressure (m,) is at a singular end, a weakly singular one included: there it grows
+    by as much in every decade of the distance, down to the finest of the grid."""
+    top = int(pressure.argmax()) if len(pressure) else 1
+    if 0 < top < len(pressure) - 1 or len(pressure) < 2:
+        return False
+    if regular_peak(arc_length, pressure) < pressure[top]:
+        return True
+    away, order = np.abs(arc_length - arc_length[top]), slice(None) if top == 0 else slice(None, None, -1)
+    decades = DECADES * away[order][1]
+    near, between, far = np.interp(decades, away[order], pressure[order])
+    grows = near - between > max(GROWTH * (between - far), LEAST_GROWTH * near)
+    return bool(decades[-1] < END_SHARE * away.max() and between > far and grows)
 
 
 def _crossing(arc: FloatArray, pressure: FloatArray, level: float, last: int, step: int) -> float:
