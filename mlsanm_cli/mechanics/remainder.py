@@ -20,12 +20,15 @@ from mlsanm_cli.cloud.quadrature import graded_quadrature
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import CorneredForces, Forces
+from mlsanm_cli.mechanics.corner_faces import smooth_step
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 
 SURFACE_TOLERANCE = 1e-6
 """Points within this fraction of a surface's length of it lie on it."""
 
+HELD_RANGE = 4.0
+"""Distance, in spacings, within which forces next to a held node count as next to it."""
 CORNER_HALVINGS = 14
 """Number of halvings of the half interval at a corner, towards the corner."""
 
@@ -55,14 +58,26 @@ def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -
         loads += _on_pieces(body, name, surface, forces, sent.get(name))
     first = 2 * (len(cloud.points) + sum(len(surface.index) for surface in cloud.surfaces.values()))
     for number, (node, component) in enumerate(body.held_nodes):
-        moved = forces.displacement(as_complex(cloud.points[node : node + 1]))
-        source[first + number] = -moved[0, :, component]
+        source[first + number] = -_felt(body, forces, node)[:, component]
     if centred:
         source[body.first_pin : body.first_pin + len(body.free.components)] = -_mean_motion(body, forces)
     flat = source.reshape(body.rows, -1)
     missing = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(missing) :] = missing
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
+
+
+def _felt(body: ElasticBody, forces: Forces, node: int) -> FloatArray:
+    """Displacements (k, 2, 2) of the fields at a held ``node``, those of forces next to it at the nearest
+    node inside: the reaction spreads over a spacing, and displacements next to closer forces are unbounded,
+    so that the node would follow them more than they move themselves."""
+    cloud = body.model.cloud
+    inside = np.delete(np.arange(len(cloud.points)), cloud.boundary_nodes)
+    away = np.hypot(*(cloud.points[inside] - cloud.points[node]).T)
+    z = as_complex(cloud.points[[node, inside[np.argmin(away)]]])
+    here, within = forces.displacement(z)
+    near = smooth_step(np.abs(forces.place - z[0]) / (HELD_RANGE * cloud.spacing[node]))[:, None, None]
+    return np.asarray((1.0 - near) * here + near * within)
 
 
 def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:

@@ -17,7 +17,7 @@ from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
 from tests.app.scenes import FAST, PUNCHES, Quiet, hertz, solve
-from tests.case_text import body, box, contact, disk, half_disk, head, item, load, material, plane, table
+from tests.case_text import body, box, contact, disk, half_disk, head, item, load, material, pin, plane, table
 
 SHEARED = (
     hertz()
@@ -219,6 +219,21 @@ ALONG_THE_GRAIN = (
 def test_a_grain_along_the_surface_is_no_instability(tmp_path: Path) -> None:
     """Tractions had been judged by how much the material gives across its grain: 0.1, and refused."""
     assert solve(ALONG_THE_GRAIN, tmp_path / "run")["stability"] > 0.2
+
+
+def test_a_block_held_at_a_corner_that_rubs_is_no_instability(tmp_path: Path) -> None:
+    """Tractions next to the corner had moved the held node more than themselves: -500, and refused."""
+    text = (
+        head("strain")
+        + material("brick", E=1e4, nu=0.3)
+        + body("block", "brick", 0.1, box([0.0, 2.0], [0.0, 1.0]))
+        + pin("block", [0.0, 0.0], ux=0.0)
+        + contact("floor", "block.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.3, accuracy=0.1)
+        + item("load", name="weight", kind="body-force", body="block", body_force=[0.0, -1.0])
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["stability"] > 0.2
+    assert summary["contacts"]["floor"]["force"] == pytest.approx([0.0, 2.0], abs=0.15)
 
 
 def test_what_the_smooth_law_leaves_is_told(tmp_path: Path) -> None:

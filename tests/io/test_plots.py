@@ -220,7 +220,12 @@ def test_wrong_names_and_places_are_refused(tmp_path: Path) -> None:
 
 
 def test_singular_ends_leave_room_for_the_rest(kept: list[Figure]) -> None:
-    """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are."""
+    """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are. The
+    corner of a block that rubs on another is weakly singular: peaks 7 % apart were not told."""
+    far = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 60)])
+    for power, weakly in ((-0.02, True), (0.5, False), (1.0, False)):
+        end = np.sign(-power) * np.maximum(far, 1e-6) ** power + 2.0 * (power > 0.0)
+        assert is_singular(far, end) == is_singular(-far[::-1], end[::-1]) == weakly
     x = 1.0 - np.concatenate([np.geomspace(1e-9, 0.5, 60), np.linspace(0.52, 1.0, 40)])
     place = np.concatenate([-x, x[-2::-1]])
     # A bounded peak at an end is none, a weakly singular one is.

@@ -13,9 +13,9 @@ THRESHOLD = 0.01
 PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
 """The peak is singular if it exceeds PEAK_RATIO the pressure that only a fraction PEAK_SHARE of the loaded
 length exceeds."""
-LEAST_POWER, HALVINGS, SINGULAR_REACH = 0.03, 5, 0.05
+LEAST_POWER, HALVINGS, SINGULAR_REACH = 0.015, 5, 0.05
 """Or if pressures grow towards it by at least this power of the distance at every one of so many halvings
-within this part of the loaded length: at the corner of a block that slides, the power is 0.1."""
+within this part of the loaded length: at corners of blocks that slide, the power is 0.02 to 0.1."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
