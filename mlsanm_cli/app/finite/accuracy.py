@@ -64,6 +64,6 @@ def _next(body: FiniteBody) -> FiniteBody:
     model = body.elastic.model
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
-    settings = next_degree(model.settings)
+    settings = next_degree(model.settings, model.material)
     better = type(model).build(model.name, model.cloud, model.material, settings)
     return replace(body, elastic=replace(body.elastic, model=better))
