@@ -131,8 +131,7 @@ def _errors(scene: FiniteScene, recorder: FiniteRecorder, clock: Clock) -> dict[
     if recorder.missed is not None and recorder.last is not None:
         with clock.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
             missing = missing_figures(scene, recorder.last, recorder.missed())
-    missing.pop("contacts", None)
-    found, forces = {"energy": recorder.estimate} | missing, dict[str, float]()
+    found, forces = {"energy": recorder.estimate} | missing, missing.get("contacts", {})
     for name, error in contact_errors(recorder.refinement, recorder.touched).items():
         forces[name] = max(error, forces.get(name, 0.0))
     return found | ({"contacts": forces} if forces else {})
