@@ -9,19 +9,23 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.answers import Closer
+from mlsanm_cli.contact.finite.answers import Answer, Closer
 from mlsanm_cli.contact.finite.exact import ExactContact, Pressed
 from mlsanm_cli.contact.finite.iteration import Iteration
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.mechanics.finite.tangent import load_columns
+from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 
 
 @dataclass(frozen=True)
@@ -35,19 +39,63 @@ class Missing:
 
 
 def missed_in_contact(
-    pressing: ExactContact, now: Pressed, before: FloatArray | None, factors: FloatArray
+    pressing: ExactContact,
+    undeformed: Mapping[str, Projector],
+    now: Pressed,
+    before: FloatArray | None,
+    factors: FloatArray,
 ) -> Missing:
     """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
     Raises NumericalError or LinAlgError."""
-    moved = now.displacement[pressing.numbers]
+    moved, left, known = now.displacement[pressing.numbers], {}, np.zeros(len(pressing.numbers))
     closer = Closer.of(pressing.sides, pressing.answers, moved, now.traction)
-    met = pressing.meet(closer.moved(moved, now.traction), factors, before, now.sets.closed)
-    measured = {name: _next(one.body) for name, one in pressing.projectors.items()}
-    step = Iteration(pressing, factors, before, closer, measured=measured)
+    surface = closer.moved(moved, now.traction)
+    turn = _turns(pressing, surface)
+    upright = as_real(as_complex(now.traction.reshape(-1, 2)) / turn).ravel()
+    for name, projector in pressing.projectors.items():
+        better, own = _next(projector.body), pressing.columns[name]
+        here = slice(pressing.firsts[name], pressing.firsts[name] + projector.body.unknowns)
+        series = BodySeries(better, 0)
+        series.put(0, now.displacement[here], np.concatenate([factors, now.traction[own]]))
+        left[name] = series.rows(0)
+        change = _of_tractions(undeformed[name], better, upright[own])
+        known[own] = change[pressing.numbers[own] - here.start]
+    # What fields in closed form replace is not missing.
+    covered = np.concatenate([np.full(2 * s.count, a.missing.any()) for s, a in _pairs(pressing)])
+    known = as_real(as_complex((known * covered).reshape(-1, 2)) * turn).ravel()
+    met = pressing.meet(surface - closer.smooth @ known, factors, before, now.sets.closed)
+    step = Iteration(pressing, factors, before, closer, left=left)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     done = step.taken(*state, first=False)
     pressure = np.where(now.sets.closed | done.sets.closed, done.dp, 0.0)
     return Missing(done.du, pressure, done.traction)
+
+
+def _pairs(pressing: ExactContact) -> Iterator[tuple[ContactSide, Answer]]:
+    return zip(pressing.sides, pressing.answers, strict=True)
+
+
+def _turns(pressing: ExactContact, surface: FloatArray) -> ComplexArray:
+    """Rotations (s,) of the nodes of all sides, as in near fields."""
+    found, first = [np.zeros(0, dtype=complex)], 0
+    for side in pressing.sides:
+        last = first + 2 * side.count
+        found.append(side.turned(surface[first:last].reshape(-1, 2))[0])
+        first = last
+    return np.concatenate(found)
+
+
+def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray) -> FloatArray:
+    """What fits miss of the response (2N,) of an undeformed body to the ``traction`` (t,) of its sides."""
+    count, still = projector.body.loads.count, np.zeros(projector.body.unknowns)
+    none = np.zeros(count)
+    acting = np.concatenate([none[: count - len(traction)], traction])
+    columns = load_columns(projector.body, still, none, slice(count - len(traction), None))
+    factorised = projector.factorised(still, none)
+    series = BodySeries(better, 1)
+    series.put(0, still, none)
+    series.put(1, -factorised.solve(projector.scaled(columns @ traction)), acting)
+    return -factorised.solve(projector.scaled(series.rows(1)))
 
 
 def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatArray) -> Missing:
@@ -55,8 +103,8 @@ def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatA
     or LinAlgError."""
     series, none = BodySeries(_next(projector.body), 0), np.zeros(0)
     series.put(0, displacement, factors)
-    change = -projector.factorised(displacement, factors).solve(projector.scaled(series.rows(0)))
-    return Missing(change, none, none)
+    left = projector.scaled(series.rows(0))
+    return Missing(-projector.factorised(displacement, factors).solve(left), none, none)
 
 
 def _next(body: FiniteBody) -> FiniteBody:

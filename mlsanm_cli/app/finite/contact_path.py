@@ -100,7 +100,7 @@ class _Path:
         acting = scene.acting(np.append(scene.stages[0], np.zeros(scene.free)), np.zeros(2 * count))
         parts = scene.parts(still)
         self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
-        self._acting = acting
+        self._acting, self._undeformed = acting, dict(self._projectors)
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
@@ -239,7 +239,9 @@ class _Path:
 
     def missed(self, state: FiniteState) -> Missed:
         """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
-        return partial(missed_in_contact, self._system(), self.now, self._before, state.whole)
+        return partial(
+            missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.whole
+        )
 
     def _failed(self, position: float) -> None:
         where, first = f"the path stopped at position {position:.6g}", 0

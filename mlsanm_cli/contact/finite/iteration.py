@@ -16,7 +16,6 @@ from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
 from mlsanm_cli.contact.finite.update import ContactSystem, Done, Imbalance, Responses, Used
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
@@ -34,15 +33,15 @@ factor of five only, and increments became eight times shorter."""
 @dataclass(frozen=True)
 class Iteration:
     """Newton steps at load ``factors`` (L,), with slips relative to the places ``before`` (c,); derivatives
-    of the bodies ``used`` before are reused if given. Residuals are those of bodies ``measured`` by other
-    fits, if given: the step is then what these miss, and keeps no residual of earlier equations."""
+    of the bodies ``used`` before are reused if given. ``left`` (r,) are the residuals of bodies, by name, if
+    they are not to be those of their equations."""
 
     pressing: ContactSystem
     factors: FloatArray
     before: FloatArray | None
     closer: Closer
     used: Used | None = None
-    measured: Mapping[str, FiniteBody] = field(default_factory=dict)
+    left: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def taken(
         self,
@@ -63,14 +62,12 @@ class Iteration:
         for name, projector in pressing.projectors.items():
             here = self._here(name)
             whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
-            series = BodySeries(self.measured.get(name, projector.body), 0)
-            series.put(0, u[here], whole)
+            left = self.left[name] if self.left else projector.left(u[here], whole)
             if self.used is not None:
                 factorised[name] = self.used.factorised[name]
             else:
                 factorised[name] = projector.factorised(u[here], whole)
-            rest = 0.0 if name in self.measured else projector.rest
-            z[here] = -factorised[name].solve(projector.scaled(series.rows(0) - rest))
+            z[here] = -factorised[name].solve(projector.scaled(left))
         free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
         chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
         if not len(chosen) and not pressing.free:
@@ -179,7 +176,7 @@ class Iteration:
             lack.now[rows] -= plate.given(self.factors[:known])
             for name in plate.surfaces:
                 here, answer = self._here(name), answers[name]
-                body = self.measured.get(name, pressing.projectors[name].body)
+                body = pressing.projectors[name].body
                 whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
                 pull, by_moving = plate.pulled(body, name, u[here], whole)
                 moved = plate.unknown(by_moving.toarray())

@@ -109,6 +109,12 @@ class Projector:
             rest[:-count] = series.rows(0)[:-count]
         return cls(body, weights, displacement, system, places, rest)
 
+    def left(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+        """Residual (r,) of the equations at ``displacement`` (2N,) and load ``factors`` (L,)."""
+        series = BodySeries(self.body, 0)
+        series.put(0, displacement, factors)
+        return np.asarray(series.rows(0) - self.rest)
+
     def displaced(self, left: FloatArray) -> FloatArray:
         """Displacement (2N,) that corresponds to a residual ``left`` (r,) of the rows, at the station."""
         return self.system.solve(sparse.csc_array(left[:, None]))[:, 0]
