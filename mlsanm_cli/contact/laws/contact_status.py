@@ -20,8 +20,8 @@ MAX_CHANGES = 40
 """Largest number of changed equations for an update of factors; each costs a solution."""
 MIN_EQUATIONS = 100
 """Least number of equations for which an update is cheaper than a new factorisation."""
-ROUND_OFF = 1e-12
-"""Relative residual above which gaps and slips are recomputed after a refinement step."""
+EXACT, ROUND_OFF = 1e-14, 1e-12
+"""Relative residuals above which solutions are refined, and gaps and slips recomputed."""
 MIN_RCOND = 1e-8
 """Least reciprocal condition number of an update."""
 
@@ -145,11 +145,12 @@ class SetSystem:
         closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
         rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
-        # One step of iterative refinement removes the factors' round-off.
         caused = self._condensed.blocks @ unknowns
-        left = rhs - caused[self._kept]
-        unknowns += self._spread(left)
-        if np.abs(left).max(initial=0.0) > ROUND_OFF * np.abs(rhs).max(initial=0.0):
+        left, rows = rhs - caused[self._kept], self._rows[self._kept]
+        error, size = (float(np.abs(rows * one).max(initial=0.0)) for one in (left, rhs))
+        if error > EXACT * size:
+            unknowns += self._spread(left)
+        if error > ROUND_OFF * size:
             caused = self._condensed.blocks @ unknowns
         gap, slip = free_gap + caused[:m], free_slip + caused[m : m + n]
         gap[closed], slip[stuck] = 0.0, stick_reference[stuck]
@@ -168,27 +169,27 @@ class SetSystem:
         return unknowns
 
     def scaled_solution(self, rhs: FloatArray) -> FloatArray:
-        """Scaled unknowns (m + n + k) for right-hand sides that are zero for inactive equations."""
-        found = np.zeros(len(rhs))
+        """Scaled unknowns (m + n + k) or (m + n + k, c) for right-hand sides that are zero for inactive
+        equations."""
+        found = np.zeros(rhs.shape)
         if self._factor is not None:
             found[self._kept] = self._factor.solve(rhs[self._kept])
-            found[self._sliding] = self._slope * found[self._under]
+            found[self._sliding] = (self._slope * found[self._under].T).T
         return found
 
-    def unit(self, number: int) -> FloatArray:
-        """Scaled unknowns for a unit right-hand side in equation ``number``, which for an open node states
-        zero pressure, for a slipping one proportionality of traction and pressure."""
-        if number not in self._units:
-            rhs = np.zeros(len(self._rows))
-            held = not self._holds[number]
-            if held:
-                rhs[self._kept] = -self._condensed.scaled[2][number, self._kept]
-            else:
-                rhs[number] = 1.0
+    def units(self, numbers: IntArray) -> FloatArray:
+        """Scaled unknowns (m + n + k, r) for a unit right-hand side in each of the equations ``numbers``
+        (r,), which for an open node states zero pressure, for a slipping one proportionality of traction and
+        pressure."""
+        new = np.array([one for one in numbers.tolist() if one not in self._units], dtype=np.int64)
+        if len(new):
+            rhs, held = np.zeros((len(self._rows), len(new))), ~self._holds[new]
+            rhs[self._kept] = -self._condensed.scaled[2][np.ix_(new, self._kept)].T * held
+            rhs[new, np.arange(len(new))] = ~held
             found = self.scaled_solution(rhs)
-            found[number] += 1.0 if held else 0.0
-            self._units[number] = found
-        return self._units[number]
+            found[new, np.arange(len(new))] += held
+            self._units |= dict(zip(new.tolist(), found.T.copy(), strict=True))
+        return np.array([self._units[one] for one in numbers.tolist()]).T
 
 
 class _Update:
@@ -209,7 +210,7 @@ class _Update:
             system._sliding, changed, assume_unique=True, return_indices=True
         )
         self._slope, self._under = system._slope[place, None], system._under[place]
-        self._units = np.array([base.unit(int(one)) for one in changed]).T
+        self._units = base.units(changed)
         self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), MIN_RCOND)
 
     @classmethod

@@ -57,13 +57,6 @@ class _Course:
     rates: ContactSolution
 
 
-def _course_of(
-    condensed: Condensed, sets: ContactStatus, change: FloatArray, near: SetSystem | None = None
-) -> _Course:
-    system = SetSystem(condensed, sets, near)
-    return _Course(sets, system, system.rate(change))
-
-
 def start(condensed: Condensed, factors: FloatArray) -> Event:
     """The state before the first stage; initial overlaps push the surfaces apart.
 
@@ -243,9 +236,9 @@ def _course(
         if last is not None and sets.key == last.sets.key:
             return last.system, last.rates, last.rates.slip
         made += 1
-        course = _course_of(condensed, sets, change, known)
-        known = course.system
-        return course.system, course.rates, course.rates.slip
+        known = SetSystem(condensed, sets, known)
+        rates = known.rate(change)
+        return known, rates, rates.slip
 
     sets, system, rates, _ = admissible_sets(condensed, before, watch, solve)
     return _Course(sets, system, rates), made

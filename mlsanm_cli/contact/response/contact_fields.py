@@ -61,11 +61,6 @@ class _Group:
     left_out: BoolArray = field(default_factory=lambda: NO_PAIRS)
     image: FloatArray | None = None
 
-    @property
-    def pairs(self) -> int:
-        """Number of pairs of a point and a source."""
-        return len(self.z) * len(self.sources.place)
-
     @cached_property
     def kept(self) -> FloatArray:
         """:meth:`fields` at all points, kept."""
@@ -120,10 +115,6 @@ class NearFields:
             groups.extend(_images(intervals, corner, z, every, whole))
         return cls(intervals, z, tuple(groups), close)
 
-    @property
-    def _keeps(self) -> bool:
-        return sum(group.pairs for group in self.groups) <= MAX_KEPT_PAIRS
-
     def __call__(self, pressure: FloatArray, traction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2, c) and stresses (e, 3, c) due to nodal ``pressure`` and ``traction`` (m, c)
         acting on the slave; those of the master have opposite sign."""
@@ -132,8 +123,9 @@ class NearFields:
         forces = self.intervals.forces(pressure, traction)
         close = np.asarray(self.close @ np.concatenate([pressure, traction]))
         total = close.reshape(5, len(self.z), columns)
+        pairs = sum(len(group.z) * len(group.sources.place) for group in self.groups)
         for group in self.groups:
-            group.add(forces, total, self._keeps)
+            group.add(forces, total, pairs <= MAX_KEPT_PAIRS)
         displacement, stress = (part.transpose(1, 0, 2) for part in np.split(total, [2]))
         for corner in grid.corners_of(self.intervals.slave):
             away = corner.distance(self.intervals.place.ravel())
