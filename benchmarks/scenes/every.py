@@ -13,6 +13,7 @@ from benchmarks.scenes import (  # noqa: F401
     pads,
     profiles,
     rounds,
+    rubber,
     wedges,
 )
 from benchmarks.scenes.scene import SCENES

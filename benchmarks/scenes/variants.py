@@ -17,7 +17,7 @@ from benchmarks.scenes.scene import Array, Move, Pair, Table, listed
 LENGTH, STRESS = 1e3, 1e-6
 """From metres and pascals to millimetres and megapascals; the other way round is as good a test."""
 
-PLACES = ("from", "to", "hinge")
+PLACES = ("from", "to", "hinge", "pivot")
 """Keys of supports, loads and contacts that are places."""
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 MIRROR = np.array([[-1.0, 0.0], [0.0, 1.0]])
