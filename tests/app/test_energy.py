@@ -288,9 +288,14 @@ def test_large_estimates_are_warned_of() -> None:
     built: Any = SimpleNamespace(
         scene=SimpleNamespace(bodies={"arm": None}), condensed=SimpleNamespace(pairings=pairings)
     )
-    assert check_estimates(built, {"pin": 0.09, "bolt": None}, 0.09) == []
-    assert check_estimates(built, {"pin": None}, None) == []
-    texts = check_estimates(built, {"pin": 0.12, "bolt": 0.01}, 0.37)
+
+    def told(displacement: float | None, pin: float | None, **probes: float) -> list[str]:
+        pressures = {"pin": pin, "bolt": 0.01}
+        return check_estimates(built, {"displacement": displacement, "pressure": pressures, "probes": probes})
+
+    assert told(0.029, 0.09, tip=0.029) == told(None, None) == []
+    assert "at probe tip" in told(0.01, 0.01, root=0.02, tip=0.05)[0]
+    texts = told(0.37, 0.12)
     assert [text.partition(";")[0] for text in texts] == [
         "displacements are estimated to be off by 37 %",
         "contact pin: pressures are estimated to be off by 12 %",

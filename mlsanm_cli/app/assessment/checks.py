@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ ESTIMATE_WARNING = 0.02
 """Estimated error of pressures, relative to their L2 norm, above which a run warns."""
 
 LARGE_ERROR = 0.1
-"""Estimated error of displacements, and of pressures with friction or on nodes, above which a run warns."""
+"""Estimated error of pressures with friction or on nodes above which a run warns."""
 
 POLISH_WARNING = 0.1
 """Relative change of pressures by polishing above which a run warns: between saved levels the regularised
@@ -258,33 +259,38 @@ def check_polish(levels: Sequence[Polish]) -> str:
     )
 
 
-LAW_WARNING = 0.03
-"""Part of the displacements caused by the regularised law above which a run warns."""
+PLACE_WARNING = 0.03
+"""Estimated error of displacements above which a run warns."""
 
 
 def check_estimates(
     built: CondensedScene,
-    pressures: Mapping[str, float | None],
-    displacement: float | None,
+    estimates: Mapping[str, Any],
     from_law: float = 0.0,
 ) -> list[str]:
     """Warnings of displacements and pressures with large estimated errors. The limit is lower for
     frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
-    texts = []
-    if displacement is not None and from_law > LAW_WARNING:
+    texts, displacement = [], estimates["displacement"]
+    if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
             f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
             f'lightly loaded bodies float on it: use contact.regularization.law = "exact", or a lower '
             f"contact.regularization.eta"
         )
-    elif displacement is not None and displacement > LARGE_ERROR:
-        coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
-        texts.append(
-            f"displacements are estimated to be off by {100 * displacement:.2g} %; make {coarse} smaller, "
-            "above all where bodies are held, loaded or bent"
-        )
+    else:
+        places = estimates.get("probes") or {}
+        worst = max(places, key=places.__getitem__, default="")
+        error, what = displacement or 0.0, "displacements are"
+        if places and places[worst] > max(error, PLACE_WARNING):
+            error, what = places[worst], f"the displacement at probe {worst} is"
+        if error > PLACE_WARNING:
+            coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
+            texts.append(
+                f"{what} estimated to be off by {100 * error:.2g} %; make {coarse} smaller, above all where "
+                "bodies are held, loaded or bent"
+            )
     for pairing in built.condensed.pairings:
-        error = pressures.get(pairing.name)
+        error = estimates["pressure"].get(pairing.name)
         limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
             keys = [f"body.{body}.spacing" for body in pairing.bodies]
