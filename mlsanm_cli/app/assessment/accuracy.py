@@ -8,7 +8,7 @@ docs/method.md compares it with refined runs and analytical solutions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure, l2, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
@@ -45,7 +46,8 @@ class Accuracy:
     None without an estimate. ``defects`` and ``solutions`` (2N, 1) are those of the bodies in that state,
     empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
     of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
-    ``probes`` are errors of displacements at probes.
+    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
+    ``stiffness`` those of all forces if no load is a force, known from energies.
     """
 
     displacement: float | None
@@ -58,6 +60,8 @@ class Accuracy:
     from_law: float = 0.0
     deflection: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
+    forces: Mapping[str, float] = field(default_factory=dict)
+    stiffness: float = 0.0
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
@@ -72,12 +76,12 @@ class Accuracy:
         for pairing in built.condensed.pairings:
             away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
             pressure[pairing.name] = together(
-                self.from_bulk[pairing.name], self.from_contact[pairing.name], away
+                self.from_bulk[pairing.name], self.from_contact[pairing.name], away, self.stiffness
             )
-        places = {name: self._at(built, name) for name in self.probes}
-        return {"displacement": self.displacement, "pressure": pressure} | (
-            {"probes": places} if places else {}
-        )
+        forces = {name: float(np.hypot(one, self.stiffness)) for name, one in self.forces.items()}
+        more = {"force": forces, "probes": {name: self._at(built, name) for name in self.probes}}
+        known = {name: one for name, one in more.items() if one}
+        return {"displacement": self.displacement, "pressure": pressure} | known
 
     def _at(self, built: CondensedScene, probe: str) -> float:
         """Relative error of the displacement at a probe."""
@@ -85,12 +89,13 @@ class Accuracy:
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
-    def with_deflection(self, energies: EnergyVerdict | None) -> Accuracy:
-        """Estimates that include the error of displacements known from energies."""
+    def with_energies(self, case: Case, energies: EnergyVerdict | None) -> Accuracy:
+        """Estimates that include the errors of displacements and forces known from energies."""
         if self.displacement is None or energies is None:
             return self
-        more = energies.deflection
-        return replace(self, displacement=float(np.hypot(self.displacement, more)), deflection=more)
+        more, stiffness = energies.deflection, 0.0 if forced(case) else energies.stiffness
+        displacement = float(np.hypot(self.displacement, more))
+        return replace(self, displacement=displacement, deflection=more, stiffness=stiffness)
 
     @property
     def bulk_leads(self) -> bool:
@@ -129,8 +134,29 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     except NumericalError:  # the corrected scene has no contact state
         return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
     pressures = pressure_errors(built, state, after.pressure, rough, halved)
+    forces = force_changes(built, state, moved)
     found = relative(error, bodies), *pressures
-    return Accuracy(*found, state, largest, defects, solutions, probes=probes)
+    return Accuracy(*found, state, largest, defects, solutions, probes=probes, forces=forces)
+
+
+def forced(case: Case) -> bool:
+    """Whether a load is a force; otherwise all forces are in proportion to the stiffness of bodies."""
+    for load in case.load:
+        if load.kind in ("traction", "pressure", "body-force") or getattr(load, "moment", None):
+            return True
+        if load.kind in ("platen", "obstacle") and ("force" in {how for how, _ in load.control.values()}):
+            return True
+    return False
+
+
+def force_changes(built: CondensedScene, state: ExactState, by: Sequence[FloatArray]) -> dict[str, float]:
+    """Relative changes of the forces of contacts ``by`` motions (k,), pressures (m,) and tractions (n,)."""
+    nothing, found = np.zeros(built.stages.shape[1]), dict[str, float]()
+    for pairing in built.condensed.pairings:
+        force = built.condensed.contact_forces[pairing.name]
+        size = float(np.hypot(*force(*state.unknowns)))
+        found[pairing.name] = float(np.hypot(*(force(nothing, *by) - force.constant))) / size if size else 0.0
+    return found
 
 
 def corrected_bodies(

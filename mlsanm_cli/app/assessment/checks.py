@@ -77,7 +77,7 @@ class EnergyVerdict:
     largest in magnitude; also by body the strain, the relative increase of the work at single supported nodes
     with half the spacing (``pointed``) and a description of parts with too few nodes across (``thin``).
     ``deflection`` is the root mean square error of the displacements, relative, as far as only the energies
-    show it."""
+    show it, ``stiffness`` the difference for all bodies together."""
 
     energy_error: float
     bodies: Mapping[str, float]
@@ -85,6 +85,7 @@ class EnergyVerdict:
     pointed: Mapping[str, float] = field(default_factory=dict)
     thin: Mapping[str, str] = field(default_factory=dict)
     deflection: float = 0.0
+    stiffness: float = 0.0
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
@@ -259,6 +260,8 @@ def check_polish(levels: Sequence[Polish]) -> str:
     )
 
 
+FORCE_WARNING = 0.01
+"""Estimated error of the force of a contact above which a run warns."""
 PLACE_WARNING = 0.03
 """Estimated error of displacements above which a run warns."""
 
@@ -271,6 +274,7 @@ def check_estimates(
     """Warnings of displacements and pressures with large estimated errors. The limit is lower for
     frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
     texts, displacement = [], estimates["displacement"]
+    coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
             f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
@@ -284,12 +288,17 @@ def check_estimates(
         if places and places[worst] > max(error, PLACE_WARNING):
             error, what = places[worst], f"the displacement at probe {worst} is"
         if error > PLACE_WARNING:
-            coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
             texts.append(
                 f"{what} estimated to be off by {100 * error:.2g} %; make {coarse} smaller, above all where "
                 "bodies are held, loaded or bent"
             )
     for pairing in built.condensed.pairings:
+        force = (estimates.get("force") or {}).get(pairing.name, 0.0)
+        if force > FORCE_WARNING:
+            texts.append(
+                f"contact {pairing.name}: its force is estimated to be off by {100 * force:.2g} %; make {coarse} "
+                "smaller, above all where bodies are held"
+            )
         error = estimates["pressure"].get(pairing.name)
         limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:

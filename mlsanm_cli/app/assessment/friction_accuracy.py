@@ -10,6 +10,7 @@ from mlsanm_cli.app.assessment.accuracy import (
     Accuracy,
     corrected_bodies,
     displaced,
+    force_changes,
     has_nodal_pressures,
     largest_of,
     pressure_errors,
@@ -56,7 +57,8 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         rough = _change(built, last, roughness_of(condensed, built.scene, bodies))
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
-    error, probes = displaced(built, bodies, by.bonds, change.motion, change.pressure, change.traction)
+    moved = change.motion, change.pressure, change.traction
+    error, probes = displaced(built, bodies, by.bonds, *moved)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
     pressures = pressure_errors(
@@ -71,6 +73,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         state=last,
         largest=largest_of([one.displacement for one in bodies.values()]),
         probes=probes,
+        forces=force_changes(built, last, moved),
     )
 
 
