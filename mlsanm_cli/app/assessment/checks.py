@@ -296,8 +296,8 @@ def check_estimates(
         force = (estimates.get("force") or {}).get(pairing.name, 0.0)
         if force > FORCE_WARNING:
             texts.append(
-                f"contact {pairing.name}: its force is estimated to be off by {100 * force:.2g} %; make {coarse} "
-                "smaller, above all where bodies are held"
+                f"contact {pairing.name}: its force is estimated to be off by {100 * force:.2g} %; make "
+                f"{coarse} smaller, above all where bodies are held"
             )
         error = estimates["pressure"].get(pairing.name)
         limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
