@@ -150,11 +150,12 @@ def forced(case: Case) -> bool:
 
 
 def force_changes(built: CondensedScene, state: ExactState, by: Sequence[FloatArray]) -> dict[str, float]:
-    """Relative changes of the forces of contacts ``by`` motions (k,), pressures (m,) and tractions (n,)."""
+    """Changes of the forces of contacts ``by`` motions (k,), pressures (m,) and tractions (n,), relative to
+    the sums of pressures."""
     nothing, found = np.zeros(built.stages.shape[1]), dict[str, float]()
     for pairing in built.condensed.pairings:
-        force = built.condensed.contact_forces[pairing.name]
-        size = float(np.hypot(*force(*state.unknowns)))
+        force, span = built.condensed.contact_forces[pairing.name], built.condensed.spans[pairing.name]
+        size = float(built.condensed.weight[span] @ state.pressure[span])
         found[pairing.name] = float(np.hypot(*(force(nothing, *by) - force.constant))) / size if size else 0.0
     return found
 
