@@ -31,7 +31,7 @@ from mlsanm_cli.mechanics.energy import twice_strain_energy
 from mlsanm_cli.solve.event_driven import coulomb_state
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
 from tests.app.scenes import FAST, PATCH, hertz, solve
-from tests.case_text import body, box, disk, head, item, load, material, pin
+from tests.case_text import body, box, contact, disk, head, item, load, material, pin, plane, polygon
 
 FINER = "body.block.spacing=0.1"
 RIGHT = '[[support]]\nboundary = "block.right"\nux = 0.0\n'
@@ -301,6 +301,20 @@ def test_large_estimates_are_warned_of() -> None:
         "contact pin: pressures are estimated to be off by 12 %",
     ]
     assert all("body.arm.spacing" in text for text in texts)
+
+
+def test_forces_of_prescribed_displacements_are_as_wrong_as_the_stiffness(tmp_path: Path) -> None:
+    # A block of wood whose held side ends on smooth arcs of three nodes; 0.015436 with automatic spacings.
+    corners = polygon([[-3.0, 0.0], [3.0, 0.0], [3.0, 4.8], [-3.0, 4.8]], "foot right head left")
+    arcs = {"rounding": 1.0, "corners": ["foot", "foot", "head", "head"]}
+    wood = material("wood", E1=4.09, E2=0.377, E3=0.377, G12=0.497, nu12=0.3, nu13=0.3, nu23=0.3, angle=34.5)
+    text = head("strain") + wood + body("block", "wood", 0.31, corners | arcs, seed=2)
+    text += contact("foot", "block.foot", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+    summary = solve(text + load("press", "block.head", "platen", displacement=[0.0, -0.02]), tmp_path / "run")
+    error = abs(summary["contacts"]["foot"]["force"][1] / 0.015436 - 1.0)
+    assert 0.005 <= error <= 0.02
+    assert error / 3.0 <= summary["error_estimate"]["force"]["foot"] <= 3.0 * error
+    assert any("its force is estimated to be off" in text for text in summary["warnings"])
 
 
 @pytest.mark.parametrize("place", [(0.0, -1.0), (0.0, 0.0)])

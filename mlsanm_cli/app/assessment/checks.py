@@ -260,7 +260,7 @@ def check_polish(levels: Sequence[Polish]) -> str:
     )
 
 
-FORCE_WARNING = 0.01
+FORCE_WARNING = 0.005
 """Estimated error of the force of a contact above which a run warns."""
 PLACE_WARNING = 0.03
 """Estimated error of displacements above which a run warns."""
