@@ -165,10 +165,9 @@ def carry_out(
             with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last, context.memo)
             adapted = replace(adapted, accuracy=accuracy)
-        adapted = replace(adapted, accuracy=adapted.accuracy.with_deflection(recorder.energies))
+        adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(case, recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
-        figures = estimates["pressure"], estimates["displacement"], adapted.accuracy.from_law
-        for warning in check_estimates(built, *figures):
+        for warning in check_estimates(built, estimates, adapted.accuracy.from_law):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None

@@ -26,7 +26,7 @@ from mlsanm_cli.mechanics.energy import twice_strain_energy
 from mlsanm_cli.solve.event_driven import coulomb_state
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
 from tests.app.scenes import FAST, PATCH, hertz, solve
-from tests.case_text import body, box, disk, head, item, load, material, pin
+from tests.case_text import body, box, contact, disk, head, item, load, material, pin, plane, polygon
 
 FINER = "body.block.spacing=0.1"
 RIGHT = '[[support]]\nboundary = "block.right"\nux = 0.0\n'
@@ -283,14 +283,33 @@ def test_large_estimates_are_warned_of() -> None:
     built: Any = SimpleNamespace(
         scene=SimpleNamespace(bodies={"arm": None}), condensed=SimpleNamespace(pairings=pairings)
     )
-    assert check_estimates(built, {"pin": 0.09, "bolt": None}, 0.09) == []
-    assert check_estimates(built, {"pin": None}, None) == []
-    texts = check_estimates(built, {"pin": 0.12, "bolt": 0.01}, 0.37)
+
+    def told(displacement: float | None, pin: float | None, **probes: float) -> list[str]:
+        pressures = {"pin": pin, "bolt": 0.01}
+        return check_estimates(built, {"displacement": displacement, "pressure": pressures, "probes": probes})
+
+    assert told(0.029, 0.09, tip=0.029) == told(None, None) == []
+    assert "at probe tip" in told(0.01, 0.01, root=0.02, tip=0.05)[0]
+    texts = told(0.37, 0.12)
     assert [text.partition(";")[0] for text in texts] == [
         "displacements are estimated to be off by 37 %",
         "contact pin: pressures are estimated to be off by 12 %",
     ]
     assert all("body.arm.spacing" in text for text in texts)
+
+
+def test_forces_of_prescribed_displacements_are_as_wrong_as_the_stiffness(tmp_path: Path) -> None:
+    # A block of wood whose held side ends on smooth arcs of three nodes; 0.015436 with automatic spacings.
+    corners = polygon([[-3.0, 0.0], [3.0, 0.0], [3.0, 4.8], [-3.0, 4.8]], "foot right head left")
+    arcs = {"rounding": 1.0, "corners": ["foot", "foot", "head", "head"]}
+    wood = material("wood", E1=4.09, E2=0.377, E3=0.377, G12=0.497, nu12=0.3, nu13=0.3, nu23=0.3, angle=34.5)
+    text = head("strain") + wood + body("block", "wood", 0.31, corners | arcs, seed=2)
+    text += contact("foot", "block.foot", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+    summary = solve(text + load("press", "block.head", "platen", displacement=[0.0, -0.02]), tmp_path / "run")
+    error = abs(summary["contacts"]["foot"]["force"][1] / 0.015436 - 1.0)
+    assert 0.005 <= error <= 0.02
+    assert error / 3.0 <= summary["error_estimate"]["force"]["foot"] <= 3.0 * error
+    assert any("its force is estimated to be off" in text for text in summary["warnings"])
 
 
 @pytest.mark.parametrize("place", [(0.0, -1.0), (0.0, 0.0)])

@@ -21,3 +21,14 @@ def test_smoothing_keeps_resolved_waves_and_linear_displacements() -> None:
     noise = np.sin(2.0 * np.pi * angle / (2.5 * 0.19))
     assert np.abs((project @ noise)[middle]).max() <= 0.3
     assert smoothing(points, np.pi, 0.01) is None
+
+
+def test_around_a_closed_surface_both_ends_move_alike() -> None:
+    # Polynomials that ended elsewhere made a peak of pressure there.
+    angle = chebyshev(0.0, 2.0 * np.pi, 48)
+    points = np.stack([2.0 * np.cos(angle), np.sin(angle)], axis=1)
+    project = smoothing(points, 10.0, 0.3, closed=True)
+    assert project is not None
+    assert project @ np.cos(4.0 * angle) == pytest.approx(np.cos(4.0 * angle), abs=1e-9)
+    rough = project @ np.random.default_rng(3).normal(size=48)
+    assert abs(rough[0] - rough[-1]) <= 0.02 * np.abs(rough).max()

@@ -8,14 +8,15 @@ docs/method.md compares it with refined runs and analytical solutions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure, l2, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
@@ -30,6 +31,8 @@ from mlsanm_cli.solve.state import State
 ROUGH_SHARE = 0.5
 """Error of pressures due to waves that smoothing keeps, over the change without smoothing. In holes of 25 to
 45 nodes it was 0.4 to 1.3 for 16 of 18 pressures, and up to 1.8."""
+LEAST_MOVED = 0.05
+"""Probes that move by less than this part of the largest displacement are compared with it."""
 ROUND_OFF = 1e-9
 """Estimates below this are round-off."""
 
@@ -42,7 +45,9 @@ class Accuracy:
     are relative L2 errors of the pressures, by contact, due to the bodies and to the contact's own spacing;
     None without an estimate. ``defects`` and ``solutions`` (2N, 1) are those of the bodies in that state,
     empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
-    of ``displacement`` due to a regularised law with friction.
+    of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
+    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
+    ``stiffness`` those of all forces if no load is a force, known from energies.
     """
 
     displacement: float | None
@@ -53,6 +58,10 @@ class Accuracy:
     defects: Mapping[str, Defect]
     solutions: Mapping[str, FloatArray]
     from_law: float = 0.0
+    deflection: float = 0.0
+    probes: Mapping[str, float] = field(default_factory=dict)
+    forces: Mapping[str, float] = field(default_factory=dict)
+    stiffness: float = 0.0
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
@@ -67,15 +76,26 @@ class Accuracy:
         for pairing in built.condensed.pairings:
             away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
             pressure[pairing.name] = together(
-                self.from_bulk[pairing.name], self.from_contact[pairing.name], away
+                self.from_bulk[pairing.name], self.from_contact[pairing.name], away, self.stiffness
             )
-        return {"displacement": self.displacement, "pressure": pressure}
+        forces = {name: float(np.hypot(one, self.stiffness)) for name, one in self.forces.items()}
+        more = {"force": forces, "probes": {name: self._at(built, name) for name in self.probes}}
+        known = {name: one for name, one in more.items() if one}
+        return {"displacement": self.displacement, "pressure": pressure} | known
 
-    def with_deflection(self, energies: EnergyVerdict | None) -> Accuracy:
-        """Estimates that include the error of displacements known from energies."""
+    def _at(self, built: CondensedScene, probe: str) -> float:
+        """Relative error of the displacement at a probe."""
+        moved = float(np.hypot(*built.condensed.probes[probe](*self.state.unknowns)[:2]))
+        size = max(moved, LEAST_MOVED * (self.largest or 0.0))
+        return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
+
+    def with_energies(self, case: Case, energies: EnergyVerdict | None) -> Accuracy:
+        """Estimates that include the errors of displacements and forces known from energies."""
         if self.displacement is None or energies is None:
             return self
-        return replace(self, displacement=float(np.hypot(self.displacement, energies.deflection)))
+        more, stiffness = energies.deflection, 0.0 if forced(case) else energies.stiffness
+        displacement = float(np.hypot(self.displacement, more))
+        return replace(self, displacement=displacement, deflection=more, stiffness=stiffness)
 
     @property
     def bulk_leads(self) -> bool:
@@ -100,21 +120,44 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         bodies = {}
     if not bodies:
         whole = [condensed.displacement(scene, name, state.unknowns) for name in scene.bodies]
-        return Accuracy(None, unknown, unknown, state, _largest(whole), {}, {})
+        return Accuracy(None, unknown, unknown, state, largest_of(whole), {}, {})
     solutions = {name: one.solution for name, one in bodies.items()}
     defects = {name: one.defect for name, one in bodies.items()}
-    largest = _largest([one.displacement for one in bodies.values()])
+    largest = largest_of([one.displacement for one in bodies.values()])
     try:
         halved = halved_pressure(condensed, state) if has_nodal_pressures(built) else None
         by = changes_of(condensed, scene, bodies)
         after = by.state(condensed, state)
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
         moved = (after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction))
-        error = squared_changes(built, bodies, by.bonds, *moved)
+        error, probes = displaced(built, bodies, by.bonds, *moved)
     except NumericalError:  # the corrected scene has no contact state
         return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
     pressures = pressure_errors(built, state, after.pressure, rough, halved)
-    return Accuracy(relative(error, bodies), *pressures, state, largest, defects, solutions)
+    forces = force_changes(built, state, moved)
+    found = relative(error, bodies), *pressures
+    return Accuracy(*found, state, largest, defects, solutions, probes=probes, forces=forces)
+
+
+def forced(case: Case) -> bool:
+    """Whether a load is a force; otherwise all forces are in proportion to the stiffness of bodies."""
+    for load in case.load:
+        if load.kind in ("traction", "pressure", "body-force") or getattr(load, "moment", None):
+            return True
+        if load.kind in ("platen", "obstacle") and ("force" in {how for how, _ in load.control.values()}):
+            return True
+    return False
+
+
+def force_changes(built: CondensedScene, state: ExactState, by: Sequence[FloatArray]) -> dict[str, float]:
+    """Changes of the forces of contacts ``by`` motions (k,), pressures (m,) and tractions (n,), relative to
+    the sums of pressures."""
+    nothing, found = np.zeros(built.stages.shape[1]), dict[str, float]()
+    for pairing in built.condensed.pairings:
+        force, span = built.condensed.contact_forces[pairing.name], built.condensed.spans[pairing.name]
+        size = float(built.condensed.weight[span] @ state.pressure[span])
+        found[pairing.name] = float(np.hypot(*(force(nothing, *by) - force.constant))) / size if size else 0.0
+    return found
 
 
 def corrected_bodies(
@@ -134,29 +177,33 @@ def has_nodal_pressures(built: CondensedScene) -> bool:
     return any(pairing.grid is None for pairing in built.condensed.pairings)
 
 
-def _largest(displacements: list[FloatArray]) -> float:
+def largest_of(displacements: list[FloatArray]) -> float:
     """Largest of the ``displacements`` (N, 2) of all bodies."""
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 
-def squared_changes(
+def displaced(
     built: CondensedScene,
     bodies: Mapping[str, Corrected],
     bonds: Bonds,
     motion: FloatArray,
     pressure: FloatArray,
     traction: FloatArray,
-) -> float:
+) -> tuple[float, dict[str, float]]:
     """Sum of squares of the change of all displacements by the corrections of ``bodies``, and by changes of
-    ``bonds``, motions (k,), pressures (m,) and tractions (n,) that follow from them."""
+    ``bonds``, motions (k,), pressures (m,) and tractions (n,) that follow from them; and the changes at
+    probes."""
     condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
-    moved = (np.zeros(built.stages.shape[1]), motion, pressure, traction)
+    moved, probes = (np.zeros(built.stages.shape[1]), motion, pressure, traction), dict[str, float]()
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
-        change = bodies[name].change + followed + scene.floating_patterns(name) @ motion
-        change = change + condensed.contact_fields(scene, name, moved)[0].ravel()
-        total += float((change**2).sum())
-    return total
+        rest = (bodies[name].change + followed + scene.floating_patterns(name) @ motion).reshape(-1, 2)
+        total += float(((rest + condensed.contact_fields(scene, name, moved)[0]) ** 2).sum())
+        for probe in scene.probes:
+            if probe.body == name:
+                near = condensed.contact_fields(scene, name, moved, probe.point)[0]
+                probes[probe.name] = float(np.hypot(*(body.model.values(probe.point, rest) + near)[0]))
+    return total, probes
 
 
 def relative(squares: float, bodies: Mapping[str, Corrected]) -> float | None:

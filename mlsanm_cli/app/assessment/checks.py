@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ ESTIMATE_WARNING = 0.02
 """Estimated error of pressures, relative to their L2 norm, above which a run warns."""
 
 LARGE_ERROR = 0.1
-"""Estimated error of displacements, and of pressures with friction or on nodes, above which a run warns."""
+"""Estimated error of pressures with friction or on nodes above which a run warns."""
 
 POLISH_WARNING = 0.1
 """Relative change of pressures by polishing above which a run warns: between saved levels the regularised
@@ -76,7 +77,7 @@ class EnergyVerdict:
     largest in magnitude; also by body the strain, the relative increase of the work at single supported nodes
     with half the spacing (``pointed``) and a description of parts with too few nodes across (``thin``).
     ``deflection`` is the root mean square error of the displacements, relative, as far as only the energies
-    show it."""
+    show it, ``stiffness`` the difference for all bodies together."""
 
     energy_error: float
     bodies: Mapping[str, float]
@@ -84,6 +85,7 @@ class EnergyVerdict:
     pointed: Mapping[str, float] = field(default_factory=dict)
     thin: Mapping[str, str] = field(default_factory=dict)
     deflection: float = 0.0
+    stiffness: float = 0.0
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
@@ -247,33 +249,46 @@ def check_polish(levels: Sequence[Polish]) -> str:
     )
 
 
-LAW_WARNING = 0.03
-"""Part of the displacements caused by the regularised law above which a run warns."""
+FORCE_WARNING = 0.005
+"""Estimated error of the force of a contact above which a run warns."""
+PLACE_WARNING = 0.03
+"""Estimated error of displacements above which a run warns."""
 
 
 def check_estimates(
     built: CondensedScene,
-    pressures: Mapping[str, float | None],
-    displacement: float | None,
+    estimates: Mapping[str, Any],
     from_law: float = 0.0,
 ) -> list[str]:
     """Warnings of displacements and pressures with large estimated errors. The limit is lower for
     frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
-    texts = []
-    if displacement is not None and from_law > LAW_WARNING:
+    texts, displacement = [], estimates["displacement"]
+    coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
+    if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
             f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
             f'lightly loaded bodies float on it: use contact.regularization.law = "exact", or a lower '
             f"contact.regularization.eta"
         )
-    elif displacement is not None and displacement > LARGE_ERROR:
-        coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
-        texts.append(
-            f"displacements are estimated to be off by {100 * displacement:.2g} %; make {coarse} smaller, "
-            "above all where bodies are held, loaded or bent"
-        )
+    else:
+        places = estimates.get("probes") or {}
+        worst = max(places, key=places.__getitem__, default="")
+        error, what = displacement or 0.0, "displacements are"
+        if places and places[worst] > max(error, PLACE_WARNING):
+            error, what = places[worst], f"the displacement at probe {worst} is"
+        if error > PLACE_WARNING:
+            texts.append(
+                f"{what} estimated to be off by {100 * error:.2g} %; make {coarse} smaller, above all where "
+                "bodies are held, loaded or bent"
+            )
     for pairing in built.condensed.pairings:
-        error = pressures.get(pairing.name)
+        force = (estimates.get("force") or {}).get(pairing.name, 0.0)
+        if force > FORCE_WARNING:
+            texts.append(
+                f"contact {pairing.name}: its force is estimated to be off by {100 * force:.2g} %; make "
+                f"{coarse} smaller, above all where bodies are held"
+            )
+        error = estimates["pressure"].get(pairing.name)
         limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
             keys = [f"body.{body}.spacing" for body in pairing.bodies]

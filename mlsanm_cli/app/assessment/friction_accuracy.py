@@ -9,10 +9,12 @@ import numpy as np
 from mlsanm_cli.app.assessment.accuracy import (
     Accuracy,
     corrected_bodies,
+    displaced,
+    force_changes,
     has_nodal_pressures,
+    largest_of,
     pressure_errors,
     relative,
-    squared_changes,
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.accuracy import (
@@ -55,7 +57,8 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         rough = _change(built, last, roughness_of(condensed, built.scene, bodies))
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
-    error = squared_changes(built, bodies, by.bonds, change.motion, change.pressure, change.traction)
+    moved = change.motion, change.pressure, change.traction
+    error, probes = displaced(built, bodies, by.bonds, *moved)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
     pressures = pressure_errors(
@@ -68,6 +71,9 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         from_contact=pressures[1],
         from_law=relative(by_law, bodies) or 0.0,
         state=last,
+        largest=largest_of([one.displacement for one in bodies.values()]),
+        probes=probes,
+        forces=force_changes(built, last, moved),
     )
 
 

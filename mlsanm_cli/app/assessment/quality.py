@@ -42,9 +42,9 @@ MAX_SPACING_RATIO = 2.0
 MAX_STIFFNESS_RATIO = 3.0
 """A slave stiffer than its master by more does not resist oscillations of the pressure."""
 MAX_BOND_TURN = 0.22
-"""Rotation (radian) of a bonded surface from node to node above which a run warns, as errors of bonds are not
-estimated: at 0.24 pressures and tractions on a stiff fibre are 4 and 9 % off (L2), at 0.16 1.6 and 2.8 %; it
-carried 2 % too little with uniform nodes at 0.25, and 5 to 20 % in growing spacings."""
+"""Rotation (radian) of a bonded surface from node to node above which a run warns, as errors of its tractions
+are not estimated: at 0.24 pressures and tractions on a stiff fibre are 4 and 9 % off (L2), at 0.16 1.6 and
+2.8 %; it carried 2 % too little with uniform nodes at 0.25, and 5 to 20 % in growing spacings."""
 MAX_FRICTION = 4.0
 """Coefficient of friction above which it is probably a percentage: rubber has up to 4."""
 ROUND_OFF = 1e-6

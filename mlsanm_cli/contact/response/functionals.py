@@ -80,7 +80,7 @@ def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, lost: bool = False
     points, cloud, fitted = as_real(grid.facing.side(grid.samples, slave)[0]), body.model.cloud, None
     if isinstance(body.model.kernel, Isotropic) and not grid.corners_of(slave):
         finest = float(cloud.spacing[cloud.tree.query(points)[1]].min())
-        fitted = smoothing(points, grid.last - grid.first, finest)
+        fitted = smoothing(points, grid.last - grid.first, finest, grid.hats.period is not None)
     if lost and fitted is None:
         return sparse.csr_array((2 * grid.count, 2 * len(body.model.nodes)))
     along = [body.model.values_along(points, np.tile(axis, (grid.count, 1))) for axis in np.eye(2)]
