@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.complementary_path import lemke
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
 MAX_PASSES, MAX_PASSES_AFTER_PIVOTS = 30, 10
@@ -164,8 +163,12 @@ class Linearised:
         return change, np.where(wrong > tiny, wrong, 0.0)
 
 
+PERTURBATION, MIN_PIVOT = 1e-10, 1e-11
+"""Relative perturbation of right-hand sides, so that no two nodes change at once; and smallest relative
+pivot."""
 MAX_PIVOTS = 10
 """Largest number of pivots per unknown."""
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 def complementary_sets(
@@ -190,9 +193,8 @@ def complementary_sets(
             [limit, -np.eye(n), np.zeros((n, n))],
         ]
     )
-    rest = np.concatenate([gap, slip[rubs], np.zeros(n)])
-    basis, _, solution = lemke(matrix, rest, MAX_PIVOTS * len(rest))
-    if not solution:
+    basis = _lemke(matrix, np.concatenate([gap, slip[rubs], np.zeros(n)]))
+    if basis is None:
         return None
     closed, forward, backward = basis[:count], ~basis[count : count + n], basis[count + n :]
     status, sense = np.where(closed, SLIP, OPEN).astype(np.int8), np.zeros(count)
@@ -200,3 +202,32 @@ def complementary_sets(
     status[rubs[closed[rubs] & ~slides]] = STICK
     sense[rubs] = np.where(closed[rubs] & slides, np.where(backward, 1.0, -1.0), 0.0)
     return status, sense
+
+
+def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
+    """Mask (n,) of the unknowns z in the basis of w = M z + r, w >= 0, z >= 0, w z = 0; None if the path does
+    not end."""
+    n = len(rest)
+    largest = float(np.abs(rest).max(initial=0.0))
+    rest = rest + PERTURBATION * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
+    if not (rest < 0.0).any():
+        return np.zeros(n, dtype=bool)
+    # Columns: w, z, the artificial load, the right-hand side.
+    table = np.hstack([np.eye(n), -matrix, -np.ones((n, 1)), rest[:, None]])
+    basis, enters, row = np.arange(n), 2 * n, int(np.argmin(rest))
+    for _ in range(MAX_PIVOTS * n):
+        table[row] /= table[row, enters]
+        others = np.arange(n) != row
+        table[others] -= np.outer(table[others, enters], table[row])
+        leaves, basis[row] = int(basis[row]), enters
+        if leaves == 2 * n:
+            found = np.zeros(n, dtype=bool)
+            found[basis[basis >= n] - n] = True
+            return found
+        enters = leaves + n if leaves < n else leaves - n
+        column = table[:, enters]
+        up = np.flatnonzero(column > MIN_PIVOT * max(float(np.abs(column).max()), 1.0))
+        if not len(up):
+            return None
+        row = int(up[np.argmin(np.maximum(table[up, -1], 0.0) / column[up])])
+    return None
