@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.scenes.scene import Scene
+from benchmarks.scenes.variants import times
 
 POISSON_RATIOS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.48)
 MODULI = ("E", "E1", "E2", "E3", "G12")
@@ -31,7 +32,7 @@ def altered(scene: Scene, seed: int) -> Scene:
             material["nu"] = float(rng.choice(POISSON_RATIOS))
     factor = float(rng.uniform(0.5, 1.6))
     for load in given.get("load", []):
-        load.update({key: _times(load[key], factor) for key in LOADS if key in load})
+        load.update({key: times(load[key], factor) for key in LOADS if key in load})
     for contact in given.get("contact", []):
         friction = contact.get("friction")
         if isinstance(friction, float):
@@ -45,12 +46,3 @@ def altered(scene: Scene, seed: int) -> Scene:
     # References are found by name.
     name = f"{scene.name} altered"
     return replace(scene, name=name, case=given, figures=(), refusal=None, elements=False)
-
-
-def _times(value: object, factor: float) -> object:
-    """A number, an expression or a list of them, multiplied; words like "free" stay."""
-    if isinstance(value, list):
-        return [_times(one, factor) for one in value]
-    if isinstance(value, str):
-        return value if value.isalpha() and len(value) > 1 else f"{factor!r}*({value})"
-    return value * factor  # type: ignore[operator]

@@ -127,18 +127,18 @@ def _scaled(given: Table) -> Table:
         shape = one["shape"]
         for key in ("x", "y", "center", "radius", "radii", "points", "rounding"):
             if key in shape:
-                shape[key] = _times(shape[key], LENGTH)
+                shape[key] = times(shape[key], LENGTH)
         for side in shape.get("sides", []):
-            side.update({key: _times(side[key], LENGTH) for key in ("to", "points") if key in side})
+            side.update({key: times(side[key], LENGTH) for key in ("to", "points") if key in side})
         for hole in shape.get("holes", []):
-            hole.update({key: _times(hole[key], LENGTH) for key in ("center", "radius")})
+            hole.update({key: times(hole[key], LENGTH) for key in ("center", "radius")})
         if isinstance(one.get("spacing"), float):
             one["spacing"] *= LENGTH
     for one in made.get("support", []):
         if "near" in one:
-            one["near"] = _times(one["near"], LENGTH)
+            one["near"] = times(one["near"], LENGTH)
         if "spring" in one:
-            one["spring"] = _times(one["spring"], STRESS / LENGTH)
+            one["spring"] = times(one["spring"], STRESS / LENGTH)
     for one in made.get("load", []):
         for keys, by in (
             (("traction", "pressure"), STRESS),
@@ -147,35 +147,33 @@ def _scaled(given: Table) -> Table:
             (("displacement", "ux", "uy"), LENGTH),
             (("body-force",), STRESS / LENGTH),
         ):
-            one.update({key: _expressed(one[key], by) for key in keys if key in one})
+            one.update({key: times(one[key], by, LENGTH) for key in keys if key in one})
         if isinstance(one.get("temperature"), str):
-            one["temperature"] = _expressed(one["temperature"], 1.0)
+            one["temperature"] = times(one["temperature"], 1.0, LENGTH)
     for one in made.get("contact", []):
         one.update(
-            {key: _expressed(one[key], LENGTH) for key in ("interference", "reach", "gap") if key in one}
+            {key: times(one[key], LENGTH, LENGTH) for key in ("interference", "reach", "gap") if key in one}
         )
         if "obstacle" in one:
             obstacle = one["obstacle"]
             for key in ("point", "center", "radius", "points"):
                 if key in obstacle:
-                    obstacle[key] = _times(obstacle[key], LENGTH)
+                    obstacle[key] = times(obstacle[key], LENGTH)
     for one in made.get("probe", []):
-        one["point"] = _times(one["point"], LENGTH)
+        one["point"] = times(one["point"], LENGTH)
     for one in (*made.get("load", []), *made.get("contact", []), *made.get("support", [])):
-        one.update({key: _times(one[key], LENGTH) for key in PLACES if key in one})
+        one.update({key: times(one[key], LENGTH) for key in PLACES if key in one})
     return made
 
 
-def _times(value: object, by: float) -> object:
-    return [_times(one, by) for one in value] if isinstance(value, list) else value * by  # type: ignore[operator]
-
-
-def _expressed(value: object, by: float) -> object:
-    if isinstance(value, str):
-        inside = re.sub(r"\b([xy])\b", rf"(\1/{LENGTH})", value)
-        return f"{by}*({inside})"
+def times(value: object, by: float, length: float = 1.0) -> object:
+    """A number, an expression in x and y or a list of them, multiplied, where lengths are multiplied by
+    ``length``; words like "free" stay."""
     if isinstance(value, list):
-        return [_expressed(one, by) for one in value]
+        return [times(one, by, length) for one in value]
+    if isinstance(value, str):
+        inside = re.sub(r"\b([xy])\b", rf"(\1/{length})", value)
+        return value if value.isalpha() and len(value) > 1 else f"{by!r}*({inside})"
     return value * by  # type: ignore[operator]
 
 

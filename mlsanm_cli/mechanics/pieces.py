@@ -2,17 +2,15 @@
 
 Least squares weights the residuals of equilibrium node by node. A force that is lost little by little on its
 way to the support then costs less than the discretisation error of correct bending: a clamped beam of 20 x 1
-with five nodes across bent by half of the exact value, and a ring by a tenth. In the norm that suits
-equilibrium, H^-1, long waves of the residual weigh more than short ones (Bramble, Lazarov and Pasciak 1997,
-doi:10.1090/S0025-5718-97-00848-X). Therefore force x, force y and moment of connected pieces of some nodes
-are strong rows of their own::
+with five nodes across bent by half of the exact value. In the norm that suits equilibrium, H^-1, long waves
+of the residual weigh more than short ones (Bramble, Lazarov and Pasciak 1997,
+doi:10.1090/S0025-5718-97-00848-X). So force x, force y and moment of connected pieces are strong rows::
 
     - int_(inner faces) sigma n - int_(held sides) sigma n = int_(free sides) t + int_piece b
 
-and the same with arms about the centroid of the piece. Stresses at the Gauss points of the faces come from
-moving least-squares fits, which makes these true fluxes: sums of nodal residuals lose as much force as no
-sums. Fluxes through inner faces cancel, so that what holds for each piece holds for the whole body; there it
-is enforced exactly, where pieces still have an error of some millionths.
+and the same with arms about the centroid of the piece. Stresses at the Gauss points of the faces are those
+of local fits: sums of nodal residuals lose as much force as no sums. Fluxes through inner faces cancel, so
+that what holds for each piece holds for the whole body, where it is enforced exactly.
 
 Equation (3) of docs/method.md.
 """
@@ -40,12 +38,10 @@ BOUNDARY_NODES = 16
 """Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose some
 percent near supports and fillets."""
 EQUILIBRIUM_WEIGHT = 3000.0
-"""Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains.
-
-A ring of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far
-above, the normal equations become too ill-conditioned. Pieces smaller than half a body's thickness are weaker
-in proportion: all forces count alike, as in H^-1, and clouds refined a thousandfold remain well-conditioned.
-"""
+"""Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains. A ring
+of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far above, the
+normal equations become too ill-conditioned. Pieces smaller than half a body's thickness are weaker in
+proportion: all forces count alike, as in H^-1."""
 MAX_MODULUS_RATIO = 150.0
 """Largest modulus over shear modulus for this weight. Beyond, in nearly incompressible materials, shear rows
 have so few digits left that the pieces are made weaker in proportion."""
@@ -173,11 +169,9 @@ class Pieces:
 
     def loads(self, first_row: Mapping[str, int], rows: int, held: Held) -> sparse.csr_array:
         """Force and moment (3k, rows) on the pieces per right-hand side of a body's rows, the last 3k of
-        which are such forces and moments themselves.
-
-        Tractions, of components that are not ``held``, are linear between nodes along normal and tangent of
-        the exact outline. Right-hand sides of equilibrium do not count here: see :meth:`of_force`.
-        """
+        which are such forces and moments themselves. Tractions, of components that are not ``held``, are
+        linear between nodes along normal and tangent of the exact outline. Right-hand sides of equilibrium do
+        not count here: see :meth:`of_force`."""
         own = np.arange(3 * self.count)
         parts = [(own, rows - len(own) + own, np.ones(len(own)))]
         for name, surface in self.cloud.surfaces.items():
@@ -250,9 +244,8 @@ class Pieces:
             corners = corners[level[corners[:, 0]] >= 0]
             owner = level[corners[:, 0]]
             a, b, c = np.moveaxis(points[corners], 1, 0)
-            area = 0.5 * np.abs(
-                (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-            )
+            one, other = b - a, c - a
+            area = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
             x, y = np.moveaxis(force[corners] - mean[owner][:, None], 2, 0)
             arm = (points[corners] - self.whole.middle[owner][:, None]) / self.size[owner][:, None, None]
             across, along = np.moveaxis(arm, 2, 0)
@@ -326,8 +319,7 @@ def reaction_rows(
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
     along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
-    lines = [[one * along[0], none, none], [none, one * along[1], none]]
-    lines.append([-y * one * along[0], x * one * along[1], none])
+    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
     sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
     return sparse.csr_array(sums @ forces)
 

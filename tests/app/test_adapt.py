@@ -11,11 +11,6 @@ import pytest
 from benchmarks.formulas.lame import LameRing
 from mlsanm_cli.app.assessment import refinement as adapt
 from mlsanm_cli.app.assessment.refinement import LOW_DEGREE_RULE
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.curves import Segment
-from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.geometry.profile import contact_patches
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, NODAL, PATCH, solve
@@ -36,51 +31,6 @@ RING = (
     + support("ring.end", ux=0.0)
     + load("inside", "ring.inner", "pressure", pressure=100.0)
 )
-
-
-def line(arc: FloatArray) -> Pairing:
-    """Slave nodes at ``arc`` on a line, all of them candidates of a master just below."""
-    count = len(arc)
-    segment = Segment((0.0, 0.0), (10.0, 0.0))
-    up = np.tile([0.0, 1.0], (count, 1))
-    slave = Surface("bottom", segment, np.arange(count), arc, -up)
-    return Pairing(
-        name="c",
-        slave_body="a",
-        slave=slave,
-        master_body="b",
-        master=slave,
-        position=np.arange(count),
-        points=segment.points(arc),
-        arc=arc,
-        weight=np.gradient(arc),
-        partner=segment.points(arc),
-        normal=up,
-        gap=np.zeros(count),
-        spacing=np.gradient(arc),
-        candidate=np.ones(count, dtype=bool),
-    )
-
-
-def test_patches_lie_between_open_nodes() -> None:
-    pairing = line(np.linspace(0.0, 10.0, 11))
-    closed = np.zeros(11, dtype=bool)
-    closed[[2, 3, 4, 8, 9, 10]] = True
-    inner, outer = contact_patches(pairing, closed)
-    assert inner.half_width == pytest.approx(1.5)
-    assert inner.middle == pytest.approx([3.0, 0.0])
-    assert inner.edges == pytest.approx(np.array([[1.5, 0.0], [4.5, 0.0]]))
-    assert inner.uncertainty == pytest.approx([1.0, 1.0])
-    # The second ends with the surface: one edge only, and its middle counts to that end.
-    assert outer.edges == pytest.approx(np.array([[7.5, 0.0]]))
-    assert outer.half_width == pytest.approx(1.25)
-    assert outer.middle == pytest.approx([8.75, 0.0])
-
-
-def test_a_surface_closed_from_end_to_end_has_no_edges() -> None:
-    (patch,) = contact_patches(line(np.linspace(0.0, 10.0, 11)), np.ones(11, dtype=bool))
-    assert patch.edges.shape == (0, 2)
-    assert not contact_patches(line(np.linspace(0.0, 10.0, 11)), np.zeros(11, dtype=bool))
 
 
 def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path) -> None:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from mlsanm_cli.app.context import Clock, RunContext
-from mlsanm_cli.app.output.checkpoint import interrupted_run, plain_checkpoint
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.run_file import RunFile
-from mlsanm_cli.io.run_reader import read_origin
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import PathStep
 from mlsanm_cli.solve.stop_events import load_path
@@ -98,25 +94,3 @@ def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
     with pytest.raises(NumericalError, match="slides as a whole"):
         rest.extend(load_path(built, steps[-1].checkpoint))
     assert all(abs(step.state.position - steps[-1].state.position) < 1e-9 for step in rest)
-
-
-@pytest.mark.parametrize("name", ["exact friction", "friction"])
-def test_a_checkpoint_is_read_as_it_was_stored(name: str, tmp_path: Path) -> None:
-    built = built_of(name, tmp_path)
-    steps = load_path(built)
-    step = [next(steps) for _ in range(4)][-1]
-    figures = {"cone": {"a/b": float("nan")}, "told": ("a warning",)}
-    with RunFile.create(tmp_path / "run.h5", {}) as file:
-        file.add(latest=lambda: plain_checkpoint(step.state, step.checkpoint, figures))
-    read = interrupted_run(read_origin(tmp_path))
-    assert packed(read.checkpoint) == packed(step.checkpoint)
-    assert packed(read.last) == packed(step.state)
-    assert read.figures["told"] == ["a warning"]
-    assert np.isnan(read.figures["cone"]["a/b"])
-
-
-def packed(value: Any) -> Any:
-    """All of a dataclass, for a comparison to the last bit."""
-    if is_dataclass(value):
-        return {one.name: packed(getattr(value, one.name)) for one in fields(value)}
-    return (np.asarray(value).dtype, np.asarray(value).tolist()) if value is not None else None

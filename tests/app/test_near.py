@@ -136,14 +136,6 @@ def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPat
     assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 1.5e-4
 
 
-def test_samples_of_parts_of_a_grid_stand_for_them(
-    beneath: FloatArray, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(contact_fields, "FAR_DISTANCE", np.inf)
-    monkeypatch.setattr(contact_fields, "MAX_INTERVALS", 10_000)
-    assert np.abs(stresses_off(tmp_path / "all") - beneath).max() < 1e-8
-
-
 RECEDING = (
     head("strain")
     + table("mls", degree=4)

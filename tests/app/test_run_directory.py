@@ -251,14 +251,6 @@ def test_no_contact_means_one_solve_per_load(bar_run: Path) -> None:
         assert file["path/resultants/squeeze"][-1] == pytest.approx([0.0, -80.0], abs=1e-9)
 
 
-def test_uniform_pressure(patch_run: Path) -> None:
-    contact = summary_of(patch_run)["contacts"]["interface"]
-    assert contact["peak_pressure"] == pytest.approx(100.0, rel=1e-6)
-    assert contact["half_width"] == pytest.approx(1.0)
-    assert contact["min_gap"] == pytest.approx(0.0, abs=1e-12)
-    assert contact["reference"]["pressure_error_l2"] <= 1e-7
-
-
 def test_output_is_as_asked_for(tmp_path: Path) -> None:
     overrides = ("output.vtu=false", 'output.fields=["von_mises"]', "output.at=[0.0, 2.0]")
     solve(BAR, tmp_path / "bar", *overrides)

@@ -107,15 +107,6 @@ def test_results_of_symmetric_scenes_are_symmetric(name: str, tmp_path: Path) ->
         assert np.abs(pressure[image] - pressure).max() <= CLOSE * pressure.max()
 
 
-@pytest.mark.parametrize("spacing", [0.1, 0.04])
-def test_an_even_stress_is_exact(spacing: float, tmp_path: Path) -> None:
-    pull = acts("pull", "top", "traction", "traction = [0.0, 4.0]")
-    summary = solve(HEAD + ROLLING + MIDDLE + pull, tmp_path / "run", f"body.block.spacing={spacing}")
-    assert summary["symmetry"] == "x = 0"
-    stress = read_run(tmp_path / "run").states[-1].bodies["block"]["stress"]
-    assert np.abs(stress - [0.0, 4.0, 0.0]).max() <= 1e-9
-
-
 SLIDING = HEAD + HELD + UNDER
 ORDINARY: dict[str, tuple[str, tuple[str, ...]]] = {
     "zone": (SLIDING, ("body.block.refine=[{at=[0.1, 0.0], spacing=0.1, radius=0.2, growth=0.2}]",)),

@@ -85,17 +85,6 @@ def test_the_boundary_has_nodes_where_the_line_crosses_it(name: str, spacing: fl
     assert (cloud.mirror.side[cloud.boundary_nodes] == 0).sum() == crossings
 
 
-@pytest.mark.parametrize("name", ["block", "zone", "ring", "sector"])
-def test_what_belongs_to_one_half_says_it_all(name: str) -> None:
-    cloud, mirror = mirrored(name)
-    own, place = mirror.own, mirror.place
-    assert (mirror.side[own] >= 0).all()
-    assert np.array_equal(place[own], np.arange(len(own)))
-    found = cloud.points[own][place]
-    found[mirror.side < 0] = mirror.line.reflect(found[mirror.side < 0])
-    assert np.abs(found - cloud.points).max() <= 1e-13
-
-
 def holes(cloud: Cloud, spacing: Spacing, targets: FloatArray) -> float:
     """Distance to the nearest node, in spacings, the largest of all ``targets`` (e, 2) in the body."""
     targets = targets[cloud.contains(targets)]
@@ -168,28 +157,6 @@ def test_clouds_of_a_memo_are_told_apart() -> None:
     # Symmetry counts, also where the nodes are the same.
     known = clouds[1]
     assert Cloud(known.points, known.spacing, known.surfaces).content != known.content
-
-
-@pytest.mark.parametrize("line", [UPRIGHT, LEVEL])
-def test_signs_of_derivatives(line: SymmetryLine) -> None:
-    # A polynomial's image, and what the mirror makes of its derivatives.
-    rng = np.random.default_rng(0)
-    at, c = rng.uniform(-1.0, 1.0, 2), rng.normal(size=6)
-
-    def derivatives(x: float, y: float) -> FloatArray:
-        found = [c @ [1, x, y, x * x, x * y, y * y], c[1] + 2 * c[3] * x + c[4] * y]
-        return np.array([*found, c[2] + c[4] * x + 2 * c[5] * y, 2 * c[3], c[4], 2 * c[5]])
-
-    step, image = 1e-5, line.reflect(at[None])[0]
-    mirror = Mirror(line, np.arange(1), np.zeros(1, dtype=np.int64), {})
-    x, y = step * line.signs
-    value = [derivatives(*(image + shift))[0] for shift in ([0, 0], [x, 0], [-x, 0], [0, y], [0, -y])]
-    slope = [(value[1] - value[2]) / (2 * step), (value[3] - value[4]) / (2 * step)]
-    found = derivatives(*image) * mirror.derivative_signs(6)
-    assert found[:3] == pytest.approx([value[0], *slope], abs=1e-8)
-    assert found[[3, 5]] == pytest.approx(derivatives(*image)[[3, 5]])
-    assert found[4] == -derivatives(*image)[4]
-    assert len(mirror.derivative_signs(3)) == 3
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Arc, Outline, annulus, disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Outline, annulus, disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.pieces import CLEARANCE, MAX_NODES, MERGE_FRACTION, _bisected, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone
@@ -48,15 +48,6 @@ def test_pieces_are_connected_and_cover_every_node_once(name: str, size: int) ->
     assert count.max() <= 1.5 * MAX_NODES
 
 
-def test_pieces_at_the_outline_are_of_the_size_wanted_and_larger_inside() -> None:
-    cloud = build_cloud(*BODIES["disk"], 0)
-    labels = divide(cloud, 16)
-    count, outline = np.bincount(labels), np.unique(labels[cloud.boundary_nodes])
-    inside = np.setdiff1d(np.arange(len(count)), outline)
-    assert 8 <= np.median(count[outline]) <= 32
-    assert count[inside].max() > 2 * np.median(count[outline])
-
-
 def test_thin_bodies_are_cut_across() -> None:
     cloud = build_cloud(*BODIES["beam"], 0)
     labels = divide(cloud, 16)
@@ -65,15 +56,6 @@ def test_thin_bodies_are_cut_across() -> None:
         x, y = cloud.points[labels == piece].T
         assert np.ptp(x) <= 2.0
         assert np.ptp(y) >= 0.9
-
-
-def test_pieces_beside_small_holes_are_small() -> None:
-    plate, hole = rectangle((-1.0, 1.0), (-1.0, 1.0)), Arc((0.0, 0.0), 0.1, 0.5 * np.pi, -2.0 * np.pi)
-    outline = Outline((*plate.names, "hole"), (*plate.curves, hole), (0, 4))
-    cloud = build_cloud(outline, Spacing(0.05), 0)
-    labels = divide(cloud, 16)
-    assert np.bincount(labels)[labels[cloud.surfaces["hole"].index]].max() <= 4
-    assert np.median(np.bincount(labels)[labels]) >= 8
 
 
 UPRIGHT, LEVEL = SymmetryLine(0, 0.0), SymmetryLine(1, 0.0)

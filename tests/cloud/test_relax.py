@@ -73,9 +73,3 @@ def test_nodes_stay_where_they_are_wanted() -> None:
         next_to_it = (away > 0.01) & (away < 0.15)
         size = cloud.areas[next_to_it] / cloud.spacing[next_to_it] ** 2
         assert 0.85 <= size.mean() <= 1.1
-
-
-def test_nothing_to_move() -> None:
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    assert np.array_equal(relax(points, 3, Spacing(1.0)), points)
-    assert np.array_equal(relax(points[:1], 0, Spacing(1.0)), points[:1])

@@ -158,10 +158,6 @@ def test_errors_without_nodes_are_those_of_the_grids_without_them() -> None:
         assert found[number] == pytest.approx(fewer[number], rel=1e-12)
 
 
-def test_none_halved_is_the_same_grid() -> None:
-    np.testing.assert_array_equal(GRADED.halved(np.zeros(len(GRADED.steps), dtype=bool)).nodes, GRADED.nodes)
-
-
 def best_error(hats: Hats) -> tuple[FloatArray, float]:
     """Nodal values of sqrt(1 - x^2), and the L2 error of the lines between them."""
     places, weights = leggauss(400)

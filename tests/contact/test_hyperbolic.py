@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import regularize
-from mlsanm_cli.errors import NumericalError
-from tests.contact.scenes import Small, cylinder, synthetic
+from tests.contact.scenes import Small, cylinder
 from tests.contact.test_regularized_friction import random_problem, state
 
 
@@ -67,18 +65,3 @@ def test_regularised_pressure_goes_to_the_exact_one(hertz: Small) -> None:
     # Between eta^0.5 of the continuous problem and eta^1 of a fixed set of nodes, none of them just touching.
     assert 0.4 <= np.polyfit(np.log(etas), np.log(errors), 1)[0] <= 1.1
     assert errors[2] <= 0.01
-
-
-def test_several_states_give_the_largest_scales(hertz: Small) -> None:
-    full, half = hertz.exact(), hertz.exact(0.5 * hertz.factors)
-    both = regularize(hertz.condensed, [half, full], 1e-3)
-    one = regularize(hertz.condensed, [full], 1e-3)
-    assert (both.pressure, both.gap) == (one.pressure, one.gap)
-    assert (both.eta == one.eta).all()
-    assert both.force == pytest.approx(one.force)
-
-
-def test_no_pressure_no_scale() -> None:
-    apart = synthetic(np.eye(2), np.ones(2))
-    with pytest.raises(NumericalError, match="no scale"):
-        regularize(apart, [solve_exact(apart, np.ones(1))], 1e-4)

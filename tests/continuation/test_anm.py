@@ -146,16 +146,6 @@ def test_a_path_taken_up_again_goes_on_as_before() -> None:
         assert two.lam == pytest.approx(one.lam, rel=1e-12)
 
 
-def test_very_short_previous_piece_does_no_harm() -> None:
-    problem, _, _ = hertz(40, 1e-2)
-    first = next(follow(problem, open_start(problem), 0.0, 1.0).steps())
-    counts = []
-    for previous in (first.branch, first.branch.shortened(1e-14)):
-        options = AnmOptions(order=30)
-        counts.append(len(list(follow(problem, first.x, first.lam, 1.0, options, previous).steps())))
-    assert counts[1] <= counts[0] + 1
-
-
 def test_previous_piece_keeps_the_direction_behind_a_fold() -> None:
     first = follow(Circle(), np.array([0.8]), 0.6, 0.5, AnmOptions(direction=1))
     for step in first.steps():
@@ -176,9 +166,3 @@ def test_units_of_the_unknowns_change_nothing() -> None:
     two = walked(other, open_start(other), 0.0, 1.0, AnmOptions())
     assert len(one) == len(two)
     np.testing.assert_allclose(two[-1].x / other.scale, one[-1].x / plain.scale, rtol=0.0, atol=1e-9)
-
-
-def test_target_within_round_off_of_the_start_is_reached() -> None:
-    for end in (np.nextafter(0.3, 1.0), 0.3 + 1e-13, 0.3 - 1e-12):
-        steps = walked(Scalar(0.0, 1.0, 0.5), np.zeros(1), 0.3, float(end), AnmOptions())
-        assert steps[-1].lam == end

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch, FloatArray, NewtonOptions, Step, StopReason, Tangent, follow
+from mlsanm_cli.continuation import Branch, FloatArray, NewtonOptions, StopReason, Tangent, follow
 
 from .contact_problems import hertz, open_start
 from .problems import Circle, Scalar, Truss
@@ -157,26 +157,3 @@ def test_no_trial_leaves_the_admissible_region() -> None:
     steps = list(follower.steps())
     assert follower.outcome.reached
     assert max(step.residual for step in steps) <= 1e-8
-
-
-@pytest.mark.parametrize("control", ["load", "arc-length"])
-def test_work_is_counted(control: Literal["load", "arc-length"]) -> None:
-    problem, _, _ = hertz(30, 1e-4)
-    follower = follow(problem, open_start(problem), 0.0, 1.0, NewtonOptions(control=control))
-    steps: list[Step] = list(follower.steps())
-    end = follower.outcome
-    assert end.reached
-    assert problem.counts.tangents == end.factorizations == sum(step.factorizations for step in steps)
-    assert problem.counts.solves == end.solves == sum(step.solves for step in steps)
-    assert end.iterations == sum(step.iterations for step in steps) >= end.factorizations - len(steps)
-
-
-def test_step_limit_and_stopping() -> None:
-    limited = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(max_steps=2, first=1e-3))
-    assert len(list(limited.steps())) == 2
-    assert limited.outcome.reason is StopReason.MAX_STEPS
-    stopped = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions())
-    next(steps := stopped.steps())
-    stopped.stop()
-    assert not list(steps)
-    assert stopped.outcome.reason is StopReason.STOPPED_BY_CALLER

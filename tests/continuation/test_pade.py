@@ -45,18 +45,3 @@ def test_short_or_overflowing_series_have_none() -> None:
     assert denominator(np.ones((3, 4)), 1.0) is None
     with np.errstate(over="ignore"):
         assert denominator(np.full((8, 4), 1e300) * 1e300, 1.0) is None
-
-
-@pytest.mark.parametrize(
-    ("pole", "limit", "expected"),
-    [
-        (0.7, 1.0, 0.7),
-        (1.5, 1.0, np.inf),
-        (-0.5, 1.0, np.inf),
-        (0.7 + 0.01j, 1.0, 0.7),
-        (0.7 + 0.3j, 1.0, np.inf),
-    ],
-)
-def test_only_nearly_real_poles_ahead_count(pole: complex, limit: float, expected: float) -> None:
-    lower = np.real(np.polynomial.polynomial.polyfromroots([pole, np.conj(pole), -3.0]))
-    assert nearest_pole(lower / lower[0], limit) == pytest.approx(expected, rel=1e-4)

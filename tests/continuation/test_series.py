@@ -43,16 +43,6 @@ def test_pade_form_reproduces_a_rational_function_far_outside_the_radius_of_its_
         assert lam == pytest.approx(a / (1.0 + a), rel=1e-14)
 
 
-@pytest.mark.parametrize("branch", [polynomial(0.5, -1.0, 0.3), rational()], ids=["series", "pade"])
-def test_many_parameters_at_once_give_what_one_gives(branch: Branch) -> None:
-    a = np.linspace(0.0, branch.length, 7)
-    x, lam = branch.evaluate_many(a)
-    assert x.shape == (7, branch.size)
-    for i, value in enumerate(a):
-        np.testing.assert_allclose(x[i], branch.evaluate(float(value))[0], rtol=1e-14, atol=1e-15)
-        assert lam[i] == pytest.approx(branch.load_factor(float(value)), rel=1e-14, abs=1e-15)
-
-
 def test_parameter_at_is_exact_to_round_off() -> None:
     rng = np.random.default_rng(2)
     branch = polynomial(0.1, 1.0, -0.2, 0.05, 0.3, length=0.9)

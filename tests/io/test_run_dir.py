@@ -120,18 +120,6 @@ def test_a_place_without_permission_is_refused(tmp_path: Path, monkeypatch: pyte
         run_dir.check(tmp_path / "new", force=False)
 
 
-def test_file_names(tmp_path: Path) -> None:
-    assert run_dir.fields_name(3) == "fields_0003.vtu"
-    assert run_dir.interface_name("any", 1) == "interface.csv"
-    assert run_dir.interface_name("left/right", 2) == "interface_left%2Fright.csv"
-    assert run_dir.picture_name("pressure", "svg", "a b") == "plot_pressure_a%20b.svg"
-    assert run_dir.picture_name("path", "png") == "plot_path.png"
-    parts = {run_dir.file_part(name) for name in ("a b", "a_b", "a%20b", "a/b", "ä b")}
-    assert len(parts) == 5
-    for part in parts:
-        (tmp_path / part).touch()
-
-
 def compared(directory: Path) -> None:
     directory.mkdir(exist_ok=True)
     (directory / run_dir.COMPARISON_FILE).write_text('{"provenance": {"mlsanm": "0.1.0"}}')

@@ -174,22 +174,6 @@ def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_pat
     assert blocked.read_text() == "not a directory"
 
 
-CRASH = """
-from mlsanm_cli.kernels.aot import compiler
-compiler.PROOF = "import os; os.abort()"
-"""
-
-
-def test_code_that_could_not_be_loaded_is_left_to_numba(tmp_path: Path) -> None:
-    # The same arguments are refused.
-    check = "try:\n  roots(np.ones(2, dtype=np.float32), 1.0, 1)\nexcept TypeError as error:\n  print(error)"
-    _, told, refused = run(tmp_path, CRASH + ROOTS + check)
-    assert told.startswith("[1.0, 1.5] [0, 1, 2] 4 0.25 True numba itself keeps the compiled kernels")
-    assert "-6" in told
-    assert [path.name for path in files(tmp_path)] == ["left-to-numba"]
-    assert "must be a C-contiguous float64" in refused
-
-
 LOST = """
 from mlsanm_cli.kernels.aot import compiler
 def lost(*given):
@@ -250,30 +234,6 @@ def test_results_live_as_long_as_they_are_used_and_exceptions_are_raised(tmp_pat
         assert memory.startswith("MemoryError Allocation failed")
         assert negative.startswith("ValueError negative dimensions")
         assert shapes.startswith("RuntimeError __main__.assigned: ValueError")
-
-
-def test_kernels_that_do_not_keep_their_word_are_not_compiled(tmp_path: Path) -> None:
-    writes = """
-@jit.kernel
-def wrong(x: Float1) -> None:
-    x[0] = 1.0
-"""
-    returns = """
-@jit.kernel
-def wrong(x: Float1) -> Int1:
-    return 2.0 * x
-"""
-    ending = """
-def told():
-    try:
-        jit.load()
-    except Exception as error:
-        return str(error)
-"""
-    first, second = f"{writes}\nprint(told())\n", f"{returns}\nprint('and', told())\n"
-    told = "\n".join(run(tmp_path, ending + first + second))
-    assert "Cannot modify readonly array" in told.partition("\nand ")[0]
-    assert told.partition("\nand ")[2].startswith("__main__.wrong returns array(float64, 1d")
 
 
 def test_kernels_are_python_functions_where_numba_is_off(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.kernels.aot.signature import Signature
 from mlsanm_cli.kernels.fill import spacing_at
 from mlsanm_cli.kernels.stencils import mls_weights
 
@@ -36,17 +35,6 @@ def test_other_arrays_are_refused(points: Any, told: str) -> None:
     ) as got:
         spacing_at(1.0, ZONES, points)
     assert told in str(got.value)
-
-
-@pytest.mark.parametrize("far", [1, 1.0, np.float64(1.0), np.float32(1.0), np.int64(1), True])
-def test_numbers_of_any_type_are_numbers(far: Any) -> None:
-    assert np.allclose(spacing_at(far, ZONES, POINTS), SPACINGS, rtol=1e-15)
-
-
-@pytest.mark.parametrize("far", ["1.0", None, 1j, POINTS])
-def test_anything_else_is_no_number(far: Any) -> None:
-    with pytest.raises(TypeError, match="far must be a number"):
-        spacing_at(far, ZONES, POINTS)
 
 
 def weights(degree: Any, out: Any, points: Any = POINTS) -> None:
@@ -78,22 +66,3 @@ def test_the_number_of_arguments_is_checked() -> None:
     for arguments in ((), (1.0, ZONES), (1.0, ZONES, POINTS, POINTS)):
         with pytest.raises(TypeError, match=f"spacing_at takes 3 arguments, not {len(arguments)}"):
             spacing_at(*arguments)
-
-
-def test_types_that_kernels_do_not_know_are_refused() -> None:
-    def one(x: list[float]) -> None:
-        raise NotImplementedError
-
-    def other(x: float) -> bool:
-        raise NotImplementedError
-
-    for function in (one, other):
-        with pytest.raises(TypeError, match="is not a type that a kernel can take or return"):
-            Signature.of("f", function)
-
-    def third(x: float) -> None:
-        raise NotImplementedError
-
-    third.__annotations__["x"] = float
-    with pytest.raises(TypeError, match="from __future__ import annotations"):
-        Signature.of("f", third)

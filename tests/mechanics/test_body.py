@@ -9,23 +9,12 @@ import scipy.sparse as sparse
 from benchmarks.closed_forms import lame
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, annulus, rectangle
+from mlsanm_cli.cloud.curves import annulus, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import (
-    MIN_DISTANCE,
-    ONE_SIDED_WEIGHT,
-    POWER,
-    WEIGHT_REACH,
-    corner_weight,
-    one_sided_weight,
-    thickness,
-)
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
 from mlsanm_cli.mechanics.probes import probe_rows
-from mlsanm_cli.mechanics.rigid import FreeSystem
-from mlsanm_cli.operators.least_squares import LeastSquares
-from mlsanm_cli.operators.settings import MlsSettings, Scheme
+from mlsanm_cli.operators.settings import Scheme
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
 from tests.mechanics.waves import Wave
 
@@ -209,26 +198,6 @@ def test_single_held_nodes_stop_a_rigid_motion() -> None:
     assert np.abs(solved(body, source) - cloud.points * stretch).max() <= 1e-12
 
 
-def test_condition_rows_and_sources_go_where_they_belong() -> None:
-    body = build(jittered_square(7), {"bottom": (True, False)})
-    bottom = body.model.cloud.surfaces["bottom"]
-    values = np.stack([np.arange(1.0, 8.0), np.arange(11.0, 18.0)], axis=1)
-    in_x, in_y = (body.condition_rows("bottom", c) for c in (0, 1))
-    held = body.source("bottom", values, held=True)
-    assert np.array_equal(held[in_x], values[:, 0])
-    assert np.count_nonzero(held) == 7
-    free = body.source("bottom", values, held=False)
-    assert np.array_equal(free[in_y], values[:, 1])
-    assert np.count_nonzero(free) == 7
-    # The held rows pick the nodes' own displacements, up to their weight.
-    u = np.random.default_rng(0).normal(size=(len(body.model.cloud.points), 2))
-    assert isinstance(body.system, FreeSystem)
-    system = body.system.system
-    assert isinstance(system, LeastSquares)
-    picked = (system.rows @ u.ravel())[in_x] / system.weight[in_x]
-    assert picked == pytest.approx(u[bottom.index, 0])
-
-
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 def test_units_of_the_modulus_change_nothing_but_the_stress(plane: str) -> None:
     displacements = []
@@ -240,60 +209,9 @@ def test_units_of_the_modulus_change_nothing_but_the_stress(plane: str) -> None:
     assert np.abs(displacements[0] - displacements[1]).max() <= 1e-9 * np.abs(displacements[0]).max()
 
 
-def test_corners_of_clamped_and_free_sides_lower_the_weights_around_them() -> None:
-    cloud = jittered_square(21)
-    weight = corner_weight(cloud, HELD, {})
-    corners = np.array([[0.0, 0.0], [1.0, 0.0]])
-    distance = np.hypot(*(cloud.points[:, None] - corners).transpose(2, 0, 1)).min(axis=1)
-    assert thickness(cloud) == pytest.approx(0.5, rel=1e-3)
-    reach = WEIGHT_REACH * thickness(cloud)
-    assert (weight[distance >= reach] == 1.0).all()
-    # Weights follow the distance alone and never fall below that of half a spacing.
-    expected = np.minimum(np.maximum(distance, MIN_DISTANCE * 0.05) / reach, 1.0) ** POWER
-    assert weight == pytest.approx(expected)
-    assert ((distance > 0.0) & (weight < 1.0)).any()
-
-
-def test_one_sided_equilibrium_weighs_less_away_from_singular_corners() -> None:
-    cloud = jittered_square(21)
-    corner = corner_weight(cloud, HELD, {})
-    factor = one_sided_weight(cloud, corner, MlsSettings(4))
-    inside = np.ones(len(cloud.points), dtype=bool)
-    inside[cloud.boundary_nodes] = False
-    assert (factor[inside] == 1.0).all()
-    ends = np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)])
-    distance = np.hypot(*np.abs(cloud.points[:, None] - ends).min(axis=1).T)
-    far = (corner == 1.0) & ~inside & (distance >= WEIGHT_REACH * thickness(cloud))
-    assert far.any()
-    assert factor[far] == pytest.approx(ONE_SIDED_WEIGHT)
-    near = (corner < 0.1) & ~inside
-    assert near.any()
-    assert (factor[near] > 0.8).all()
-    assert (one_sided_weight(cloud, corner, MlsSettings(3)) == 1.0).all()
-    corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]
-    sides = tuple(Segment(*pair) for pair in zip(corners, [*corners[1:], corners[0]], strict=True))
-    angle = build_cloud(Outline(tuple("abcdef"), sides), Spacing(0.1), 0)
-    sharp = (angle.points[:, None] == np.array(corners)).all(axis=2).any(axis=1)
-    assert sharp.sum() == 6
-    assert one_sided_weight(angle, np.ones(len(angle.points)), MlsSettings(4))[sharp] == pytest.approx(1.0)
-
-
 def test_a_ring_under_pressure_is_exact_to_a_hundred_thousandth_on_a_bad_cloud() -> None:
     # 1.7e-5 with equal weights at boundary nodes, 1.1e-5 with lower ones alone.
     assert lame(13, 4, seed=4)["displacement"] < 1.0e-5
-
-
-@pytest.mark.parametrize(
-    "held",
-    [
-        {},
-        {"bottom": (False, True)},
-        {"bottom": (False, True), "left": (True, False)},
-        dict.fromkeys(("bottom", "right", "top", "left"), (True, True)),
-    ],
-)
-def test_other_corners_are_left_alone(held: dict[str, tuple[bool, bool]]) -> None:
-    assert (corner_weight(jittered_square(9), held, {}) == 1.0).all()
 
 
 @pytest.mark.parametrize("degree", [1, 2, 4])

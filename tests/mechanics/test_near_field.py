@@ -13,8 +13,6 @@ from mlsanm_cli.mechanics.near_field import (
     Isotropic,
     PointForceField,
     SurfaceForces,
-    as_complex,
-    as_real,
     kernel_of,
     traction,
 )
@@ -173,8 +171,3 @@ def test_nearly_isotropic_materials() -> None:
     places = at(0.4 - 0.3j, -0.8 - 0.9j)
     one, other = (kernel_of(material).stress(places) for material in (even, nearly))
     assert other == pytest.approx(one, abs=1e-5)
-
-
-def test_vectors_as_numbers() -> None:
-    vectors = np.array([[1.0, -2.0], [0.5, 3.0]])
-    np.testing.assert_array_equal(as_real(as_complex(vectors)), vectors)

@@ -324,26 +324,6 @@ def test_stiff_springs_hold_by_the_stress_inside() -> None:
     assert body.reaction_rows("bottom", (1.0, 0.0)) @ u.ravel() == pytest.approx([0.0, 2.0, 0.0], abs=2e-3)
 
 
-def test_what_single_held_nodes_hold_is_not_told() -> None:
-    cloud = jittered_square(17)
-    whole = Pieces.of(cloud)
-    assert whole.rows_known([]).all()
-    known = whole.rows_known([(40, 1)])
-    piece = whole.labels[40]
-    assert set(np.flatnonzero(~known)) == {whole.count + piece, 2 * whole.count + piece}
-
-
-def test_pieces_smaller_than_the_thickness_are_weaker_in_proportion() -> None:
-    zone = Zone.around((0.5, 1.0), 0.002, 0.01, 0.15)
-    cloud = build_cloud(rectangle((0.0, 1.0), (0.0, 1.0)), Spacing(0.1, (zone,)), 0)
-    found = Pieces.of(cloud)
-    # Half of the thickness, twice the area over the perimeter.
-    expected = pieces.EQUILIBRIUM_WEIGHT * np.minimum(1.0, found.size / 0.25)
-    assert found.strength == pytest.approx(expected, rel=1e-2)
-    assert found.strength.min() < 0.1 * pieces.EQUILIBRIUM_WEIGHT
-    assert found.size**2 @ np.ones(found.count) == pytest.approx(1.0)
-
-
 def test_a_node_at_the_root_of_a_narrow_slit_is_in_a_piece_with_an_area() -> None:
     corners = [
         (0.0, 0.0),

@@ -11,11 +11,10 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, rectangle, sector
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import POWER, reentrant_corners, reentrant_weight, thickness
 from tests.mechanics.bodies import STEEL, boundary_values, build, with_body_force
 
 OPEN = sector((0.0, 0.0), (0.5, 1.5), (0.0, math.radians(359.5)))
@@ -139,31 +138,6 @@ def test_tips_are_told_from_nodes_too_close() -> None:
     with pytest.raises(NumericalError, match=r"corner of 8 degrees at \(0, 0\) is too acute") as error:
         build(needle, {"back": (True, True)})
     assert "shape.rounding" in (error.value.hint or "")
-
-
-def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
-    points = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
-    sides = tuple(Segment(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True))
-    angle = build_cloud(Outline(tuple("abcdef"), sides), Spacing(0.1), 0)
-    (corner,) = reentrant_corners(angle)
-    assert angle.points[corner] == pytest.approx([1.0, 1.0])
-    weight = reentrant_weight(angle, reentrant_corners(angle))
-    distance = np.hypot(*(angle.points - 1.0).T)
-    assert weight.max() == 1.0
-    far = distance > 0.1
-    assert weight[far] == pytest.approx(np.minimum(distance[far] / thickness(angle), 1.0) ** POWER)
-    # An L of area 3 and perimeter 8.
-    assert thickness(angle) == pytest.approx(0.75, rel=1e-3)
-    ring = build_cloud(annulus((0.0, 0.0), (0.5, 1.0)), Spacing(0.1), 0)
-    assert not len(reentrant_corners(ring))
-    radius = np.hypot(*ring.points.T)
-    assert thickness(ring) == pytest.approx(0.5, rel=1e-2)
-    assert reentrant_weight(ring, reentrant_corners(ring)) == pytest.approx(
-        np.minimum(radius / thickness(ring), 1.0) ** POWER
-    )
-    for plain in (rectangle((0.0, 1.0), (0.0, 1.0)), wedge(0.4)):
-        cloud = build_cloud(plain, Spacing(0.1), 0)
-        assert (reentrant_weight(cloud, reentrant_corners(cloud)) == 1.0).all()
 
 
 def notched() -> Outline:

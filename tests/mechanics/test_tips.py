@@ -20,7 +20,6 @@ from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
 from mlsanm_cli.operators import singular_functions
-from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings
 
@@ -110,14 +109,6 @@ def test_rows_beside_a_corner_know_its_field(
         for component in (0, 1):
             rows = traction_rows(stencils, model.material.stiffness, surface.normal, component)
             assert np.abs((rows @ u.ravel())[near]).max(initial=0) < 1e-10
-
-
-def test_derivatives_are_the_same_with_and_without_weights() -> None:
-    cloud = polygon(ELL, 1.5)
-    model = BodyModel.build("body", cloud, SOFT, MlsSettings())
-    field = np.cos(cloud.points / 5.0)
-    found = fitted_derivatives(cloud.points, cloud.tree, cloud.points, model.settings, field, tips=model.tips)
-    np.testing.assert_allclose(found, model.stencils.derivatives(field), atol=1e-9)
 
 
 @pytest.mark.parametrize(

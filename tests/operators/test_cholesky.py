@@ -172,15 +172,6 @@ def test_products_against_solutions(seed: int, density: float, most: int) -> Non
     assert np.abs(other.products(left, right) - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
 
 
-def test_entries_written_twice_count_twice() -> None:
-    points = scattered(30)
-    factor = CholeskySolver().factor_definite(normal_equations(points), points)
-    twice = sparse.csr_array((np.array([1.0, 2.0]), np.array([7, 7]), np.array([0, 2])), shape=(1, 60))
-    right = sparse.csc_array(np.random.default_rng(0).normal(size=(60, 3)))
-    expected = np.asarray(twice @ factor.solve(right.toarray()))
-    np.testing.assert_allclose(factor.products(twice, right), expected, rtol=1e-12)
-
-
 @pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-6])
 @pytest.mark.parametrize("scales", [0.0, 4.0, 8.0])
 def test_hard_matrices_are_solved_as_well_as_by_superlu(apart: float, scales: float) -> None:

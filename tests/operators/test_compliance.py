@@ -64,14 +64,6 @@ def test_errors_of_higher_rank_take_more_solutions(rank: int, most: int) -> None
     assert 2 * RANK + CHECK_COLUMNS < matrix.asked <= most
 
 
-def test_nothing_is_asked_for_twice_where_the_answers_are_no_better() -> None:
-    matrix = example(2)
-    matrix.noise = 1e-7
-    found = corrected(matrix.start(3, 1e-3), matrix.of_columns, matrix.of_rows)
-    assert error_of(matrix, found) <= 1e-6
-    assert matrix.asked == 2 * RANK + CHECK_COLUMNS
-
-
 def test_rows_and_columns_of_any_size_are_as_good() -> None:
     matrix = example(3)
     rng = np.random.default_rng(0)

@@ -50,19 +50,6 @@ def test_more_entries_than_can_be_counted_are_refused(most: int, monkeypatch: py
         assert np.array_equal(normal_equations(matrix).toarray(), whole.toarray())
 
 
-@pytest.mark.parametrize("rows_of_each", [[2, 2, 2], [1, 3, 5], [2, 0, 4]])
-def test_rows_on_the_same_nodes_count_together(rows_of_each: list[int]) -> None:
-    # Three stencils that share nodes, rows of all in turn, the nodes' unknowns in pairs.
-    rng = np.random.default_rng(0)
-    stencils = [[4, 0, 2, 5], [0, 4, 2, 5], [4, 1, 3]]
-    taken = [number for turn in range(5) for number in range(3) if turn < rows_of_each[number]]
-    indices = [2 * node + axis for number in taken for node in stencils[number] for axis in (0, 1)]
-    indptr = np.concatenate([[0], np.cumsum([2 * len(stencils[number]) for number in taken])])
-    matrix = sparse.csr_array((rng.normal(size=len(indices)), indices, indptr), shape=(len(taken), 12))
-    expected = (matrix.T @ matrix).toarray()
-    assert np.abs(normal_equations(matrix).toarray() - expected).max() <= 1e-14 * np.abs(expected).max()
-
-
 @settings(max_examples=40)
 @given(places=st.integers(1, 6), nodes=st.integers(1, 15), seed=st.integers(0, 1000))
 def test_bordered_equations_against_dense_ones(places: int, nodes: int, seed: int) -> None:

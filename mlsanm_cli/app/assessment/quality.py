@@ -47,6 +47,12 @@ are not estimated: at 0.24 pressures and tractions on a stiff fibre are 4 and 9 
 2.8 %; it carried 2 % too little with uniform nodes at 0.25, and 5 to 20 % in growing spacings."""
 MAX_FRICTION = 4.0
 """Coefficient of friction above which it is probably a percentage: rubber has up to 4."""
+MAX_INTERPOLATION_ERROR = 0.08
+"""Largest error of linear interpolation of a load between nodes, relative to its largest value. Stresses of a
+hot spot were 20 % off with an error of 12 %, and 1 % with 5 %, as automatic spacings may leave."""
+
+LENGTH_TOLERANCE = 0.01
+"""Largest relative error of the length of a loaded part."""
 ROUND_OFF = 1e-6
 
 
@@ -285,14 +291,6 @@ def _reverses(case: Case, load: str) -> bool:
         factors.append(stage.get(load, factors[-1]))
     changes = [after - before for before, after in pairwise(factors)]
     return max(changes) > 0.0 > min(changes)
-
-
-MAX_INTERPOLATION_ERROR = 0.08
-"""Largest error of linear interpolation of a load between nodes, relative to its largest value. Stresses of a
-hot spot were 20 % off with an error of 12 %, and 1 % with 5 %, as automatic spacings may leave."""
-
-LENGTH_TOLERANCE = 0.01
-"""Largest relative error of the length of a loaded part."""
 
 
 def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:

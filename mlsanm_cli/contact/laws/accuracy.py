@@ -23,6 +23,9 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Platen, Scene
 
+MAX_CHANGES = 30
+"""Largest number of active-set changes, one per round."""
+
 
 @dataclass(frozen=True)
 class Changes:
@@ -155,10 +158,6 @@ def _shifted(linear: LinearMap, change: FloatArray) -> LinearMap:
 
 def _joined(linear: LinearMap, join: FloatArray) -> LinearMap:
     return replace(linear, pressure=linear.pressure @ join)
-
-
-MAX_CHANGES = 30
-"""Largest number of active-set changes, one per round."""
 
 
 def frozen_change(
