@@ -18,7 +18,20 @@ from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.scenes import Quiet, solve
 from tests.app.vtk_files import area, listed, read
-from tests.case_text import body, box, contact, disk, head, load, material, plane, pushed, support, table
+from tests.case_text import (
+    body,
+    box,
+    contact,
+    disk,
+    head,
+    item,
+    load,
+    material,
+    plane,
+    pushed,
+    support,
+    table,
+)
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -378,6 +391,29 @@ def test_a_disk_pressed_where_its_arc_begins(tmp_path: Path) -> None:
     assert sorted(order.tolist()) == list(range(len(arc)))
     assert (np.diff(arc) > 0.0).all()
     assert np.ptp(arc[contact.pressure[-1][order] > 0.0]) < 1.5
+
+
+def test_equations_that_no_state_near_solves_keep_their_residual(tmp_path: Path) -> None:
+    """A bulb seal whose door is shut and slides: next to crushed corners at its base renewed equations had
+    no solution near the state, and the path stopped. What they keep acts as a load, which is told."""
+    text = (
+        head("strain", strain="finite")
+        + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
+        + body("bulb", "rubber", 0.3)
+        + table("body.shape", kind="sector", center=[0.0, 0.0], radii=[4.0, 6.0], angles=[0.0, 180.0])
+        + support(["bulb.start", "bulb.end"], ux=0.0, uy=0.0)
+        + contact("door", "bulb.outer", friction=0.4, obstacle=plane([0.0, 6.0], [0.0, -1.0]))
+        + pushed("shut", "door", uy=-2.0)
+        + pushed("slide", "door", ux=1.0)
+        + item("stage", shut=1.0)
+        + item("stage", slide=1.0)
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    x, y = summary["forces"]["shut"]
+    assert 0.0 < x <= 0.401 * abs(y)
+    assert summary["error_estimate"]["energy"] > 0.1
+    assert any("renewed equations keep" in one for one in summary["warnings"])
 
 
 def test_a_flat_tool_presses_between_nodes(tmp_path: Path) -> None:

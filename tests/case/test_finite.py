@@ -110,3 +110,10 @@ def test_obstacles_turn_about_a_point_at_finite_strain() -> None:
     assert not problems(BLOCK + CONTACT + OBSTACLE + turn + "pivot = [0.0, 0.0]\n")
     small = (BLOCK + CONTACT + OBSTACLE + turn).replace('strain = "finite"\n', "")
     assert "finite strain" in problems(small)["load.turn.rotation"]
+
+
+def test_loads_of_one_plate_give_its_directions_together() -> None:
+    """A wheel's axle is pressed by one load and moved by another."""
+    other = PLATE.replace('"plate"', '"other"')
+    plates = f"{PLATE}fy = 0.0\nmoment = 0.0\n{other}ux = 0.1\nmoment = 0.0\n"
+    assert not problems(BLOCK + plates)

@@ -61,7 +61,8 @@ def missed_in_contact(
         change = _of_tractions(undeformed[name], better, upright[own])
         known[own] = change[pressing.numbers[own] - here.start]
     # What fields in closed form replace is not missing.
-    covered = np.concatenate([np.full(2 * s.count, a.missing.any()) for s, a in _pairs(pressing)])
+    parts = [np.full(2 * s.count, a.missing.any()) for s, a in _pairs(pressing)]
+    covered = np.concatenate([*parts, np.zeros(0, dtype=bool)])
     known = as_real(as_complex((known * covered).reshape(-1, 2)) * turn).ravel()
     met = pressing.meet(surface - closer.smooth @ known, factors, before, now.sets.closed)
     step = Iteration(pressing, factors, before, closer, left=left)

@@ -12,7 +12,7 @@ from mlsanm_cli.app.finite.accuracy import missed_in_contact
 from mlsanm_cli.app.finite.limits import slid, strode
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Missed
-from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps
+from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
@@ -164,7 +164,7 @@ class _Path:
         """State before loading. NumericalError if its iterations do not converge."""
         found = self._solved(0.0)
         if found is None:
-            self._failed(0.0)
+            self._failed(0.0, None)
         assert found is not None
         self._settled = True
         return found
@@ -177,7 +177,7 @@ class _Path:
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
             far = 0.0 if found is None else self._far(position, reached, found)
-            if found is not None and far <= 1.0 and self._stretched(found) <= MAX_STRETCH:
+            if found is not None and far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
                 self._add_slip(found)
                 self._before, self.now = self.now.place, found
                 longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
@@ -186,7 +186,7 @@ class _Path:
             if failed == MAX_FAILED and self._keep():
                 size = whole
             if size < MIN_INCREMENT:
-                self._failed(position)
+                self._failed(position, found)
 
     def _far(self, position: float, reached: float, found: Pressed) -> float:
         """How far an increment goes over its largest length."""
@@ -202,13 +202,15 @@ class _Path:
             self.spent += 1
         return bool(fresh)
 
-    def _stretched(self, found: Pressed) -> float:
-        """Largest stretch of a node relative to the expansion point of its equations."""
+    def _stretched(self, found: Pressed) -> tuple[float, str, int]:
+        """Largest stretch of a node relative to the expansion point of its equations, its body and number."""
         parts = self._scene.parts(found.displacement)
-        return max(
-            most_stretched(body, parts[name], self._projectors[name].station)
+        stretched = (
+            (most_stretched(body, parts[name], self._projectors[name].station), name)
             for name, body in self._scene.bodies.items()
         )
+        (most, node), name = max(stretched)
+        return most, name, node
 
     def _add_slip(self, found: Pressed) -> None:
         """Accumulate slips and dissipated work, by the trapezoidal rule."""
@@ -243,8 +245,16 @@ class _Path:
             missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.whole
         )
 
-    def _failed(self, position: float) -> None:
+    def _failed(self, position: float, found: Pressed | None) -> None:
         where, first = f"the path stopped at position {position:.6g}", 0
+        if found is not None:
+            most, name, node = self._stretched(found)
+            if most > MAX_STRETCH:
+                there = place_of(self._scene, name, node)
+                raise NumericalError(
+                    f"{where}: {there} would be stretched by a factor of {most:.3g} at once",
+                    "use finer nodes there, round corners that are crushed, or use smaller loads",
+                )
         for contact in self._scene.contacts:
             slave = contact.slave
             here = slice(first, first + slave.count)

@@ -42,7 +42,7 @@ def _check_body(
     node = int(np.argmin(volume))
     if not volume[node] > 0.0:
         raise NumericalError(
-            f"{_place(scene, name, node)}: the deformation is not invertible at position {position:.6g} "
+            f"{place_of(scene, name, node)}: the deformation is not invertible at position {position:.6g} "
             f"(det F = {volume[node]:.3g})",
             "use smaller loads, or finer nodes there",
         )
@@ -50,7 +50,7 @@ def _check_body(
     node = int(np.argmin(waves))
     if waves[node] <= 0.0:
         raise NumericalError(
-            f"{_place(scene, name, node)}: {body.law.kind} has lost ellipticity at position {position:.6g} "
+            f"{place_of(scene, name, node)}: {body.law.kind} has lost ellipticity at position {position:.6g} "
             f"(acoustic tensor {waves[node]:.3g} of the shear modulus): the state is not unique",
             _LAWS,
         )
@@ -67,14 +67,15 @@ def path_failure(
     node, soft = int(np.argmin(volume)), int(np.argmin(waves))
     where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
     if waves[soft] < ELLIPTICITY_WARNING:
-        place = _place(scene, name, soft)
+        place = place_of(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)
-    least = f"the smallest det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
+    least = f"the smallest det F is {volume[node]:.3g}, at {place_of(scene, name, node)}"
     return NumericalError(f"{where}; {least}", "use smaller loads, finer nodes, or raise solver.tolerance")
 
 
-def _place(scene: FiniteScene, name: str, node: int) -> str:
+def place_of(scene: FiniteScene, name: str, node: int) -> str:
+    """A node of a body, in messages."""
     x, y = scene.bodies[name].elastic.model.cloud.points[node]
     return f"body {name}, node {node} at ({x:.6g}, {y:.6g})"
 

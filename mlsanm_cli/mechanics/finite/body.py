@@ -241,7 +241,7 @@ column buckled to an end rotation of 100 degrees met spurious limit points and r
 def far_from(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> bool:
     """Whether a body at ``displacement`` (2N,) is stretched or rotated so much relative to the ``station``
     (2N,) that its equations should be renewed."""
-    if most_stretched(body, displacement, station) > MAX_STRETCH:
+    if most_stretched(body, displacement, station)[0] > MAX_STRETCH:
         return True
     angles = []
     for one in (displacement, station):
@@ -251,12 +251,13 @@ def far_from(body: FiniteBody, displacement: FloatArray, station: FloatArray) ->
     return bool(turned > 2.0 * np.sin(0.5 * MAX_ROTATION))
 
 
-def most_stretched(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> float:
+def most_stretched(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> tuple[float, int]:
     """Largest stretch of a node, or inverse of the smallest, between the ``station`` (2N,) and
-    ``displacement`` (2N,)."""
+    ``displacement`` (2N,), and the node."""
     now, then = (
         (body.gradient(u) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]).T.reshape(-1, 2, 2)
         for u in (displacement, station)
     )
     ratios = np.linalg.svd(now @ np.linalg.inv(then), compute_uv=False)
-    return float(max(ratios.max(), 1.0 / ratios.min()))
+    largest = np.maximum(ratios.max(axis=1), 1.0 / ratios.min(axis=1))
+    return float(largest.max()), int(largest.argmax())
