@@ -81,8 +81,8 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
     }
     worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
     stiffness = abs(missing) / whole if whole > 0.0 else 0.0
-    found = strains, pointed, thin, _deflection(built, bent, fields), stiffness
-    return EnergyVerdict(errors[worst], errors, *found)
+    told = strains, pointed, thin, _deflection(built, bent, fields), stiffness
+    return EnergyVerdict(errors[worst], errors, *told)
 
 
 def _relative(missing: float, unseen: float, scale: float) -> float:
