@@ -199,7 +199,8 @@ def bending(bodies: list[Thin], seeds: int, degrees: list[int], across: list[int
                     told.append(100.0 * energy_error)
                 line = {"body": thin.name, "degree": degree, "across": count}
                 lines.append(line | {"errors": errors, "energy_errors": told})
-                worst, shown = max(zip(errors, told, strict=True), key=lambda one: abs(one[0]))
+                found = [*zip(errors, told, strict=True)] or [(np.nan, np.nan)]
+                worst, shown = max(found, key=lambda one: abs(one[0]))
                 which = f"{thin.name:14s} degree {degree or 'auto'}, {count} across"
                 print(f"{which}: worst {worst:.3f} %, its energy {shown:.2f} %", flush=True)
     return lines

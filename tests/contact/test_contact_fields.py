@@ -11,6 +11,7 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.obstacles import Plane
+from mlsanm_cli.contact.response import contact_fields
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.mechanics.near_field import Isotropic, SurfaceForces, as_complex
 
@@ -24,13 +25,13 @@ BELOW = as_complex(
 )
 
 
-def fields(pressure: FloatArray, traction: FloatArray) -> FloatArray:
+def fields(pressure: FloatArray, traction: FloatArray, contacts: int = 1) -> FloatArray:
     """Displacements and stresses (e, 5) below the grid."""
-    found = NearFields.at(GRID, KERNEL, True, BELOW)(pressure[:, None], traction[:, None])
+    found = NearFields.at(GRID, KERNEL, True, BELOW, contacts)(pressure[:, None], traction[:, None])
     return np.concatenate(found, axis=1)[..., 0]
 
 
-def test_fields_of_parts_add_up() -> None:
+def test_fields_of_parts_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
     pressure, traction = rng.random(len(GRID.hats.place)), rng.random(len(GRID.hats.place))
     part = np.arange(len(pressure)) // 7 % 3
@@ -40,6 +41,9 @@ def test_fields_of_parts_add_up() -> None:
     )
     assert np.abs(parts - whole).max() <= 1e-6 * np.abs(whole).max()
     assert not fields(0.0 * pressure, 0.0 * traction).any()
+    # With many contacts nothing is kept, and few points are treated at once.
+    monkeypatch.setattr(contact_fields, "BATCH_SIZE", 300)
+    assert fields(pressure, traction, 10**9) == pytest.approx(whole, abs=1e-13 * np.abs(whole).max())
 
 
 @pytest.mark.parametrize("node", [0, 80, 157])

@@ -233,7 +233,8 @@ class Condensed:
                 continue
             for own, slave, sign in pairing.sides:
                 if own == body:
-                    make = partial(NearFields.at, pairing.grid, model.kernel, slave, as_complex(seen))
+                    side, count = (pairing.grid, model.kernel, slave), len(self.reported)
+                    make = partial(NearFields.at, *side, as_complex(seen), count)
                     few = len(pressure) <= MAX_KEPT_UNKNOWNS
                     fields = self.kept.value(pairing.name, digest(slave, seen), make) if few else make()
                     found = fields(pressure[:, None], traction[:, None])

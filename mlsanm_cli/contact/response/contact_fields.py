@@ -42,7 +42,8 @@ DISTANT_SAMPLES samples do."""
 MAX_INTERVALS = 100
 """Largest number of intervals that are treated individually when near."""
 MAX_KEPT_PAIRS = 150_000
-"""Largest number of pairs of a point and a force for which unit fields are kept (12 MB)."""
+"""Largest number of pairs of a point and a force for which unit fields are kept (12 MB), divided by that of
+contacts."""
 TIP_INSET = 2e-3
 """Points closer to a corner's tip than this fraction of its faces are shifted inside by as much."""
 
@@ -84,24 +85,27 @@ class _Group:
         step = len(self.z) if keep else BATCH_SIZE // len(self.sources.place) + 1
         for first in range(0, len(self.z), step):
             part = slice(first, first + step)
-            fields = self.kept if keep else self.fields(part)
-            total[:, self.some[part]] += fields @ acting
+            total[:, self.some[part]] += (self.kept if keep else self.fields(part)) @ acting
 
 
 @dataclass(frozen=True)
 class NearFields:
     """Displacements and stresses at fixed points ``z`` (e,) of a body for any pressures and tractions of a
     contact: by ``groups`` of points and intervals, with images behind walls, by the matrix ``close`` (5e, 2m)
-    of intervals next to a point, and by forces along the faces of corners."""
+    of intervals next to a point, and by forces along the faces of corners. ``keeps`` unit fields if they are
+    few."""
 
     intervals: Intervals
     z: ComplexArray
     groups: tuple[_Group, ...]
     close: sparse.csr_array
+    keeps: bool
 
     @classmethod
-    def at(cls, grid: ContactGrid, kernel: PointForceField, slave: bool, z: ComplexArray) -> NearFields:
-        """The fields at points ``z`` (e,) of one of the bodies."""
+    def at(
+        cls, grid: ContactGrid, kernel: PointForceField, slave: bool, z: ComplexArray, contacts: int = 1
+    ) -> NearFields:
+        """The fields at points ``z`` (e,) of one of the bodies, in a scene with a number of ``contacts``."""
         for corner in grid.corners_of(slave):
             # At the tip itself the fields of force densities along the faces are undefined.
             at_tip = np.abs(z - corner.tip) < TIP_INSET * corner.length
@@ -113,7 +117,8 @@ class NearFields:
         close = close_matrix(intervals, len(z), pairs)
         for corner in grid.corners_of(slave):
             groups.extend(_images(intervals, corner, z, every, whole))
-        return cls(intervals, z, tuple(groups), close)
+        count = sum(len(group.z) * len(group.sources.place) for group in groups)
+        return cls(intervals, z, tuple(groups), close, count * contacts <= MAX_KEPT_PAIRS)
 
     def __call__(self, pressure: FloatArray, traction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2, c) and stresses (e, 3, c) due to nodal ``pressure`` and ``traction`` (m, c)
@@ -123,9 +128,8 @@ class NearFields:
         forces = self.intervals.forces(pressure, traction)
         close = np.asarray(self.close @ np.concatenate([pressure, traction]))
         total = close.reshape(5, len(self.z), columns)
-        pairs = sum(len(group.z) * len(group.sources.place) for group in self.groups)
         for group in self.groups:
-            group.add(forces, total, pairs <= MAX_KEPT_PAIRS)
+            group.add(forces, total, self.keeps)
         displacement, stress = (part.transpose(1, 0, 2) for part in np.split(total, [2]))
         for corner in grid.corners_of(self.intervals.slave):
             away = corner.distance(self.intervals.place.ravel())
