@@ -28,16 +28,12 @@ MAX_CHANGES = 30
 def corrected_state(
     condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
 ) -> ExactState:
-    """The exact state after the corrections of ``bodies`` are added to their displacements.
-
-    The corrections change gaps, and platen forces computed from the stress field. Raises NumericalError if
-    the changed contact problem has no solution.
-    """
+    """The exact state after the corrections of ``bodies`` are added to their displacements. The corrections
+    change gaps, and platen forces computed from the stress field. Raises NumericalError if the changed
+    contact problem has no solution."""
     gaps, _, imbalance = changes_of(condensed, scene, bodies)
     changed = replace(
-        condensed,
-        gap=_shifted(condensed.gap, gaps),
-        balance=_shifted(condensed.balance, imbalance),
+        condensed, gap=_shifted(condensed.gap, gaps), balance=_shifted(condensed.balance, imbalance)
     )
     return solve_exact(changed, state.factors, state.active)
 
@@ -45,10 +41,8 @@ def corrected_state(
 def rough_state(
     condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
 ) -> ExactState:
-    """The exact state without smoothing of the displacements of ``bodies`` along contact grids.
-
-    Raises NumericalError if it has none.
-    """
+    """The exact state without smoothing of the displacements of ``bodies`` along contact grids. Raises
+    NumericalError if it has none."""
     gaps, _ = roughness_of(condensed, scene, bodies)
     if not gaps.any():
         return state

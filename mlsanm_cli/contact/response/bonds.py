@@ -42,10 +42,8 @@ STRETCH_GAP = 3.0
 @dataclass(frozen=True)
 class Bonds:
     """The bonded contacts ``pairings``, with the ``spans`` of their nodes among those of all bonds.
-
     ``pressure`` and ``traction`` (b,) are maps from the unknowns of the other contacts, which ``free`` (m,)
-    marks among all pressures and ``sliding`` (n,) among all tractions.
-    """
+    marks among all pressures and ``sliding`` (n,) among all tractions."""
 
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
@@ -94,9 +92,7 @@ def bind(
     scene: Scene, pairings: tuple[Pairing, ...], drivers: Drivers, gap: LinearMap, slip: LinearMap
 ) -> Bonds:
     """Solve for the bonded tractions, from the candidates' gaps (m,) and slips (n,) of all ``pairings``.
-
-    Initial gaps remain. Raises NumericalError if the tractions are not determined.
-    """
+    Initial gaps remain. Raises NumericalError if the tractions are not determined."""
     bonded = tuple(pairing for pairing in pairings if pairing.bonded)
     if not bonded:
         return Bonds.none()

@@ -1,8 +1,6 @@
 """Near-field displacements and stresses in a body under the pressures and tractions of a contact grid.
-
 Integrals along the contact use Gauss quadrature on each interval, with more points close to it. Where these
-are depends on the points of the body and the grid only, which a path leaves as they are.
-"""
+are depends on the points of the body and the grid only, which a path leaves as they are."""
 
 from __future__ import annotations
 
@@ -25,13 +23,7 @@ from mlsanm_cli.contact.response.loaded_intervals import (
     inside,
 )
 from mlsanm_cli.mechanics.corner import Corner
-from mlsanm_cli.mechanics.near_field import (
-    NO_PAIRS,
-    ComplexArray,
-    PointForceField,
-    SurfaceForces,
-    as_complex,
-)
+from mlsanm_cli.mechanics.near_field import NO_PAIRS, ComplexArray, PointForceField, SurfaceForces, as_complex
 
 GRID_POINT_DISTANCE = 2.0
 """Intervals farther away than this many of their lengths are integrated with the grid's quadrature points."""
