@@ -16,18 +16,14 @@ from mlsanm_cli.solve.stage_ends import passing_error, reach_error
 from mlsanm_cli.solve.state import UNLOADED, Polish, State
 
 BALANCE_LIMIT = 0.1
-"""Largest accepted force imbalance of a body, relative to the forces on it.
-
-Reactions are computed from the stress, independently of the applied forces. On clamped beams the imbalance
-was as large as the error of the deflection.
-"""
+"""Largest accepted force imbalance of a body, relative to the forces on it. Reactions are computed from the
+stress, independently of the applied forces. On clamped beams the imbalance was as large as the error of the
+deflection."""
 BALANCE_WARNING = 0.03
 
 TRANSFER_LIMIT = 0.1
 """Largest accepted difference of the forces on slave and master of a contact, relative to its normal force.
-
-In random scenes of two bodies with transfer that does not conserve forces it was up to 49 %.
-"""
+In random scenes of two bodies with transfer that does not conserve forces it was up to 49 %."""
 TRANSFER_WARNING = 0.03
 
 ENERGY_LIMIT = 0.1
@@ -101,11 +97,8 @@ def force_balance(built: CondensedScene, state: State) -> Verdict:
 
 
 def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArray]) -> float:
-    """Largest force on a body in a state f, q, p, t.
-
-    The magnitudes of pressures, tractions and body forces are summed, so that press fits and couples, whose
-    resultants vanish, count.
-    """
+    """Largest force on a body in a state f, q, p, t. The magnitudes of pressures, tractions and body forces
+    are summed, so that press fits and couples, whose resultants vanish, count."""
     condensed, (factors, _, pressure, _) = built.condensed, unknowns
     sizes = [
         float(condensed.weight[span] @ np.abs(pressure[span]))

@@ -36,10 +36,8 @@ from mlsanm_cli.solve.state import State
 
 
 def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo = NO_CACHE) -> Accuracy:
-    """Estimates of a scene with friction in its last ``state``; those of other scenes are unchanged.
-
-    As without friction, but with the stick and slip status of that state: the path is not followed again.
-    """
+    """Estimates of a scene with friction in its last ``state``; those of other scenes are unchanged. As
+    without friction, but with the stick and slip status of that state: the path is not followed again."""
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy

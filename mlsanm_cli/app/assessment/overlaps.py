@@ -158,10 +158,8 @@ def _of_bodies(
 def _with_obstacles(
     built: CondensedScene, state: State, outlines: Mapping[str, DeformedOutline], given: Mapping[str, float]
 ) -> Iterator[Overlap]:
-    """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``.
-
-    A body without a contact with an obstacle that lies inside it initially is not checked against it.
-    """
+    """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``. A body
+    without a contact with an obstacle that lies inside it initially is not checked against it."""
     shifts = _obstacle_shifts(built, state)
     pairings = {pairing.name: pairing for pairing in built.condensed.reported}
     for contact in built.case.contact:

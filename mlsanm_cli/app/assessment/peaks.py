@@ -88,11 +88,8 @@ def _strained(body: ElasticBody, displacement: FloatArray) -> float:
 
 def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> FloatArray:
     """Magnitudes (n,) of the traction error of a ``displacement`` (N, 2) for a right-hand side ``source``
-    (r,); 0 inside the body and in held directions.
-
-    Where a load ends on a side that continues no stress satisfies the tractions of both parts: half of their
-    difference is no error.
-    """
+    (r,); 0 inside the body and in held directions. Where a load ends on a side that continues no stress
+    satisfies the tractions of both parts: half of their difference is no error."""
     cloud = body.model.cloud
     missing = np.zeros(len(cloud.points))
     stress, given = body.model.stress(displacement), _given(body, displacement, source)

@@ -58,11 +58,9 @@ ROUND_OFF = 1e-6
 
 @dataclass(frozen=True)
 class Quality:
-    """Quality measures by body, ratio of facing spacings by contact, and warnings.
-
-    ``degree`` is that of the local polynomials of a body, ``enlarged`` the number of its stencils with more
-    nodes than required, ``worst_ratio`` the smallest ratio of QR diagonals of its stencils.
-    """
+    """Quality measures by body, ratio of facing spacings by contact, and warnings. ``degree`` is that of the
+    local polynomials of a body, ``enlarged`` the number of its stencils with more nodes than required,
+    ``worst_ratio`` the smallest ratio of QR diagonals of its stencils."""
 
     bodies: Mapping[str, CloudQuality]
     degree: Mapping[str, int]

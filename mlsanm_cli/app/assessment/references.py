@@ -25,11 +25,9 @@ SAMPLES = 4001
 
 @dataclass(frozen=True)
 class ReferenceProfile:
-    """Analytical pressure along a contact.
-
-    ``coordinate`` (m,) of the nodes along the surface from the middle of the contact; ``curve``, the pressure
-    as a function of it; ``error_l2``, the relative L2 error of the linearly interpolated nodal pressures.
-    """
+    """Analytical pressure along a contact. ``coordinate`` (m,) of the nodes along the surface from the middle
+    of the contact; ``curve``, the pressure as a function of it; ``error_l2``, the relative L2 error of the
+    linearly interpolated nodal pressures."""
 
     label: str
     coordinate: FloatArray

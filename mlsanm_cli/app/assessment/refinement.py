@@ -120,10 +120,8 @@ def refine_again(case: Case, found: Refinement, context: RunContext) -> Adapted:
 
 
 def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
-    """Solve the scene and refine it for the requested number of passes or until convergence.
-
-    If a refined scene cannot be solved, the one before it is kept.
-    """
+    """Solve the scene and refine it for the requested number of passes or until convergence. If a refined
+    scene cannot be solved, the one before it is kept."""
     built, accuracy = _solved(case, prepared, context)
     history = [_figures(built, accuracy, None)]
     rule = rule_for(min(model.settings.degree for model in prepared.models.values()))
@@ -171,10 +169,7 @@ def _table(zones: tuple[Zone, ...]) -> FloatArray:
 
 
 def _solved(
-    case: Case,
-    prepared: SceneModel,
-    context: RunContext,
-    before: Scene | None = None,
+    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None = None
 ) -> tuple[CondensedScene, Accuracy]:
     built = condense_scene(case, prepared, context, before)
     with context.phase("estimate"):
@@ -183,10 +178,8 @@ def _solved(
 
 
 def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
-    """Patches with an edge in the exact states at the ends of all stages, and stick zones.
-
-    A surface closed from end to end has no edge to refine.
-    """
+    """Patches with an edge in the exact states at the ends of all stages, and stick zones. A surface closed
+    from end to end has no edge to refine."""
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]

@@ -89,11 +89,9 @@ class EnergyError:
 
 
 def missing_works(scene: FiniteScene, before: FiniteState, now: FiniteState) -> dict[str, float]:
-    """Internal less external work from one state to another, by body.
-
-    By the principle of virtual work the two are equal for every stress in equilibrium, whether or not it
-    derives from a strain. Bodies without supports are rotated back first: rigid motions do no work.
-    """
+    """Internal less external work from one state to another, by body. By the principle of virtual work the
+    two are equal for every stress in equilibrium, whether or not it derives from a strain. Bodies without
+    supports are rotated back first: rigid motions do no work."""
     found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
     factors = [scene.acting(one.whole, one.traction) for one in (before, now)]
     for name, body in scene.bodies.items():

@@ -70,10 +70,8 @@ TALLIES = (
 
 
 class FiniteRecorder(RunWriter):
-    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
-
-    ``steps`` counts finished steps, without the initial state.
-    """
+    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. ``steps`` counts finished
+    steps, without the initial state."""
 
     def __init__(
         self,

@@ -120,9 +120,7 @@ def check_overlaps(
         )
 
 
-def _between_bodies(
-    bodies: dict[str, _Body],
-) -> Iterator[tuple[float, tuple[float, float], str, str]]:
+def _between_bodies(bodies: dict[str, _Body]) -> Iterator[tuple[float, tuple[float, float], str, str]]:
     """Depth and place of overlaps, the surface inside, and the surface of the other body."""
     for one, other in permutations(bodies.values(), 2):
         for surface in one.cloud.surfaces.values():

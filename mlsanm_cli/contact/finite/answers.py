@@ -153,11 +153,8 @@ def _across(values: FloatArray) -> sparse.csr_array:
 
 def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatArray:
     """Part of the correction ``missing`` (2c, 2c) for non-uniform tractions: the cloud responds exactly to a
-    uniform one.
-
-    Where the ``share`` (c,) is below 1, near corners, only some neighbours count, and terms that cancel
-    elsewhere would remain: there it acts on differences from the node's own traction.
-    """
+    uniform one. Where the ``share`` (c,) is below 1, near corners, only some neighbours count, and terms that
+    cancel elsewhere would remain: there it acts on differences from the node's own traction."""
     count, number = side.count, np.arange(side.count)
     blocks = missing.reshape(count, 2, count, 2).copy()
     near = np.abs(number[:, None] - number) <= 3 * HALF_WINDOW

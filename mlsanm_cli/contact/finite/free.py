@@ -24,11 +24,9 @@ from mlsanm_cli.mechanics.rigid import ROTATION
 
 @dataclass(frozen=True)
 class LooseMotions:
-    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``).
-
-    ``anchors`` are the (node, component) pairs held by supports; ``moves`` (p, d) are the displacements of
-    its pins per free motion.
-    """
+    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``). ``anchors`` are
+    the (node, component) pairs held by supports; ``moves`` (p, d) are the displacements of its pins per free
+    motion."""
 
     body: str
     components: tuple[int, ...]

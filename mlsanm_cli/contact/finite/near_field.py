@@ -1,8 +1,6 @@
 """Compliance of a side's nodes for unit nodal tractions: closed-form near fields and a smooth remainder.
-
 Tractions are linear between nodes; they have images behind planes of symmetry at the side's ends, and force
-densities at corners that free both faces (:mod:`mlsanm_cli.mechanics.corner`).
-"""
+densities at corners that free both faces (:mod:`mlsanm_cli.mechanics.corner`)."""
 
 from __future__ import annotations
 
@@ -234,10 +232,7 @@ def _log(t: FloatArray) -> FloatArray:
 
 
 _Table: TypeAlias = Callable[[FloatArray], FloatArray]
-LOGARITHM: tuple[_Table, _Table] = (
-    lambda t: 0.5 * t**2 * (_log(t) - 1.5),
-    lambda t: t * (_log(t) - 1.0),
-)
+LOGARITHM: tuple[_Table, _Table] = (lambda t: 0.5 * t**2 * (_log(t) - 1.5), lambda t: t * (_log(t) - 1.0))
 SIGN: tuple[_Table, _Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
 """Second and first integrals of ln|t| and of sgn(t)."""
 

@@ -1,8 +1,6 @@
-"""A curve through the nodes of a deformed side: closest points, and their derivatives by the nodes.
-
-Piecewise cubic with slopes of quartics through five nodes: linear in the nodes' positions, errors of fourth
-order, and a node affects its neighbours only.
-"""
+"""A curve through the nodes of a deformed side: closest points, and their derivatives by the nodes. Piecewise
+cubic with slopes of quartics through five nodes: linear in the nodes' positions, errors of fourth order, and
+a node affects its neighbours only."""
 
 from __future__ import annotations
 

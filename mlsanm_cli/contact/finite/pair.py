@@ -40,11 +40,8 @@ length covered."""
 @dataclass(frozen=True)
 class BodyContact:
     """The contact ``name`` of a ``slave`` with a deformable ``master``; ``friction`` is Coulomb's
-    coefficient.
-
-    ``exchanged``: roles are swapped with respect to the case, on whose slave forces and directions are
-    reported.
-    """
+    coefficient. ``exchanged``: roles are swapped with respect to the case, on whose slave forces and
+    directions are reported."""
 
     name: str
     slave: ContactSide

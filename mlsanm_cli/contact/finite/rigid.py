@@ -24,11 +24,9 @@ DIFFERENCE_STEP = 1e-3
 
 @dataclass(frozen=True)
 class RigidContact:
-    """The contact ``name`` of a ``slave`` with an obstacle.
-
-    Its ``shape`` translates by ``motion`` (2, L) and rotates by ``rotation`` (L,) about ``pivot`` (2,), given
-    as drawn, times the load factors including free motions; ``friction`` is Coulomb's coefficient.
-    """
+    """The contact ``name`` of a ``slave`` with an obstacle. Its ``shape`` translates by ``motion`` (2, L) and
+    rotates by ``rotation`` (L,) about ``pivot`` (2,), given as drawn, times the load factors including free
+    motions; ``friction`` is Coulomb's coefficient."""
 
     name: str
     slave: ContactSide

@@ -175,11 +175,8 @@ def complementary_sets(
     friction: FloatArray, gap: FloatArray, slip: FloatArray, by_gap: FloatArray, by_slip: FloatArray
 ) -> tuple[NDArray[np.int8], FloatArray] | None:
     """Status and slip direction (c,) of nodes with ``friction`` coefficients (c,); None if the path does not
-    end.
-
-    ``gap`` and ``slip`` (c,) without pressure are in units of pressure, ``by_gap`` and ``by_slip`` (c, 2c)
-    their derivatives by pressures and shears.
-    """
+    end. ``gap`` and ``slip`` (c,) without pressure are in units of pressure, ``by_gap`` and ``by_slip`` (c,
+    2c) their derivatives by pressures and shears."""
     count, rubs = len(gap), np.flatnonzero(friction > 0.0)
     by_p, by_l = by_gap[:, :count] - by_gap[:, count:] * friction, by_gap[:, count:][:, rubs]
     own_p = (by_slip[:, :count] - by_slip[:, count:] * friction)[rubs]
@@ -187,11 +184,7 @@ def complementary_sets(
     limit = np.zeros((n, count))
     limit[np.arange(n), rubs] = 2.0 * friction[rubs]
     matrix = np.block(
-        [
-            [by_p, by_l, np.zeros((count, n))],
-            [own_p, own_l, np.eye(n)],
-            [limit, -np.eye(n), np.zeros((n, n))],
-        ]
+        [[by_p, by_l, np.zeros((count, n))], [own_p, own_l, np.eye(n)], [limit, -np.eye(n), np.zeros((n, n))]]
     )
     basis = _lemke(matrix, np.concatenate([gap, slip[rubs], np.zeros(n)]))
     if basis is None:

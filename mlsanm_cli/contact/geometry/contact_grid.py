@@ -48,11 +48,8 @@ MAX_CACHED = 1000
 @dataclass(frozen=True)
 class ContactGrid:
     """A contact's range from ``first`` to ``last`` with ``count`` Chebyshev samples and the ``hats`` of its
-    pressures.
-
-    ``centers`` are the points in hollows of slave and master at which near fields end, ``corners`` those at
-    the ends of their surfaces. A ``provisional`` grid only serves to locate the contact.
-    """
+    pressures. ``centers`` are the points in hollows of slave and master at which near fields end, ``corners``
+    those at the ends of their surfaces. A ``provisional`` grid only serves to locate the contact."""
 
     facing: Facing
     first: float
@@ -144,11 +141,9 @@ class ContactGrid:
 
     @cached_property
     def covers(self) -> bool:
-        """Whether the range is the whole of straight surfaces of the bodies.
-
-        The mean traction is then an ordinary surface traction, to which the bodies' response is exact; near
-        fields are only used for the deviation from it.
-        """
+        """Whether the range is the whole of straight surfaces of the bodies. The mean traction is then an
+        ordinary surface traction, to which the bodies' response is exact; near fields are only used for the
+        deviation from it."""
         straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHTNESS
         if self.hats.whole != (True, True) or not straight:
             return False

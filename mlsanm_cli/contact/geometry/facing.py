@@ -11,11 +11,7 @@ from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import corners_of, normals_towards
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.heat import Field
-from mlsanm_cli.mechanics.near_field import (
-    ComplexArray,
-    as_complex,
-    as_real,
-)
+from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 
 
 def turned(normal: FloatArray) -> FloatArray:

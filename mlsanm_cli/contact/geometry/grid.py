@@ -1,8 +1,6 @@
-"""Contact grid: piecewise linear pressures and tractions on nodes independent of the clouds.
-
-Gaps and slips are averaged over the same hat functions (Galerkin), so that the compliance is symmetric and
-positive definite on any grid.
-"""
+"""Contact grid: piecewise linear pressures and tractions on nodes independent of the clouds. Gaps and slips
+are averaged over the same hat functions (Galerkin), so that the compliance is symmetric and positive definite
+on any grid."""
 
 from __future__ import annotations
 
@@ -24,11 +22,9 @@ MAX_RATIO = 2.5
 
 @dataclass(frozen=True)
 class Hats:
-    """Hat functions on increasing ``nodes`` (m + 2,), zero at the first and the last one.
-
-    At a contact that ends at a corner the first or last two nodes coincide, which makes a half hat. On a
-    closed surface of length ``period`` the first and last nodes are the same point.
-    """
+    """Hat functions on increasing ``nodes`` (m + 2,), zero at the first and the last one. At a contact that
+    ends at a corner the first or last two nodes coincide, which makes a half hat. On a closed surface of
+    length ``period`` the first and last nodes are the same point."""
 
     nodes: FloatArray
     period: float | None = None

@@ -161,10 +161,8 @@ class HatPairs:
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,
-        with the logarithms of all shifts.
-
-        ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) directions at the points.
-        """
+        with the logarithms of all shifts. ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2)
+        directions at the points."""
         logarithms = self._integrals(LOGARITHM, log, one, other, lambda: self.logarithms)
         return logarithms + self._integrals(SIGN, turn, one, other, lambda: (self.signs,))
 

@@ -45,9 +45,7 @@ class Shape(Protocol):
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Closest points (n, 2) of the obstacle to ``points`` (n, 2), and unit outward normals (n, 2).
-
-        ``outward`` (n, 2) are the normals of the surface that the points belong to.
-        """
+        ``outward`` (n, 2) are the normals of the surface that the points belong to."""
 
 
 @dataclass(frozen=True)

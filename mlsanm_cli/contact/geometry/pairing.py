@@ -115,10 +115,8 @@ def facing_parts(
     slave: Surface, position: IntArray, normal: FloatArray
 ) -> Iterator[tuple[Surface, IntArray, IntArray]]:
     """The body's own surfaces of a slave, each with the indices (k,) of its nodes among those at ``position``
-    (m,) that face the master's ``normal`` (m, 2), and their indices (k,) among the m.
-
-    At a corner between two surfaces a node lies on both, and may face the master with one only.
-    """
+    (m,) that face the master's ``normal`` (m, 2), and their indices (k,) among the m. At a corner between two
+    surfaces a node lies on both, and may face the master with one only."""
     for part, place in slave.members:
         numbers = np.full(len(slave.index), -1, dtype=np.int64)
         numbers[place] = np.arange(len(place))
@@ -184,10 +182,8 @@ def pair_surfaces(
     master: Surface,
     friction: float = 0.0,
 ) -> Pairing:
-    """Pair the slave nodes with closest points of the master's exact curve that face them.
-
-    A node whose closest point is an end of the master, seen at an angle, has no partner.
-    """
+    """Pair the slave nodes with closest points of the master's exact curve that face them. A node whose
+    closest point is an end of the master, seen at an angle, has no partner."""
     s = master.curve.closest(slave_cloud.points[slave.index])
     partner, normal = master.curve.points(s), normals_towards(master.curve, s, slave.normal)
     return _paired(name, slave_body, slave_cloud, slave, (master_body, master), partner, normal, friction)
@@ -242,11 +238,8 @@ def _paired(
 
 
 def _along(slave: Surface, position: IntArray, gap: FloatArray) -> IntArray:
-    """Positions in order along the slave.
-
-    On a closed surface they start behind the widest stretch without pairs or, without any, as for a pin in a
-    hole, at the widest ``gap`` (b,).
-    """
+    """Positions in order along the slave. On a closed surface they start behind the widest stretch without
+    pairs or, without any, as for a pin in a hole, at the widest ``gap`` (b,)."""
     if not slave.curve.closed or not len(position):
         return position
     if len(position) == len(slave.index):

@@ -52,11 +52,8 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
 
 def feet(pairing: Pairing, master: Surface, arc: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sources on the slave of the pressures at ``arc`` (b,) along the master: arc lengths (b,), distances
-    (b,) by which they miss, and the slave's length per length of the master (b,).
-
-    The master's closest point to a source is the given point, found by Newton's method from the slave's
-    closest point.
-    """
+    (b,) by which they miss, and the slave's length per length of the master (b,). The master's closest point
+    to a source is the given point, found by Newton's method from the slave's closest point."""
     slave, points = pairing.slave.curve, master.curve.points(arc)
     s = slave.closest(points)
     normal = normals_towards(master.curve, arc, slave.normals(s))
@@ -110,11 +107,8 @@ def _unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
     """Weights (r, m) of local linear fits to nodal values at ``arc`` (m,), evaluated at arc lengths ``s``
-    (r,).
-
-    ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the half-widths of windows. Linear
-    functions are reproduced.
-    """
+    (r,). ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the half-widths of windows. Linear
+    functions are reproduced."""
     first, last = _window(arc, s, reach)
     count = last - first
     start = np.cumsum(count) - count

@@ -200,11 +200,9 @@ def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
 
 
 class _Closed:
-    """The equations of a set ``active`` (m,): pressures close the gaps, motions balance the forces.
-
-    Those of a compressed compliance are solved by iterations while these converge, see ``iterates``. Raises
-    SingularSystemError if bodies are loose.
-    """
+    """The equations of a set ``active`` (m,): pressures close the gaps, motions balance the forces. Those of
+    a compressed compliance are solved by iterations while these converge, see ``iterates``. Raises
+    SingularSystemError if bodies are loose."""
 
     def __init__(
         self,

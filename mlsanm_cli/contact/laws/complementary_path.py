@@ -19,13 +19,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.limit_load import slides_freely
-from mlsanm_cli.contact.laws.set_search import (
-    AdmissibleChanges,
-    EndlessError,
-    NoStateError,
-    exchange,
-    moving,
-)
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, EndlessError, NoStateError, exchange, moving
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 
@@ -212,10 +206,7 @@ def complementary_path(
     softened: Condensed | None = None,
 ) -> tuple[ContactStatus, int]:
     """Sets that satisfy the watched conditions, starting from ``sets`` with their ``values``, and the number
-    of systems solved.
-
-    Raises NoPathError, also after ``most`` systems, and SingularSystemError.
-    """
+    of systems solved. Raises NoPathError, also after ``most`` systems, and SingularSystemError."""
     rules = _Rules(condensed, watch, values.slip - slipped, softened is not None)
     if softened is not None:
         values = replace(

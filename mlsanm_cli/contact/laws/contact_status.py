@@ -1,8 +1,6 @@
-"""Contact status of nodes (open, stick, slip) and the linear equations that follow from it.
-
-Open nodes carry nothing; closed ones keep h = 0; sticking ones keep their stick reference, s = s0; slipping
-ones carry t = d mu p with the slip sign d = +-1.
-"""
+"""Contact status of nodes (open, stick, slip) and the linear equations that follow from it. Open nodes carry
+nothing; closed ones keep h = 0; sticking ones keep their stick reference, s = s0; slipping ones carry t = d
+mu p with the slip sign d = +-1."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""Unilateral contact with Coulomb friction: states, and finite increments between them.
-
-Equation (13) of docs/method.md.
-"""
+"""Unilateral contact with Coulomb friction: states, and finite increments between them. Equation (13) of
+docs/method.md."""
 
 from __future__ import annotations
 
@@ -12,12 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
-from mlsanm_cli.contact.laws.set_search import (
-    AdmissibleChanges,
-    FloatingError,
-    kkt_residual,
-    moving,
-)
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, kkt_residual, moving
 from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 
 PRESSURE_TOLERANCE = 1e-10

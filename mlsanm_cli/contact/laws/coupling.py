@@ -26,12 +26,9 @@ Rows = FloatArray | sparse.csr_array
 
 @dataclass(frozen=True)
 class Local:
-    """Nodal terms of a law in a tangent.
-
-    Rows of gaps are multiplied by ``gap`` (m,) and get ``pressure`` (m,) on the pressure of their node; rows
-    of slips are multiplied by ``slip`` (n,) and get ``traction`` (n,) and ``friction_slope`` (n,) on the
-    traction and pressure of their node.
-    """
+    """Nodal terms of a law in a tangent. Rows of gaps are multiplied by ``gap`` (m,) and get ``pressure``
+    (m,) on the pressure of their node; rows of slips are multiplied by ``slip`` (n,) and get ``traction``
+    (n,) and ``friction_slope`` (n,) on the traction and pressure of their node."""
 
     gap: FloatArray
     pressure: FloatArray
@@ -48,12 +45,9 @@ class CoupledTangent(Protocol):
 
 
 class Coupling(Protocol):
-    """Linear part of a contact problem: r = m + n + k rows of gaps, slips and balances.
-
-    ``condensed`` describes the nodes, ``law`` the scales; ``motion`` (k,) are scales of all motions.
-    ``constant`` (r,) and ``load`` (r, L) are the terms independent of y; ``gaps`` (m, r) and ``slips`` (n, r)
-    multiply y.
-    """
+    """Linear part of a contact problem: r = m + n + k rows of gaps, slips and balances. ``condensed``
+    describes the nodes, ``law`` the scales; ``motion`` (k,) are scales of all motions. ``constant`` (r,) and
+    ``load`` (r, L) are the terms independent of y; ``gaps`` (m, r) and ``slips`` (n, r) multiply y."""
 
     @property
     def condensed(self) -> Condensed: ...

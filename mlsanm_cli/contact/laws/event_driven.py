@@ -58,10 +58,8 @@ class _Course:
 
 
 def start(condensed: Condensed, factors: FloatArray) -> Event:
-    """The state before the first stage; initial overlaps push the surfaces apart.
-
-    Raises NumericalError if the result is not unique.
-    """
+    """The state before the first stage; initial overlaps push the surfaces apart. Raises NumericalError if
+    the result is not unique."""
     state = unloaded(condensed, factors)
     if not condensed.overlap(state.values.gap):
         return Event(0.0, state, 0)
@@ -82,10 +80,8 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
 
 def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
     """The pressure-free state in which free bodies have moved by the least distance that resolves their
-    overlaps; None if there is none.
-
-    By non-negative least squares (Lawson and Hanson 1974, doi:10.1137/1.9781611971217, chapter 23).
-    """
+    overlaps; None if there is none. By non-negative least squares (Lawson and Hanson 1974,
+    doi:10.1137/1.9781611971217, chapter 23)."""
     from scipy.optimize import nnls  # for few runs
 
     gap, balance = condensed.gap, condensed.balance
@@ -214,10 +210,8 @@ def _course(
     last: _Course | None,
 ) -> tuple[_Course, int]:
     """Continuation of the state for a ``change`` (L,) of the load factors, and the number of systems built;
-    ``limits`` belong to the state.
-
-    The sets of the ``last`` course, which led to the state along the same change, are tried first.
-    """
+    ``limits`` belong to the state. The sets of the ``last`` course, which led to the state along the same
+    change, are tried first."""
     v, before, (force, length) = state.values, state.sets, limits
     bare = v.pressure <= force
     near = {side: _slack(condensed, v, side) <= force for side in (1.0, -1.0)}
@@ -272,11 +266,9 @@ def _jump(
     fraction: float,
     ceiling: float,
 ) -> tuple[CoulombState, float, int]:
-    """The first state found a finite increment ahead, its fraction, and the number of solves.
-
-    Raises NoStateError; FloatingError if surfaces would touch without pressure, even if sliding states exist
-    farther ahead.
-    """
+    """The first state found a finite increment ahead, its fraction, and the number of solves. Raises
+    NoStateError; FloatingError if surfaces would touch without pressure, even if sliding states exist farther
+    ahead."""
     failure: NoStateError | None = None
     if not state.sets.closed.any():
         touching = _touch_down(condensed, state, begin, change, fraction, ceiling)
@@ -303,10 +295,8 @@ def _touch_down(
     ceiling: float,
 ) -> tuple[CoulombState, float, int] | None:
     """The first state in which surfaces touch, its fraction and the number of solves; None if not found soon.
-
     The first touching nodes are hard to guess: the search starts from the end of the stage and proceeds
-    backwards with the sets of each state for the next one.
-    """
+    backwards with the sets of each state for the next one."""
     found: tuple[CoulombState, float] | None = None
     count = 0
     for ahead in (1.0, *(min(fraction + size, 1.0) for size in reversed(INCREMENTS)), ceiling):

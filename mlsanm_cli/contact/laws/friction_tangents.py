@@ -32,9 +32,7 @@ class FrictionEquations:
     @cached_property
     def reduced(self) -> FloatArray:
         """Rows of gaps, sticking nodes' slips and balances over pressures, sticking tractions and motions.
-
-        Tractions of slipping nodes are eliminated by their pressures. Dense couplings only.
-        """
+        Tractions of slipping nodes are eliminated by their pressures. Dense couplings only."""
         assert isinstance(self.coupling, DenseCoupling)
         m, n = self.m, self.n
         # LAPACK is column-major: columns are rows of the transposed matrices.

@@ -39,12 +39,9 @@ class NotConvergedError(NumericalError):
 
 
 class ManyClosed:
-    """The equations C p + M q = a, F p + G q = b for closed nodes.
-
-    C is the ``compliance`` (m, m) restricted to the indices ``closed`` (c,), M = ``moved`` the gaps per
-    motion, F = ``forces`` and G = ``stiffness`` the forces per pressure and motion. Raises
-    SingularSystemError if bodies are loose, NotConvergedError.
-    """
+    """The equations C p + M q = a, F p + G q = b for closed nodes. C is the ``compliance`` (m, m) restricted
+    to the indices ``closed`` (c,), M = ``moved`` the gaps per motion, F = ``forces`` and G = ``stiffness``
+    the forces per pressure and motion. Raises SingularSystemError if bodies are loose, NotConvergedError."""
 
     def __init__(
         self,

@@ -58,11 +58,9 @@ class FactorisationCount:
 
 
 class RegularizedFriction(FrictionEquations):
-    """The problem over one stage with given ``sets``, for the continuation driver.
-
-    The slips of the ``coupling`` include the asperities' compliance; ``stick_reference`` (n,) are the values
-    of s + c t at which nodes stick. ``tally`` counts the tangents of a whole path.
-    """
+    """The problem over one stage with given ``sets``, for the continuation driver. The slips of the
+    ``coupling`` include the asperities' compliance; ``stick_reference`` (n,) are the values of s + c t at
+    which nodes stick. ``tally`` counts the tangents of a whole path."""
 
     def __init__(
         self,
@@ -121,11 +119,9 @@ class RegularizedFriction(FrictionEquations):
         return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], friction_rows])
 
     def tangent(self, x: FloatArray, lam: float) -> FrictionTangent | CoupledFrictionTangent:
-        """Factorised derivative by x; raises numpy's LinAlgError if singular.
-
-        Points that differ by no more than a correction at an event share their tangent; the residuals of the
-        series show the error of that. Without friction there are no events.
-        """
+        """Factorised derivative by x; raises numpy's LinAlgError if singular. Points that differ by no more
+        than a correction at an event share their tangent; the residuals of the series show the error of that.
+        Without friction there are no events."""
         if (
             not self.n
             or self._ready is None
@@ -166,10 +162,8 @@ class RegularizedFriction(FrictionEquations):
         return np.asarray(moved * self.law.slip)
 
     def slope(self, x: FloatArray, lam: float) -> ContactSolution:
-        """:meth:`rates` of the current sets, from the tangent used for continuation.
-
-        Raises SingularSystemError.
-        """
+        """:meth:`rates` of the current sets, from the tangent used for continuation. Raises
+        SingularSystemError."""
         try:
             slope = -self.tangent(x, lam).solve(self._load_derivative)
         except np.linalg.LinAlgError as error:
@@ -195,11 +189,8 @@ class RegularizedFriction(FrictionEquations):
         self, softened: Condensed, sets: ContactStatus, near: SetSystem | None = None
     ) -> tuple[SetSystem, ContactSolution]:
         """The system of some ``sets``, and the rates of the state and of s + c t, as :func:`admissible_sets`
-        expects them.
-
-        An open node closes where its pressure grows; that pressure is expressed as the gap its own compliance
-        would need. Raises SingularSystemError if nothing resists the load.
-        """
+        expects them. An open node closes where its pressure grows; that pressure is expressed as the gap its
+        own compliance would need. Raises SingularSystemError if nothing resists the load."""
         system = SetSystem(softened, replace(sets, closed=np.ones_like(sets.closed)), near)
         rates = system.rate(self.change)
         largest = np.abs(rates.pressure).max() / self.law.pressure, np.abs(rates.slip).max() / self.law.slip

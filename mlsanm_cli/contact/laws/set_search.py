@@ -75,11 +75,9 @@ def exchange(
     values: ContactSolution,
     slipped: FloatArray,
 ) -> tuple[ContactStatus, BoolArray]:
-    """Exchange all nodes that violate a condition; returns the new sets and a mask (m,) of these nodes.
-
-    A node that closes, or slips in the direction of friction, is assigned by the pressure and traction that
-    would undo its overlap and slip through its own compliance.
-    """
+    """Exchange all nodes that violate a condition; returns the new sets and a mask (m,) of these nodes. A
+    node that closes, or slips in the direction of friction, is assigned by the pressure and traction that
+    would undo its overlap and slip through its own compliance."""
     nodes = condensed.friction_nodes
     own_normal, own_tangential = condensed.own
     p, t = values.pressure, values.traction
@@ -128,11 +126,8 @@ def kkt_residual(
     held: FloatArray,
 ) -> float:
     """Largest residual of contact conditions, friction and balances, relative to peak pressure, elastic gap
-    and forces.
-
-    ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed nodes,
-    ``held`` (n,) the stick references, nan for nodes that do not stick.
-    """
+    and forces. ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed
+    nodes, ``held`` (n,) the stick references, nan for nodes that do not stick."""
     factors, motion, pressure, traction = unknowns
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))

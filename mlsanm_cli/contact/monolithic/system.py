@@ -44,11 +44,9 @@ UPDATE_TOLERANCE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class SparseCoupling:
-    """Gaps, slips, balances and residuals of the bodies' equations for y = (p, t, q, u).
-
-    ``contact`` (m + n + k, r) are the rows of the first three, ``gaps`` (m, r) and ``slips`` (n, r) parts of
-    them; ``scale`` (2N,) are divisors of the bodies' equations.
-    """
+    """Gaps, slips, balances and residuals of the bodies' equations for y = (p, t, q, u). ``contact`` (m + n +
+    k, r) are the rows of the first three, ``gaps`` (m, r) and ``slips`` (n, r) parts of them; ``scale`` (2N,)
+    are divisors of the bodies' equations."""
 
     condensed: Condensed
     law: Regularization
@@ -135,10 +133,8 @@ class SparseTangent:
 
 
 def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> SparseCoupling:
-    """The linear part of the problem for the candidates, loads and platens of ``condensed``.
-
-    Of the condensed solution only ``beyond`` is used, for friction.
-    """
+    """The linear part of the problem for the candidates, loads and platens of ``condensed``. Of the condensed
+    solution only ``beyond`` is used, for friction."""
     m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
     places = scene.places
     total = max(own.stop for own in places.values())
@@ -180,10 +176,7 @@ def _contact_columns(loads: int, m: int, n: int, k: int) -> IntArray:
 
 
 def _contact_rows(
-    scene: Scene,
-    condensed: Condensed,
-    law: Regularization,
-    columns: Columns,
+    scene: Scene, condensed: Condensed, law: Regularization, columns: Columns
 ) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
     """Rows of gaps, slips and balances (m + n + k, r), their constants and load terms."""
     m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)

@@ -115,10 +115,8 @@ class CondensedForces:
 
 
 def balance_of_constraints(forces: CondensedForces) -> LinearMap:
-    """One row per unknown motion: force required of the constraint minus the force applied to it.
-
-    Only contacts and tractions act on a floating body, which must balance.
-    """
+    """One row per unknown motion: force required of the constraint minus the force applied to it. Only
+    contacts and tractions act on a floating body, which must balance."""
     rows = []
     for constraint, motion in forces.scene.unknown_motions:
         rows.append(forces.constraint(constraint, motion) + -forces.columns.of_loads(motion.force[None, :]))
@@ -201,10 +199,8 @@ def moments_of_plates(forces: CondensedForces) -> dict[str, LinearMap]:
 
 def body_imbalance(forces: CondensedForces) -> LinearMap:
     """Sum of all forces on each body (2 rows per body), with those of held surfaces from the stress there,
-    and those on masters from the slaves; components held at single nodes are zero.
-
-    Least squares keep it at round-off; for square schemes it measures the discretisation error.
-    """
+    and those on masters from the slaves; components held at single nodes are zero. Least squares keep it at
+    round-off; for square schemes it measures the discretisation error."""
     rows, sums = [], body_sums(forces)
     for number, name in enumerate(forces.scene.bodies):
         for component in (0, 1):

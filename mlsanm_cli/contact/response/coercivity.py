@@ -1,7 +1,5 @@
-"""Coercivity of a contact's compliance: its resistance to every pressure its nodes can carry.
-
-Equation (11) of docs/method.md.
-"""
+"""Coercivity of a contact's compliance: its resistance to every pressure its nodes can carry. Equation (11)
+of docs/method.md."""
 
 from __future__ import annotations
 

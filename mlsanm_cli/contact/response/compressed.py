@@ -1,8 +1,5 @@
-"""Compressed compliance of many unknowns: near entries, far and smooth low-rank products.
-
-It behaves like a matrix: products and submatrices use its factors, everything else converts it to a dense
-array first.
-"""
+"""Compressed compliance of many unknowns: near entries, far and smooth low-rank products. It behaves like a
+matrix: products and submatrices use its factors, everything else converts it to a dense array first."""
 
 from __future__ import annotations
 
@@ -54,11 +51,8 @@ class Singular:
 @dataclass(frozen=True, eq=False)
 class Compressed:
     """A matrix (r, m): entries ``near`` (r, m), plus matrix products ``far``, zero at near entries, and
-    ``smooth``.
-
-    If it is square, multiplication by ``weight`` (r,) makes its singular part symmetric; ``singular`` gives
-    single entries of that.
-    """
+    ``smooth``. If it is square, multiplication by ``weight`` (r,) makes its singular part symmetric;
+    ``singular`` gives single entries of that."""
 
     near: sparse.csr_array
     far: tuple[Chain, ...]

@@ -81,9 +81,7 @@ def condense(
     scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE, responses: BodyResponses | None = None
 ) -> Condensed:
     """Condense the scene on the candidates of ``pairings``, with known ``responses`` of the bodies if given.
-
-    Positive friction coefficients enter none of the matrices, so that all share what is stored.
-    """
+    Positive friction coefficients enter none of the matrices, so that all share what is stored."""
     content = digest(scene, _without_coefficients(pairings))
 
     def made() -> Condensed:

@@ -218,10 +218,8 @@ class Condensed:
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2) and stresses (e, 3) of the near fields at ``points`` (e, 2) of a body, or at
-        its nodes, in a state f, q, p, t. The elastic system gives the rest of both.
-
-        What depends on the points alone is kept for other states.
-        """
+        its nodes, in a state f, q, p, t. The elastic system gives the rest of both. What depends on the
+        points alone is kept for other states."""
         model = scene.bodies[body].model
         seen = model.nodes if points is None else points
         displacement, stress = np.zeros((len(seen), 2)), np.zeros((len(seen), 3))
@@ -257,17 +255,10 @@ class Condensed:
         return pressure, tractions[self.tangential[pairing.name]]
 
     def checked_displacements(
-        self,
-        scene: Scene,
-        body: str,
-        states: Sequence[Sequence[FloatArray]],
-        start: FloatArray | None = None,
+        self, scene: Scene, body: str, states: Sequence[Sequence[FloatArray]], start: FloatArray | None = None
     ) -> tuple[list[FloatArray], FloatArray]:
         """Elastic displacements in several states, and the relative change (c,) of each by one more
-        refinement.
-
-        All are solved at once, from a ``start`` (2N, 1) if a nearby solution is known.
-        """
+        refinement. All are solved at once, from a ``start`` (2N, 1) if a nearby solution is known."""
         system, patterns = scene.bodies[body].system, scene.floating_patterns(body)
         stacked = [self.source(body, *state) for state in states]
         sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))

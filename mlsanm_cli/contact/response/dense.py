@@ -20,11 +20,9 @@ class SingularSystemError(ArithmeticError):
 
 
 def scales(matrix: FloatArray, lengths: int) -> tuple[FloatArray, FloatArray]:
-    """Row and column scales (r,) of a matrix (r, r) for which its condition number is meaningful.
-
-    The first ``lengths`` rows are gaps and slips. Columns are scaled by the gaps and slips they cause, then
-    rows; in reverse order the units of the balance rows would matter.
-    """
+    """Row and column scales (r,) of a matrix (r, r) for which its condition number is meaningful. The first
+    ``lengths`` rows are gaps and slips. Columns are scaled by the gaps and slips they cause, then rows; in
+    reverse order the units of the balance rows would matter."""
     tiny = np.finfo(float).tiny
     effect = np.abs(matrix[:lengths]).max(axis=0, initial=0.0)
     effect = np.where(effect > 0.0, effect, np.abs(matrix).max(axis=0, initial=0.0))
@@ -79,10 +77,8 @@ class Bordered:
 
 
 class ScaledFactor:
-    """LU factors of a scaled matrix (r, r), which is overwritten if column-major.
-
-    Raises SingularSystemError, also for a reciprocal condition number below ``least``.
-    """
+    """LU factors of a scaled matrix (r, r), which is overwritten if column-major. Raises SingularSystemError,
+    also for a reciprocal condition number below ``least``."""
 
     def __init__(self, scaled: FloatArray, least: float = SINGULAR) -> None:
         norm = np.abs(scaled).sum(axis=0).max()
@@ -99,10 +95,8 @@ class ScaledFactor:
 
 
 class DenseSystem:
-    """A factorised matrix (r, r) whose first ``lengths`` rows are lengths, see :func:`scales`.
-
-    Raises SingularSystemError.
-    """
+    """A factorised matrix (r, r) whose first ``lengths`` rows are lengths, see :func:`scales`. Raises
+    SingularSystemError."""
 
     def __init__(self, matrix: FloatArray, lengths: int) -> None:
         self._matrix = matrix

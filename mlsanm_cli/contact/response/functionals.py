@@ -94,10 +94,8 @@ def relative_rows(
     body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray, at: IntArray | None = None
 ) -> sparse.csr_array:
     """Motion (w, 2N) of the slave relative to the master along ``direction`` (w, 2), at all points or those
-    of indices ``at``.
-
-    The slave moves with its node, the master by its moving least-squares value at the closest point.
-    """
+    of indices ``at``. The slave moves with its node, the master by its moving least-squares value at the
+    closest point."""
     at = np.arange(len(pairing.position)) if at is None else at
     nodes = len(body.model.nodes)
     block = sparse.csr_array((len(at), 2 * nodes))

@@ -13,10 +13,8 @@ from mlsanm_cli.contact.response.compressed import stacked
 @dataclass(frozen=True)
 class LinearMap:
     """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p + ``traction`` t.
-
     ``traction`` (r, n) multiplies the tractions of frictional contacts. ``pressure`` may be
-    :class:`Compressed`, which behaves like an array.
-    """
+    :class:`Compressed`, which behaves like an array."""
 
     constant: FloatArray
     load: FloatArray

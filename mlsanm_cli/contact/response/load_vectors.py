@@ -135,10 +135,8 @@ def _on_pieces(
     body: ElasticBody, pairing: Pairing, master: Surface, direction: FloatArray
 ) -> sparse.csr_array:
     """Force and moment (3k, m) on the master's pieces by minus unit tractions along ``direction`` (w, 2) of
-    the slave, acting at the master's closest points.
-
-    Integrated between neighbouring slave nodes and ends of the master's cells, exact for linear pressures.
-    """
+    the slave, acting at the master's closest points. Integrated between neighbouring slave nodes and ends of
+    the master's cells, exact for linear pressures."""
     slave, pieces = pairing.slave, body.pieces
     place = np.full(len(slave.index), -1, dtype=np.int64)
     chosen = np.flatnonzero(pairing.candidate)

@@ -1,8 +1,6 @@
-"""The intervals of a contact grid as they load one body, and their integrals at points close to them.
-
-On intervals close to the point the arc length is substituted by s0 + d sinh(v), which removes the nearby pole
-(Johnston and Elliott 2005, doi:10.1002/nme.1208).
-"""
+"""The intervals of a contact grid as they load one body, and their integrals at points close to them. On
+intervals close to the point the arc length is substituted by s0 + d sinh(v), which removes the nearby pole
+(Johnston and Elliott 2005, doi:10.1002/nme.1208)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""Contribution of contact grids' near fields to the response functionals.
-
-Equations (6) and (7) of docs/method.md.
-"""
+"""Contribution of contact grids' near fields to the response functionals. Equations (6) and (7) of
+docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""Work of all forces on a body: final forces times final displacements.
-
-For a linear body this is twice the strain energy, whatever the contact history.
-"""
+"""Work of all forces on a body: final forces times final displacements. For a linear body this is twice the
+strain energy, whatever the contact history."""
 
 from __future__ import annotations
 

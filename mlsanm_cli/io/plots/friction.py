@@ -30,10 +30,8 @@ def plot_traction(
     highest: float | None = None,
 ) -> None:
     """Draws the traction at the nodes of a contact with its friction limits, and the stick and slip zones.
-
     ``arc``, ``traction``, ``limit`` (mu p) and ``status`` (0 open, 1 stick, 2 slip) are (m,). Values far
-    above ``highest`` are cut off. Raises RunError if ``path`` cannot be written.
-    """
+    above ``highest`` are cut off. Raises RunError if ``path`` cannot be written."""
     left, right = visible_range(arc, limit[None, :], None)
     with picture(path, 7.2, 3.8) as figure:
         axes = figure.subplots()

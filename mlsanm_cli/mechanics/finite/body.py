@@ -200,11 +200,9 @@ def _gradient(points: FacePoints, displacement: FloatArray) -> FloatArray:
 
 
 def moments_of_force(body: ElasticBody, centers: sparse.csr_array, force: FloatArray) -> sparse.csr_array:
-    """Rows (k, 2N) of int (u - u_P) x b over every piece, over its size.
-
-    The ``force`` b per volume, with nodal values (n, 2), and u are quadratic in the cell of every node; u_P
-    is the mean of the piece's nodes, with rows ``centers`` (k, N).
-    """
+    """Rows (k, 2N) of int (u - u_P) x b over every piece, over its size. The ``force`` b per volume, with
+    nodal values (n, 2), and u are quadratic in the cell of every node; u_P is the mean of the piece's nodes,
+    with rows ``centers`` (k, N)."""
     model, pieces = body.model, body.pieces
     cloud, labels, count = model.cloud, pieces.labels, len(model.cloud.points)
     node, points, area, _ = cell_quadrature(cloud.points, cloud.triangles)

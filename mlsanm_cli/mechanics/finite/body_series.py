@@ -13,11 +13,9 @@ SECOND = ((3, 4), (4, 5))
 
 
 class BodySeries:
-    """Residuals of a body's equations along u(a), factors(a), filled order by order.
-
-    Order k of the residual needs the orders up to k of displacement and factors; an unknown one is first put
-    as None, then with its value.
-    """
+    """Residuals of a body's equations along u(a), factors(a), filled order by order. Order k of the residual
+    needs the orders up to k of displacement and factors; an unknown one is first put as None, then with its
+    value."""
 
     def __init__(self, body: FiniteBody, orders: int) -> None:
         self.body = body

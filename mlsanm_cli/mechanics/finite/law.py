@@ -112,11 +112,7 @@ def green(gradient: FloatArray) -> FloatArray:
     """Green-Lagrange strains xx, yy, xy (3, n) for a displacement ``gradient`` (4, n)."""
     xx, xy, yx, yy = gradient
     return np.stack(
-        [
-            xx + 0.5 * (xx**2 + yx**2),
-            yy + 0.5 * (xy**2 + yy**2),
-            0.5 * (xy + yx + xx * xy + yx * yy),
-        ]
+        [xx + 0.5 * (xx**2 + yx**2), yy + 0.5 * (xy**2 + yy**2), 0.5 * (xy + yx + xx * xy + yx * yy)]
     )
 
 

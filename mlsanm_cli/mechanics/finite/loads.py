@@ -1,8 +1,6 @@
-"""Loads on a body at finite strain: prescribed displacements, dead and follower loads, by load factors.
-
-Dead loads keep their direction and their amount per reference length or volume. A follower pressure acts per
-current length along the current normal: its nominal traction is - p cof(F) N, linear in F in the plane.
-"""
+"""Loads on a body at finite strain: prescribed displacements, dead and follower loads, by load factors. Dead
+loads keep their direction and their amount per reference length or volume. A follower pressure acts per
+current length along the current normal: its nominal traction is - p cof(F) N, linear in F in the plane."""
 
 from __future__ import annotations
 

@@ -15,11 +15,9 @@ from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
 
 @dataclass(frozen=True)
 class FiniteProblem:
-    """R(u, lam) = 0 for the nodal displacement u (2N,), with load factors from ``start`` to ``end`` (L,).
-
-    The residual is the displacement that would correct the state at the projector's station, over ``length``,
-    the typical displacement.
-    """
+    """R(u, lam) = 0 for the nodal displacement u (2N,), with load factors from ``start`` to ``end`` (L,). The
+    residual is the displacement that would correct the state at the projector's station, over ``length``, the
+    typical displacement."""
 
     body: FiniteBody
     projector: Projector

@@ -66,10 +66,8 @@ class Weights:
 @dataclass(frozen=True)
 class Projector:
     """The weighted rows at a ``station`` (2N,), a displacement, with their factorised least-squares problem.
-
     ``places`` (k, 2) are the means of the pieces' nodes. The equations are for the residual minus ``rest``
-    (r,), which is 0 unless the station is to be a solution itself.
-    """
+    (r,), which is 0 unless the station is to be a solution itself."""
 
     body: FiniteBody
     weights: Weights
