@@ -16,7 +16,7 @@ length exceeds."""
 DECADES, END_SHARE = np.array([4.0, 40.0, 400.0]), 0.1
 """Distances from an end, in its finest intervals, between which the growth of pressures is compared, within
 this fraction of the surface."""
-GROWTH, LEAST_GROWTH = 0.6, 0.01
+GROWTH, LEAST_GROWTH = 0.45, 0.01
 """A weakly singular pressure grows by at least this fraction of its growth over the decade before, which is
 0.1 to 0.3 at a regular end, and by this fraction of itself."""
 
