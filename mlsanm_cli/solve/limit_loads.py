@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.limit_load import LimitLoad, SlidingError, limit_load
-from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError, UnresistedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION
@@ -56,12 +56,12 @@ def beyond_limit(
 
 
 def check_resisted(scene: Scene, condensed: Condensed, stages: FloatArray) -> None:
-    """Raise NumericalError if the first loads drive bodies that no pressures and tractions hold."""
+    """Raise UnresistedError if the first loads drive bodies that no pressures and tractions hold."""
     limit = limit_load(condensed, stages[0], stages[1] - stages[0])
     if limit is not None and limit.driven and limit.part <= NEGLIGIBLE:
         named = _limit(scene, condensed, stages, 0, None)
         if named is not None:
-            raise NumericalError(*named)
+            raise UnresistedError(*named)
 
 
 def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:

@@ -281,7 +281,9 @@ def test_large_estimates_are_warned_of() -> None:
     """A third off had been told in summary.json only."""
     pairings = [SimpleNamespace(name=name, grid=None, bodies=("arm",)) for name in ("pin", "bolt")]
     built: Any = SimpleNamespace(
-        scene=SimpleNamespace(bodies={"arm": None}), condensed=SimpleNamespace(pairings=pairings)
+        case=SimpleNamespace(body=[SimpleNamespace(name="arm", has_nodes=False)]),
+        scene=SimpleNamespace(bodies={"arm": None}),
+        condensed=SimpleNamespace(pairings=pairings),
     )
 
     def told(displacement: float | None, pin: float | None, **probes: float) -> list[str]:

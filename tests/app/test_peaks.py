@@ -44,9 +44,8 @@ def test_coarse_holes_of_a_mesh_are_warned_of(around: int, degree: int, tmp_path
     wrong = stress[rim, 0] - EXACT / 3.0 * KirschHole(1.0, 1.0).stress(points[rim])[:, 0]
     error = float(np.abs(wrong).max()) / told["stress"]
     assert error / 3.0 <= told["error"] <= 3.0 * error
-    (warning,) = summary["warnings"]
-    assert "peak stress" in warning
-    assert "body.plate.shape.file" in warning
+    assert any("peak stress" in warning for warning in summary["warnings"])
+    assert all("body.plate.shape.file" in warning for warning in summary["warnings"])
 
 
 @pytest.mark.parametrize("degree", [2, 4])

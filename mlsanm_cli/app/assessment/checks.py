@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -256,7 +257,7 @@ def check_estimates(
     """Warnings of displacements and pressures with large estimated errors. The limit is lower for
     frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
     texts, displacement = [], estimates["displacement"]
-    coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
+    coarse = _finer(built.case, built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
             f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
@@ -271,27 +272,33 @@ def check_estimates(
             error, what = places[worst], f"the displacement at probe {worst} is"
         if error > PLACE_WARNING:
             texts.append(
-                f"{what} estimated to be off by {100 * error:.2g} %; make {coarse} smaller, above all where "
-                "bodies are held, loaded or bent"
+                f"{what} estimated to be off by {100 * error:.2g} %; {coarse}, above all where bodies are "
+                "held, loaded or bent"
             )
     for pairing in built.condensed.pairings:
         force = (estimates.get("force") or {}).get(pairing.name, 0.0)
         if force > FORCE_WARNING:
             texts.append(
-                f"contact {pairing.name}: its force is estimated to be off by {100 * force:.2g} %; make "
-                f"{coarse} smaller, above all where bodies are held"
+                f"contact {pairing.name}: its force is estimated to be off by {100 * force:.2g} %; "
+                f"{coarse}, above all where bodies are held"
             )
         error = estimates["pressure"].get(pairing.name)
         limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
-            keys = [f"body.{body}.spacing" for body in pairing.bodies]
-            if pairing.grid is not None and pairing.friction:
-                keys.append(f"contact.{pairing.name}.accuracy")
+            on_grid = pairing.grid is not None and pairing.friction
+            hint = _finer(built.case, pairing.bodies, [f"contact.{pairing.name}.accuracy"] if on_grid else [])
             texts.append(
-                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; "
-                f"make {', '.join(keys)} smaller"
+                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; {hint}"
             )
     return texts
+
+
+def _finer(case: Case, bodies: Collection[str], more: Sequence[str] = ()) -> str:
+    """Hint to use finer nodes in the bodies, and ``more`` keys to make smaller."""
+    files = [body.name for body in case.body if body.has_nodes and body.name in bodies]
+    keys = [*(f"body.{name}.spacing" for name in bodies if name not in files), *more]
+    hints = [f"make {', '.join(keys)} smaller"] if keys else []
+    return " and ".join([*hints, *(f"use finer nodes in body.{name}.shape.file" for name in files)])
 
 
 def check_linear(residual: float) -> None:

@@ -23,7 +23,12 @@ from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.set_search import (
+    EndlessError,
+    NoStateError,
+    UnbalancedError,
+    UnresistedError,
+)
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import CaseError, NumericalError
@@ -139,7 +144,7 @@ def condense_scene(
     try:
         return _condensed_scene(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
-        for group in _idle_translations(prepared):
+        for group in () if isinstance(error, UnresistedError) else _idle_translations(prepared):
             built = _with_fixed_motions(case, prepared, group, context, before)
             if built is not None:
                 return built

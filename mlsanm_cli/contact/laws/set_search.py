@@ -30,6 +30,10 @@ class UnbalancedError(NumericalError):
     """No contact pressure balances the loads."""
 
 
+class UnresistedError(UnbalancedError):
+    """The first loads drive bodies that no contacts hold, wherever they touch."""
+
+
 class NoStateError(NumericalError):
     """No contact status satisfies all conditions; ``sliding`` if nothing holds a platen along its
     contacts."""
