@@ -304,3 +304,13 @@ def test_check_and_faults(tmp_path: Path) -> None:
         case.write_text(wrong)
         with pytest.raises(CaseError, match=words):
             run(case, out=tmp_path / "run", console=Quiet())
+
+
+def test_bonds_have_no_say_in_how_far_regularised_tractions_may_lie_beyond_friction(tmp_path: Path) -> None:
+    """Bonds counted as exact friction, so that a scene with any regularised friction was refused."""
+    text = stacked(0.25, 0.25) + bond("bond", "high.bottom", "low.top")
+    text += contact("floor", "low.bottom", obstacle=plane([0.0, -1.0], [0.0, 1.0]), friction=0.3)
+    text += load("press", "high.top", "pressure", pressure="1 + 0.3*x")
+    law = {"law": '"hyperbolic"', "eta": "0.02", "stick": "0.02"}
+    changes = [f"contact.floor.regularization.{key}={value}" for key, value in law.items()]
+    assert solve(text, tmp_path / "run", *changes)["status"] == "done"

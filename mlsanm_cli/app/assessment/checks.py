@@ -151,7 +151,7 @@ def _check_cone(built: CondensedScene, state: State) -> None:
     limit = condensed.friction * np.maximum(state.pressure[condensed.friction_nodes], 0.0)
     beyond = np.abs(state.traction) - limit
     peak = max(float(end.pressure.max()) for end in built.ends)
-    laws = [contact.regularization for contact in built.case.contact if contact.friction]
+    laws = [contact.regularization for contact in built.case.touching if contact.friction]
     smooth = min(law.eta if law.law == "hyperbolic" else 0.0 for law in laws)
     if not beyond.max() <= max(CONE_TOLERANCE, CONE_ETA_SHARE * smooth) * peak:
         raise NumericalError(
