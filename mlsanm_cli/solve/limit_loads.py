@@ -59,9 +59,7 @@ def check_resisted(scene: Scene, condensed: Condensed, stages: FloatArray) -> No
     """Raise UnresistedError if the first loads drive bodies that no pressures and tractions hold."""
     limit = limit_load(condensed, stages[0], stages[1] - stages[0])
     if limit is not None and limit.driven and limit.part <= NEGLIGIBLE:
-        named = _limit(scene, condensed, stages, 0, None)
-        if named is not None:
-            raise UnresistedError(*named)
+        raise UnresistedError(*_named(scene, condensed, stages, 0, limit))
 
 
 def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:
@@ -81,17 +79,24 @@ def _limit(
 ) -> tuple[str, str] | None:
     """Message and hint of a limit load within a stage; None if there is none, or if a path ``came`` to
     another part of the stage."""
-    begin, end = stages[stage], stages[stage + 1]
-    limit = limit_load(condensed, begin, end - begin)
+    limit = limit_load(condensed, stages[stage], stages[stage + 1] - stages[stage])
     if limit is None or limit.whole or (came is not None and not MIN_REACHED * limit.part <= came):
         return None
+    return _named(scene, condensed, stages, stage, limit)
+
+
+def _named(
+    scene: Scene, condensed: Condensed, stages: FloatArray, stage: int, limit: LimitLoad
+) -> tuple[str, str]:
+    """Message and hint of the limit load of a stage."""
     names, how = _mechanism(scene, condensed, limit)
     if limit.part <= NEGLIGIBLE:
         hint = f"fix {names} with a [[support]]"
         if limit.rubbed > MIN_FRICTION_WORK:
             hint += ", or raise friction"
         return f"{names} {how}: the contacts cannot carry any load added in stage {stage + 1}", hint
-    moved = [name for name, a, b in zip(scene.loads, begin, end, strict=True) if a != b]
+    changes = zip(scene.loads, stages[stage], stages[stage + 1], strict=True)
+    moved = [name for name, a, b in changes if a != b]
     return (
         f"{names} {how} at position {stage + limit.part:.6g}: beyond this limit load no pressures and "
         f"tractions balance the loads",

@@ -198,8 +198,7 @@ def _friction_ends(
 def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> RollingError | None:
     """The error that loads roll bodies away even if closed nodes stick, or None: more of them slip in one
     increment than on the path."""
-    v, closed = state.values, state.sets.closed
-    sticking = ContactStatus(closed, closed[condensed.friction_nodes], np.zeros(len(v.traction)))
+    v, sticking = state.values, state.sets.resting(condensed.friction_nodes)
     turned = turned_by_loads(scene, condensed, (v.motion, v.pressure, v.traction), sticking)
     return turned.error if turned else None
 

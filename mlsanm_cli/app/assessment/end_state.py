@@ -162,14 +162,13 @@ def check_rolling(built: CondensedScene, state: State) -> str:
     """Warning if forces at their displaced positions would rotate a body much farther ("" otherwise).
     NumericalError if loads rotate a body without resistance."""
     nodes = built.condensed.friction_nodes
-    closed, stuck = state.closed[nodes], state.status[nodes] == STICK
-    sign = np.where(closed & ~stuck, np.sign(state.traction), 0.0)
+    stuck = state.status[nodes] == STICK
+    sign = np.where(state.closed[nodes] & ~stuck, np.sign(state.traction), 0.0)
     sets = ContactStatus(state.closed, stuck, sign)
     turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
     if turned is not None and turned.error:
         # Where all nodes slip, as in a disk that settles in a groove, nothing resists a rotation further.
-        sets = ContactStatus(state.closed, closed, np.zeros(len(nodes)))
-        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
+        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets.resting(nodes))
     if turned is None or turned.share < MAX_MOMENT_ERROR:
         return ""
     if turned.error:

@@ -50,7 +50,6 @@ MAX_FRICTION = 4.0
 MAX_INTERPOLATION_ERROR = 0.08
 """Largest error of linear interpolation of a load between nodes, relative to its largest value. Stresses of a
 hot spot were 20 % off with an error of 12 %, and 1 % with 5 %, as automatic spacings may leave."""
-
 LENGTH_TOLERANCE = 0.01
 """Largest relative error of the length of a loaded part."""
 ROUND_OFF = 1e-6
