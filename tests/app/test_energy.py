@@ -26,6 +26,7 @@ from mlsanm_cli.mechanics.energy import twice_strain_energy
 from mlsanm_cli.solve.event_driven import coulomb_state
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
 from tests.app.scenes import FAST, PATCH, hertz, solve
+from tests.case.scenes import parse
 from tests.case_text import body, box, contact, disk, head, item, load, material, pin, plane, polygon
 
 FINER = "body.block.spacing=0.1"
@@ -228,12 +229,12 @@ def test_bodies_without_energy_do_not_count(tmp_path: Path, monkeypatch: pytest.
 def test_limits(error: float, passes: bool) -> None:
     verdict = EnergyVerdict(error, {"good": 0.001, "bad": error})
     if passes:
-        text = check_energy(verdict)
+        text = check_energy(parse(PATCH).case, verdict)
         assert bool(text) == (abs(error) > 0.03)
         assert not text or "5 % below" in text
     else:
         with pytest.raises(NumericalError, match="body bad"):
-            check_energy(verdict)
+            check_energy(parse(PATCH).case, verdict)
 
 
 def test_a_scene_without_loads_has_no_error(tmp_path: Path) -> None:
@@ -279,10 +280,10 @@ def test_round_off_after_unloading_is_not_judged(monkeypatch: pytest.MonkeyPatch
 
 def test_large_estimates_are_warned_of() -> None:
     """A third off had been told in summary.json only."""
-    pairings = [SimpleNamespace(name=name, grid=None, bodies=("arm",)) for name in ("pin", "bolt")]
+    pairings = [SimpleNamespace(name=name, grid=None, bodies=("upper",)) for name in ("pin", "bolt")]
     built: Any = SimpleNamespace(
-        case=SimpleNamespace(body=[SimpleNamespace(name="arm", has_nodes=False)]),
-        scene=SimpleNamespace(bodies={"arm": None}),
+        case=parse(PATCH).case,
+        scene=SimpleNamespace(bodies={"upper": None}),
         condensed=SimpleNamespace(pairings=pairings),
     )
 
@@ -297,7 +298,7 @@ def test_large_estimates_are_warned_of() -> None:
         "displacements are estimated to be off by 37 %",
         "contact pin: pressures are estimated to be off by 12 %",
     ]
-    assert all("body.arm.spacing" in text for text in texts)
+    assert all("body.upper.spacing" in text for text in texts)
 
 
 def test_forces_of_prescribed_displacements_are_as_wrong_as_the_stiffness(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -160,11 +160,11 @@ def _check_cone(built: CondensedScene, state: State) -> None:
         )
 
 
-def check_balance(verdict: Verdict) -> str:
+def check_balance(case: Case, verdict: Verdict) -> str:
     """Warning of a force imbalance ("" if there is none). NumericalError above the limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(verdict.bodies[name], nan=np.inf))
     message = f"force imbalance on body {worst}: {100 * verdict.force_balance:.2g} % of the largest force"
-    hint = f"make body.{worst}.spacing smaller where it is held and around its notches, or use mls.degree = 4"
+    hint = f"{case.finer_nodes([worst])} where it is held and around its notches, or use mls.degree = 4"
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""
@@ -188,7 +188,7 @@ def check_transfer(built: CondensedScene, state: State) -> list[str]:
         lost = mismatches[pairing.name]
         keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
         message = f"contact {pairing.name}: the forces on slave and master differ by {100.0 * lost:.2g} %"
-        hint = f"bring {keys} closer together where they touch, or make both smaller"
+        hint = f"bring {keys} closer together where they touch, or {built.case.finer_nodes(pairing.bodies)}"
         if not lost <= TRANSFER_LIMIT:
             raise NumericalError(message, hint)
         if lost > TRANSFER_WARNING:
@@ -196,7 +196,7 @@ def check_transfer(built: CondensedScene, state: State) -> list[str]:
     return texts
 
 
-def check_energy(verdict: EnergyVerdict) -> str:
+def check_energy(case: Case, verdict: EnergyVerdict) -> str:
     """Warning of a difference between strain energy and work ("" if there is none). NumericalError above the
     limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(abs(verdict.bodies[name]), nan=np.inf))
@@ -204,7 +204,7 @@ def check_energy(verdict: EnergyVerdict) -> str:
     size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
     message = f"twice the strain energy of body {worst} is {size} the work done on it"
     where = verdict.thin.get(worst) or "where it is held and around its notches"
-    hint = f"make body.{worst}.spacing smaller, above all {where}"
+    hint = f"{case.finer_nodes([worst])}, above all {where}"
     if not abs(error) <= ENERGY_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
@@ -214,11 +214,10 @@ def check_points(verdict: EnergyVerdict) -> Iterator[str]:
     """Warnings of bodies held at single nodes whose displacements depend on the spacing."""
     for name, part in verdict.pointed.items():
         if part > ENERGY_WARNING:
-            where = f"body.{name}.spacing"
             yield (
                 f"body {name} is held at single nodes: displacements next to a point force are unbounded, "
-                f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary "
-                f"(from, to), or measure displacements relative to another point than the fixed one"
+                f"and grow by about {100 * part:.2g} % when its spacing is halved; support a part of a "
+                f"boundary (from, to), or measure displacements relative to another point than the fixed one"
             )
 
 
@@ -257,7 +256,7 @@ def check_estimates(
     """Warnings of displacements and pressures with large estimated errors. The limit is lower for
     frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
     texts, displacement = [], estimates["displacement"]
-    coarse = _finer(built.case, built.scene.bodies)
+    coarse = built.case.finer_nodes(built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
             f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
@@ -286,19 +285,12 @@ def check_estimates(
         limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
             on_grid = pairing.grid is not None and pairing.friction
-            hint = _finer(built.case, pairing.bodies, [f"contact.{pairing.name}.accuracy"] if on_grid else [])
+            more = f" and a smaller contact.{pairing.name}.accuracy" if on_grid else ""
             texts.append(
-                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; {hint}"
+                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; "
+                f"{built.case.finer_nodes(pairing.bodies)}{more}"
             )
     return texts
-
-
-def _finer(case: Case, bodies: Collection[str], more: Sequence[str] = ()) -> str:
-    """Hint to use finer nodes in the bodies, and ``more`` keys to make smaller."""
-    files = [body.name for body in case.body if body.has_nodes and body.name in bodies]
-    keys = [*(f"body.{name}.spacing" for name in bodies if name not in files), *more]
-    hints = [f"make {', '.join(keys)} smaller"] if keys else []
-    return " and ".join([*hints, *(f"use finer nodes in body.{name}.shape.file" for name in files)])
 
 
 def check_linear(residual: float) -> None:

@@ -218,10 +218,8 @@ def check_peaks(case: Case, peaks: Mapping[str, Peak]) -> Iterator[str]:
         if peak is None or not peak.error > PEAK_WARNING:
             continue
         x, y = peak.place
-        finer = f"use finer nodes there (body.{body.name}.refine)"
-        if body.has_nodes:
-            finer = f"use finer nodes there in body.{body.name}.shape.file"
         yield (
             f"body {body.name}: the peak stress on its boundary, {peak.stress:.4g} (von Mises) near "
-            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; {finer}"
+            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; "
+            f"{case.finer_nodes([body.name], 'refine')} there"
         )

@@ -106,16 +106,15 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
     graded = {body.name for body in case.body if body.refine}
-    warnings = [
-        text
-        for name, cloud in bodies.items()
-        for text in _cloud_warnings(name, cloud, name in brought, name in graded)
-    ]
+    warnings: list[str] = []
+    for name, cloud in bodies.items():
+        warnings += _cloud_warnings(name, cloud, name in brought, name in graded)
     # At finite strain automatic spacings are made alike where bodies touch, which a first run finds.
     own = {one.name for one in case.body if case.model.strain == "small" or one.spacing != "auto"}
     nodal = [pairing for pairing in prepared.pairings if pairing.name not in prepared.ranges]
     warnings += nodal_warnings(prepared, nodal, own | brought)
-    warnings += [text for one in prepared.pairings if one.bonded for text in _bond_warnings(one, clouds)]
+    for one in prepared.pairings:
+        warnings += _bond_warnings(case, one, clouds) if one.bonded else ()
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly decreases with the spacing; use 2"
@@ -191,7 +190,7 @@ def _divided_warnings(pairing: Pairing) -> Iterator[str]:
                 break
 
 
-def _bond_warnings(pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[str]:
+def _bond_warnings(case: Case, pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[str]:
     """Warnings of bonded curves with too few nodes."""
     for body, surface in zip(pairing.bodies, (pairing.slave, pairing.master), strict=True):
         assert surface is not None, "nothing is bonded to an obstacle"
@@ -200,7 +199,8 @@ def _bond_warnings(pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[st
         if turn > MAX_BOND_TURN:
             yield (
                 f"contact {pairing.name}: the bonded surface of body {body} turns by {np.degrees(turn):.2g} "
-                f"degrees from node to node, too far for its stresses; make body.{body}.spacing smaller there"
+                f"degrees from node to node, too far for its stresses; "
+                f"{case.finer_nodes([body])} there"
             )
 
 

@@ -4,6 +4,7 @@ of length, force per unit thickness and stress can be used. All defaults are set
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -294,6 +295,11 @@ class Case(Section):
         if first is None or first.law == "exact" or self.solver.formulation == "monolithic":
             return False
         return not any(c.friction and c.regularization.friction_law == "memory" for c in self.touching)
+
+    def finer_nodes(self, names: Collection[str], key: str = "spacing") -> str:
+        """Hint to use finer nodes in the bodies of these names, by a ``key`` of theirs or in their files."""
+        keys = [f"body.{b.name}.{'shape.file' if b.has_nodes else key}" for b in self.body if b.name in names]
+        return f"use finer nodes ({', '.join(keys)})"
 
     @model_validator(mode="before")
     @classmethod
