@@ -280,10 +280,10 @@ def test_round_off_after_unloading_is_not_judged(monkeypatch: pytest.MonkeyPatch
 
 def test_large_estimates_are_warned_of() -> None:
     """A third off had been told in summary.json only."""
-    pairings = [SimpleNamespace(name=name, grid=None, bodies=("upper",)) for name in ("pin", "bolt")]
+    pairings = [SimpleNamespace(name=name, grid=None, bodies=("arm",)) for name in ("pin", "bolt")]
     built: Any = SimpleNamespace(
-        case=parse(PATCH).case,
-        scene=SimpleNamespace(bodies={"upper": None}),
+        case=SimpleNamespace(body=[SimpleNamespace(name="arm", has_nodes=False)]),
+        scene=SimpleNamespace(bodies={"arm": None}),
         condensed=SimpleNamespace(pairings=pairings),
     )
 
@@ -298,7 +298,7 @@ def test_large_estimates_are_warned_of() -> None:
         "displacements are estimated to be off by 37 %",
         "contact pin: pressures are estimated to be off by 12 %",
     ]
-    assert all("body.upper.spacing" in text for text in texts)
+    assert all("body.arm.spacing" in text for text in texts)
 
 
 def test_forces_of_prescribed_displacements_are_as_wrong_as_the_stiffness(tmp_path: Path) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.contact.geometry.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -164,7 +164,7 @@ def check_balance(case: Case, verdict: Verdict) -> str:
     """Warning of a force imbalance ("" if there is none). NumericalError above the limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(verdict.bodies[name], nan=np.inf))
     message = f"force imbalance on body {worst}: {100 * verdict.force_balance:.2g} % of the largest force"
-    hint = f"{case.finer_nodes([worst])} where it is held and around its notches, or use mls.degree = 4"
+    hint = f"{finer_nodes(case, [worst])} where it is held and around its notches, or use mls.degree = 4"
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""
@@ -188,7 +188,7 @@ def check_transfer(built: CondensedScene, state: State) -> list[str]:
         lost = mismatches[pairing.name]
         keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
         message = f"contact {pairing.name}: the forces on slave and master differ by {100.0 * lost:.2g} %"
-        hint = f"bring {keys} closer together where they touch, or {built.case.finer_nodes(pairing.bodies)}"
+        hint = f"bring {keys} closer together where they touch, or {finer_nodes(built.case, pairing.bodies)}"
         if not lost <= TRANSFER_LIMIT:
             raise NumericalError(message, hint)
         if lost > TRANSFER_WARNING:
@@ -204,7 +204,7 @@ def check_energy(case: Case, verdict: EnergyVerdict) -> str:
     size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
     message = f"twice the strain energy of body {worst} is {size} the work done on it"
     where = verdict.thin.get(worst) or "where it is held and around its notches"
-    hint = f"{case.finer_nodes([worst])}, above all {where}"
+    hint = f"{finer_nodes(case, [worst])}, above all {where}"
     if not abs(error) <= ENERGY_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
@@ -256,7 +256,7 @@ def check_estimates(
     """Warnings of displacements and pressures with large estimated errors. The limit is lower for
     frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
     texts, displacement = [], estimates["displacement"]
-    coarse = built.case.finer_nodes(built.scene.bodies)
+    coarse = _finer(built.case, built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
             f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
@@ -285,12 +285,16 @@ def check_estimates(
         limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
             on_grid = pairing.grid is not None and pairing.friction
-            more = f" and a smaller contact.{pairing.name}.accuracy" if on_grid else ""
+            hint = _finer(built.case, pairing.bodies, [f"contact.{pairing.name}.accuracy"] if on_grid else [])
             texts.append(
-                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; "
-                f"{built.case.finer_nodes(pairing.bodies)}{more}"
+                f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; {hint}"
             )
     return texts
+
+
+def _finer(case: Case, bodies: Collection[str], more: Sequence[str] = ()) -> str:
+    """Hint to use finer nodes in the bodies, and ``more`` keys to make smaller."""
+    return " and ".join([finer_nodes(case, bodies), *(f"a smaller {key}" for key in more)])
 
 
 def check_linear(residual: float) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
@@ -221,5 +221,5 @@ def check_peaks(case: Case, peaks: Mapping[str, Peak]) -> Iterator[str]:
         yield (
             f"body {body.name}: the peak stress on its boundary, {peak.stress:.4g} (von Mises) near "
             f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; "
-            f"{case.finer_nodes([body.name], 'refine')} there"
+            f"{finer_nodes(case, [body.name], 'refine')} there"
         )

@@ -9,10 +9,8 @@ from typing import Any
 from mlsanm_cli.app.assessment.checks import (
     BALANCE_LIMIT,
     ENERGY_LIMIT,
-    FORCE_WARNING,
     LARGE_ERROR,
     LINEAR_LIMIT,
-    PLACE_WARNING,
     TRANSFER_LIMIT,
     force_balance,
     force_mismatch,
@@ -133,7 +131,7 @@ def summarise(
 
 
 def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
-    """The limits beyond which a run fails: ``stability`` is a lower limit, the estimates only warn."""
+    """The limits beyond which a run fails: ``stability`` is a lower limit, ``error_estimate`` only warns."""
     found = {
         "residual": case.solver.tolerance,
         "linear_residual": LINEAR_LIMIT,
@@ -141,8 +139,6 @@ def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
         "force_mismatch": TRANSFER_LIMIT,
         "energy_error": ENERGY_LIMIT,
         "error_estimate": LARGE_ERROR,
-        "displacement_estimate": PLACE_WARNING,
-        "force_estimate": FORCE_WARNING,
     }
     return found if built is None else found | {"stability": stability_limit(built.case, built.ends)}
 

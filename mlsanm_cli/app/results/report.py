@@ -23,6 +23,8 @@ MAX_VARIED_KEYS = 15
 """Largest number of differing keys that are compared."""
 MAX_CONTACTS = 4
 """Largest number of contacts that are drawn, those with the largest pressures."""
+GLOBAL_ESTIMATES = ("displacement", "energy")
+"""Error estimates that are not of the pressures of a contact."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
 CHECKS = {
     "residual": ("equations of contact", "below"),
@@ -171,28 +173,26 @@ def _checks(summary: Mapping[str, Any]) -> str:
             [what, _number(value), limit_text, html.GOOD + "passes" if passes else html.BAD + "fails"]
         )
     estimate: Mapping[str, Any] = summary.get("error_estimate") or {}
-    kinds = ["energy"] if "energy" in estimate else ["displacement", "force", "pressure"]
-    for kind in kinds:
-        found = estimate.get(kind)
-        named = found if isinstance(found, dict) else {"": found}
-        limit = limits.get(f"{kind}_estimate", limits.get("error_estimate"))
-        rows += [_estimate(f"{kind} {name}", value, limit) for name, value in named.items()]
+    limit = limits.get("error_estimate")
+    named = {"displacement": estimate.get("displacement"), **(estimate.get("pressure") or {})}
+    if "energy" in estimate:
+        named = {"energy": estimate["energy"]}
+    for name, value in named.items():
+        if value is None:
+            rows.append([f"error estimate, {name}", "not available", "", ""])
+            continue
+        what = f"error estimate, {name if name in GLOBAL_ESTIMATES else f'pressures of {name}'}"
+        large = limit is not None and float(value) > limit
+        limit_text = "" if limit is None else f"below {100.0 * float(limit):g} %"
+        rows.append(
+            [
+                what,
+                f"{100.0 * float(value):.2g} %",
+                limit_text,
+                html.BAD + "large" if large else html.GOOD + "passes",
+            ]
+        )
     return html.table("Checks", ["check", "value", "limit", "verdict"], rows)
-
-
-def _estimate(name: str, value: Any, limit: Any) -> list[str]:
-    """The row of an error estimate."""
-    what = f"error estimate, {name}"
-    if value is None:
-        return [what, "not available", "", ""]
-    large = limit is not None and float(value) > limit
-    limit_text = "" if limit is None else f"below {100.0 * float(limit):g} %"
-    return [
-        what,
-        f"{100.0 * float(value):.2g} %",
-        limit_text,
-        html.BAD + "large" if large else html.GOOD + "passes",
-    ]
 
 
 def _pictures(run: RunData) -> Iterator[str]:

@@ -296,11 +296,6 @@ class Case(Section):
             return False
         return not any(c.friction and c.regularization.friction_law == "memory" for c in self.touching)
 
-    def finer_nodes(self, names: Collection[str], key: str = "spacing") -> str:
-        """Hint to use finer nodes in the bodies of these names, by a ``key`` of theirs or in their files."""
-        keys = [f"body.{b.name}.{'shape.file' if b.has_nodes else key}" for b in self.body if b.name in names]
-        return f"use finer nodes ({', '.join(keys)})"
-
     @model_validator(mode="before")
     @classmethod
     def _default_stage(cls, data: Any) -> Any:
@@ -323,6 +318,12 @@ class Case(Section):
         if not isinstance(data, dict) or not isinstance(data.get("load"), tuple):
             return data
         return {**data, "load": tuple(_with_common_keys(row, data["load"]) for row in data["load"])}
+
+
+def finer_nodes(case: Case, names: Collection[str], key: str = "spacing") -> str:
+    """Hint to use finer nodes in the bodies of these names, by a ``key`` of theirs or in their files."""
+    keys = [f"body.{b.name}.{'shape.file' if b.has_nodes else key}" for b in case.body if b.name in names]
+    return f"use finer nodes ({', '.join(keys)})"
 
 
 def _with_common_keys(row: Any, rows: tuple[Any, ...]) -> Any:
