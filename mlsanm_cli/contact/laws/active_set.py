@@ -7,8 +7,6 @@ Linear and Nonlinear Programming, 1988, chapter 4), which cannot cycle if sym(W 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -226,8 +224,10 @@ class _Closed:
         self._compliance, self._stiffness = condensed.gap.pressure, stiffness
         self.iterates, own = iterates, compressed(condensed.gap.pressure)
         if own is not None and iterates and a:
-            with self._or_directly():
+            try:
                 self._many = ManyClosed(own, closed, self._moved, self._forces, stiffness)
+            except NotConvergedError as error:
+                self._solve_directly(error)
         elif a + k:
             self._dense = self._direct()
 
@@ -237,23 +237,22 @@ class _Closed:
         matrix = np.block([[compliance, self._moved], [self._forces, self._stiffness]])
         return DenseSystem(matrix, len(closed))
 
-    @contextmanager
-    def _or_directly(self) -> Iterator[None]:
-        """Solve directly from here on if iterations do not converge, unless there are too many nodes."""
-        try:
-            yield
-        except NotConvergedError:
-            if len(self._closed) > MAX_DENSE:
-                raise
-            self.iterates, self._many, self._dense = False, None, self._direct()
+    def _solve_directly(self, error: NotConvergedError) -> None:
+        """From here on, after an ``error`` of the iterations, raised again if there are too many nodes."""
+        if len(self._closed) > MAX_DENSE:
+            raise error
+        self.iterates, self._many, self._dense = False, None, self._direct()
 
     def solve(self, near: FloatArray, part: float) -> tuple[FloatArray, FloatArray]:
         """Pressures (m,) and motions (k,) to a relative residual ``part``, starting from pressures
         ``near``."""
         pressure, closed = np.zeros(self._count), self._closed
         if self._many is not None:
-            with self._or_directly():
+            try:
                 pressure[closed], motion = self._many.solve(self._gap, self._force, near[closed], part)
+            except NotConvergedError as error:
+                self._solve_directly(error)
+            else:
                 return pressure, motion
         if self._dense is None:
             return pressure, np.zeros(0)
