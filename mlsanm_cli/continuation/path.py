@@ -119,7 +119,7 @@ class Follower(ABC):
         self._steps, self._done, self._effort = 0, SolveCounts(), SolveCounts()
         self._piece: Branch | None = None
         self._reason, self._message = StopReason.STOPPED_BY_CALLER, "the caller took no more steps"
-        self._started = self._stopped = False
+        self._stopped = False
 
     @abstractmethod
     def _follow(self) -> Iterator[Step]:
@@ -148,10 +148,7 @@ class Follower(ABC):
     def steps(self) -> Iterator[Step]:
         """Yield the steps as they are finished. Raises NumericalError if the start point does not satisfy the
         equations and cannot be corrected; any other failure ends the path, with its reason in
-        :attr:`outcome`. Raises RuntimeError when called a second time."""
-        if self._started:
-            raise RuntimeError("a follower can be used once only; make a new one")
-        self._started = True
+        :attr:`outcome`."""
         self._start()
         try:
             if self._lam == self._lam_end:

@@ -130,12 +130,6 @@ def test_poor_clouds_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert summary["quality"]["bodies"]["bar"]["hole"] == 1.61
 
 
-def test_sound_clouds_are_not_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sound = CloudQuality(9, 8, closest=0.5, hole=1.6, growth=0.3)
-    monkeypatch.setattr(quality, "measure", lambda cloud: sound)
-    assert solve(BAR, tmp_path / "bar")["warnings"] == []
-
-
 def test_info_of_a_finished_run(hertz_run: Path) -> None:
     found = info(hertz_run)
     summary = json.loads((hertz_run / "summary.json").read_text())
@@ -224,13 +218,6 @@ def test_pressures_at_a_row_and_beyond_the_path(hertz_run: Path) -> None:
 
 def test_pressures_between_rows_without_series(patch_run: Path) -> None:
     assert pressures_at(read_run(patch_run), 0.52)["interface"] == pytest.approx(52.0)
-
-
-@pytest.mark.parametrize("fields", ['["stress"]', "[]"])
-def test_plot_with_few_fields(fields: str, tmp_path: Path) -> None:
-    solve(BAR, tmp_path / "bar", f"output.fields={fields}", "output.vtu=false")
-    names = {file.name for file in plot(tmp_path / "bar")}
-    assert names == {"plot_force.png"} | ({"plot_bodies.png"} if fields != "[]" else set())
 
 
 def test_colour_of_the_bodies(bar_run: Path) -> None:

@@ -260,13 +260,6 @@ def test_smooth_laws_that_converge_agree_with_the_exact_one(
     assert compared(tmp_path, text, wishes, *coarse)["status"] == "disagree"
 
 
-@pytest.mark.usefixtures("by_nodes")
-def test_repeated_paths_count_once(tmp_path: Path) -> None:
-    once, twice = (compared(tmp_path, PATCH, replace(QUICK, repeat=n)) for n in (1, 3))
-    for key in ("steps", "dense_factorizations", "difference"):
-        assert [row.get(key) for row in once["methods"]] == [row.get(key) for row in twice["methods"]]
-
-
 def test_every_method_of_the_case_file_can_be_compared(tmp_path: Path) -> None:
     methods = {*get_args(Solver.model_fields["method"].annotation)} - {"auto", "anm"}
     formulations = {*get_args(Solver.model_fields["formulation"].annotation)} - {"condensed"}

@@ -53,19 +53,6 @@ def numbers(directory: Path) -> dict[str, np.ndarray]:
     return found
 
 
-def test_files(hertz_run: Path, punches_run: Path, bar_run: Path) -> None:
-    always = {"run.h5", "summary.json", "resolved.toml", "events.jsonl", "fields.pvd"}
-    vtu = {f"fields_{k:04d}.vtu" for k in range(6)}
-    assert {f.name for f in hertz_run.iterdir()} >= always | vtu | {"interface.csv"}
-    assert not list(hertz_run.glob("*.tmp"))
-    assert not (hertz_run / "failure.vtu").exists()
-    assert {f.name for f in punches_run.glob("interface*")} == {
-        "interface_under-left.csv",
-        "interface_under-right.csv",
-    }
-    assert not list(bar_run.glob("interface*"))
-
-
 def test_summary(hertz_run: Path) -> None:
     summary = summary_of(hertz_run)
     assert summary.keys() >= SUMMARY_KEYS

@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlsanm_cli.case import Case, Platen, load_case, resolved_mapping
-from mlsanm_cli.case.model.shapes import Rectangle
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
 
@@ -59,14 +58,6 @@ def test_bonds_keep_their_law_where_other_contacts_have_the_regularised_one() ->
     bonded = ('contact.rolling.friction="bonded"', "contact.interface.regularization.eta=1e-5")
     laws = [one.regularization.law for one in parse(HERTZ + ROLLER, bonded).case.contact]
     assert laws == ["hyperbolic", "exact"]
-
-
-def test_whole_numbers_are_numbers_and_become_floats() -> None:
-    case = parse(SQUARE + CLAMP + PULL).case
-    assert isinstance(case.material["rubber"].E, float)
-    shape = case.body[0].shape
-    assert isinstance(shape, Rectangle)
-    assert shape.x == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -379,11 +370,6 @@ def test_hash_depends_on_content_only() -> None:
     assert parse(HERTZ, ["solver.order=21"]).case_hash != plain
     assert parse(HERTZ, ['title="other"']).case_hash != plain
     assert parse(HERTZ, ["output.vtu=false"]).case_hash != plain
-
-
-def test_true_is_no_format() -> None:
-    found = only(HERTZ.replace("format = 1", "format = true"))
-    assert (found.key, found.message) == ("format", "true is not a valid value")
 
 
 def test_a_key_without_end_is_shown_in_part() -> None:

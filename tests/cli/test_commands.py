@@ -216,29 +216,6 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "threads"),
-    [
-        (["check", "a.toml", "--threads", "3"], "3"),
-        (["info", "there"], "1"),
-        (["plot", "there"], "1"),
-        (["warmup", "--threads", "2"], "2"),
-    ],
-)
-def test_threads_are_set_before_the_numerics_are_loaded(
-    monkeypatch: pytest.MonkeyPatch, arguments: list[str], threads: str
-) -> None:
-    seen: list[str | None] = []
-
-    def function(*positional: Any, **options: Any) -> Any:
-        seen.extend(os.environ.get(variable) for variable in THREAD_VARIABLES)
-        return [] if arguments[0] == "plot" else {}
-
-    install(monkeypatch, arguments[0], function)
-    assert main(arguments) == 0
-    assert seen == [threads] * 4
-
-
-@pytest.mark.parametrize(
     ("option", "no_color", "colored"),
     [("auto", "", False), ("always", "", True), ("always", "1", True), ("never", "", False)],
 )

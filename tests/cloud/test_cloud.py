@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import signal
 import time
 from dataclasses import replace
@@ -76,14 +75,6 @@ def test_corner_nodes_belong_to_both_surfaces_each_with_its_own_normal() -> None
     assert len(cloud.boundary_nodes) == sum(len(s.index) for s in cloud.surfaces.values()) - 4
 
 
-def test_a_closed_arc_has_every_node_once() -> None:
-    cloud = build_cloud(disk((1.0, 2.0), 0.5), Spacing(0.1), 0)
-    (arc,) = cloud.surfaces.values()
-    assert len(np.unique(arc.index)) == len(arc.index) == len(cloud.boundary_nodes)
-    assert arc.arc_length[-1] < arc.curve.length
-    assert arc.weight == pytest.approx(math.pi / len(arc.index), rel=1e-12)
-
-
 @pytest.mark.parametrize("unit", [1e-3, 25.4])
 @pytest.mark.parametrize("round_", [False, True])
 def test_other_units_give_the_same_cloud(unit: float, round_: bool) -> None:
@@ -106,10 +97,6 @@ def test_other_units_give_the_same_cloud(unit: float, round_: bool) -> None:
 def test_estimate_of_the_number_of_nodes(outline: Outline, spacing: Spacing) -> None:
     nodes = len(build_cloud(outline, spacing, 0).points)
     assert estimate_nodes(outline, spacing) == pytest.approx(nodes, rel=0.1)
-
-
-def test_estimate_stops_at_its_limit() -> None:
-    assert estimate_nodes(BLOCK, Spacing(1e-9), limit=1e7) >= 1e7
 
 
 @pytest.mark.parametrize(("outline", "spacing"), SCENES)

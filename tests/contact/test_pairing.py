@@ -125,25 +125,6 @@ def stretch(center: tuple[float, float], radius: float, points: FloatArray) -> F
     return np.asarray(np.hypot(r, slope) / radius)
 
 
-def test_a_constant_pressure_between_arcs_is_carried_with_its_force() -> None:
-    zone = (Zone.around((0.0, 0.7), 0.02, 0.2, 0.2),)
-    spacings = (Spacing(0.1, zone), Spacing(0.15, zone))
-    upper, lower = half_disk((0.0, 1.7), 1.0, "lower"), disk((0.0, 0.0), 0.7)
-    pairing, one, other = pair(upper, "arc", lower, "arc", spacings)
-    pairing = pairing.with_reach(0.02)
-    shares = transfer(pairing, other)
-    received = shares @ np.ones(shares.shape[1])
-    covered = received != 0.0
-    assert covered.sum() > 10
-    points = other.points[other.surfaces["arc"].index]
-    assert np.abs(received[covered] - stretch((0.0, 1.7), 0.7, points[covered])).max() <= 1e-13
-    # Exactly the nodes in the shadow of the candidates, seen from the master's centre.
-    candidates = one.points[pairing.node[pairing.candidate]]
-    tangent, reach = points[:, 0] / points[:, 1], candidates[:, 0] / candidates[:, 1]
-    inside = (tangent >= reach.min() - 1e-9) & (tangent <= reach.max() + 1e-9) & (points[:, 1] > 0.2)
-    assert np.array_equal(covered, inside)
-
-
 def force_error(h: float, ratio: float) -> float:
     """Lack of balance between a smooth pressure on the slave and what the master receives of it, relative."""
 

@@ -38,15 +38,6 @@ def test_path_ends_at_the_barrier(order: int, level: float) -> None:
     assert steps[-1].residual <= AnmOptions().goal
 
 
-def test_a_barrier_that_is_never_reached_changes_nothing() -> None:
-    results = []
-    for locate_event in (None, lambda piece: np.inf):
-        follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, locate_event=locate_event)
-        results.append([(step.x[0], step.lam) for step in follower.steps()])
-        assert follower.outcome.reached
-    assert np.array(results[0]) == pytest.approx(np.array(results[1]), rel=1e-12)
-
-
 def test_a_path_goes_on_upwards_when_told_so() -> None:
     # Behind a piece along which the load factor fell, the direction asked for decides.
     problem = Scalar(0.0, 1.0, 1.0)

@@ -9,7 +9,7 @@ import pytest
 
 from mlsanm_cli.continuation import Branch, FloatArray, NewtonOptions, StopReason, Tangent, follow
 
-from .contact_problems import hertz, open_start
+from .contact_problems import open_start
 from .problems import Circle, Scalar, Truss
 from .test_corrector import watched
 
@@ -48,23 +48,6 @@ def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> Non
         slope = (weights @ step.branch.terms[0])[:, 0] / (weights @ step.branch.terms[1])
         ends = step.branch.evaluate_many(np.array([0.0, step.branch.length]))[0][:, 0]
         assert slope == pytest.approx(1.0 / (1.0 + 2.0 * ends), rel=1e-6)
-
-
-@pytest.mark.parametrize("eta", [1e-1, 1e-3, 1e-5])
-@pytest.mark.parametrize("control", ["load", "arc-length"])
-def test_contact_as_by_series(eta: float, control: Literal["load", "arc-length"]) -> None:
-    problem, peak, _ = hertz(60, eta)
-    series = follow(problem, open_start(problem), 0.0, 1.0)
-    pieces = list(series.steps())
-    levels = (0.2, 0.55)
-    follower = follow(problem, open_start(problem), 0.0, 1.0, NewtonOptions(control=control), levels=levels)
-    found = {step.lam: step.x for step in follower.steps()}
-    assert follower.outcome.reached
-    for level in (*levels, 1.0):
-        branch = next(step.branch for step in pieces if step.lam >= level)
-        x, _ = branch.evaluate(branch.parameter_at(level))
-        assert np.abs(found[level] - x)[:60].max() <= 1e-6 * peak
-    assert np.abs(follower.outcome.x - series.outcome.x)[:60].max() <= 1e-7 * peak
 
 
 def test_the_truss_snaps_through_both_folds() -> None:

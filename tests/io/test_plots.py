@@ -111,20 +111,6 @@ def test_pictures_need_no_display_and_no_pyplot(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").stat().st_size > 1000
 
 
-def test_pressure_shows_every_node_near_the_contact_and_the_levels(kept: list[Figure]) -> None:
-    plot_pressure(Path("a.png"), "interface", ARC, two_levels(), LEVELS)
-    (axes,) = kept[0].axes
-    left, right = axes.get_xlim()
-    assert -1.7 < left < -1.0 < 1.0 < right < 1.7
-    inside = (left <= ARC) & (right >= ARC)
-    for line, label, values in zip(axes.get_lines(), LEVELS, two_levels(), strict=True):
-        np.testing.assert_array_equal(line.get_xdata(), ARC[inside])
-        np.testing.assert_array_equal(line.get_ydata(), values[inside])
-        assert (line.get_label(), line.get_marker()) == (label, "o")
-    assert [text.get_text() for text in kept[0].legends[0].get_texts()] == LEVELS
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("arc length", "pressure")
-
-
 def test_difference_is_the_last_level_against_the_reference_in_percent_of_its_peak(
     kept: list[Figure],
 ) -> None:
@@ -171,24 +157,6 @@ def test_holes_stay_open_and_the_outline_is_the_boundary() -> None:
     assert set(np.round(radii, 12)) == {1.0, 2.0}
     assert len(shape.outline) == 62 + 125
     assert 0.09 < shape.spacing.min() < shape.spacing.max() < 0.102
-
-
-def test_cloud_panels_show_scene_and_detail_with_one_colour_scale(kept: list[Figure]) -> None:
-    bodies = [
-        square(),
-        CloudBody(square().points + np.array([0.0, 1.0]), np.zeros((64, 2)), np.full(64, 5.0)),
-    ]
-    plot_cloud.plot_cloud(Path("a.png"), bodies, "von Mises", "scene", 50.0, (0.2, 0.4, 0.9, 1.1))
-    whole, detail, bar = kept[0].axes
-    assert (detail.get_xlim(), detail.get_ylim()) == ((0.2, 0.4), (0.9, 1.1))
-    assert whole.get_xlim()[1] > 1.5  # displacements enlarged 50 times
-    assert whole.get_title() == "scene, displacements x 50"
-    assert bar.get_ylabel() == "von Mises"
-    meshes = [item for item in whole.collections if type(item).__name__ == "TriMesh"]
-    assert [mesh.get_clim() for mesh in meshes] == [(0.0, 5.0)] * 2
-    plot_cloud.plot_cloud(Path("a.png"), bodies, "von Mises", "scene")
-    assert len(kept[1].axes) == 2
-    assert kept[1].axes[0].get_title() == "scene"
 
 
 def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure]) -> None:

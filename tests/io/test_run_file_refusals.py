@@ -68,15 +68,6 @@ def test_reader_names_what_is_wrong(tmp_path: Path) -> None:
         read_run(tmp_path)
 
 
-def test_reader_refuses_a_truncated_file(tmp_path: Path) -> None:
-    with start_run(tmp_path / "run.h5") as run:
-        write_steps(run, range(20))
-    path = tmp_path / "run.h5"
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(RunError, match="cannot be read"):
-        read_run(path)
-
-
 def test_a_damaged_file_is_refused_by_name_or_read(tmp_path: Path) -> None:
     """In a process of its own, which HDF5 must not bring down."""
     with start_run(tmp_path / "run.h5") as run:

@@ -20,7 +20,6 @@ from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.superlu import elimination_order
-from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress
 from mlsanm_cli.operators.square import Square
 from mlsanm_cli.operators.square import factorise as square_of
 
@@ -342,26 +341,3 @@ def test_functionals_are_those_of_the_solutions(apart: float, strong: bool) -> N
     if strong:
         other = np.asarray(observed @ plain.solve(sparse.csc_array(contrary[:300])))
         assert np.abs(other - expected).max() >= 1e-3 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize(
-    ("updates", "taken"),
-    [
-        # The factor has lost a mode, which the first update finds: it had been the last one.
-        ((0.9, 2e-5, 2e-9, 0.0), 3),
-        ((3e-2, 3e-2, 3e-6, 1e-12), 4),
-        # It has lost many, which are found in any order.
-        ((0.3, 0.08, 0.6, 0.5, 4e-3, 1e-5, 3e-9, 1e-13), 7),
-        # The next one is foreseen to change nothing.
-        ((1e-4, 1e-9, 1e-9), 2),
-        # Round-off, for ever.
-        ((1e-4, 1e-6, 1e-6, 5e-6, 5e-5), 4),
-    ],
-)
-def test_refinement_ends_where_updates_bring_nothing_any_more(updates: tuple[float, ...], taken: int) -> None:
-    progress, steps = Progress.of(np.ones((1, 1)), FULL_TOLERANCE), 0
-    for update in updates:
-        progress, steps = progress.after(np.full((1, 1), update), np.ones((1, 1))), steps + 1
-        if progress.finished:
-            break
-    assert steps == taken
