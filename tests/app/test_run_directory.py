@@ -177,6 +177,7 @@ def test_resolved_case_gives_the_same_results(hertz_run: Path, tmp_path: Path) -
     assert not np.array_equal(other["bodies/block/points"], one["bodies/block/points"])
 
 
+@pytest.mark.usefixtures("monkeypatch")  # grids must not begin with those of other tests
 def test_units_do_not_matter(tmp_path: Path) -> None:
     """N and mm against N and m: lengths 1e-3, stresses 1e6.
 
