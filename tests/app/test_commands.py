@@ -220,6 +220,13 @@ def test_pressures_between_rows_without_series(patch_run: Path) -> None:
     assert pressures_at(read_run(patch_run), 0.52)["interface"] == pytest.approx(52.0)
 
 
+@pytest.mark.parametrize("fields", ['["stress"]', "[]"])
+def test_plot_with_few_fields(fields: str, tmp_path: Path) -> None:
+    solve(BAR, tmp_path / "bar", f"output.fields={fields}", "output.vtu=false")
+    names = {file.name for file in plot(tmp_path / "bar")}
+    assert names == {"plot_force.png"} | ({"plot_bodies.png"} if fields != "[]" else set())
+
+
 def test_colour_of_the_bodies(bar_run: Path) -> None:
     """Von Mises is made from stored stresses where it was not stored itself."""
     from mlsanm_cli.case import parse_case

@@ -214,6 +214,15 @@ def test_what_cannot_be_told_is_an_error(call: Any, words: str, hertz_probes: Pa
     assert words in f"{error.value.message} {error.value.hint}"
 
 
+def test_what_there_is_to_probe(hertz_probes: Path) -> None:
+    found = probe.contents(hertz_probes)
+    assert found["path"] == [0.0, 1.0]
+    assert found["contacts"] == ["interface"]
+    assert "interface" in found["forces"]
+    assert found["probes"] == ["below", "top"]
+    assert found["fields_at"] == [0.3, 0.7, 1.0]
+
+
 @pytest.mark.parametrize(
     ("setting", "key", "words"),
     [

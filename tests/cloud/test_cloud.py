@@ -99,6 +99,10 @@ def test_estimate_of_the_number_of_nodes(outline: Outline, spacing: Spacing) -> 
     assert estimate_nodes(outline, spacing) == pytest.approx(nodes, rel=0.1)
 
 
+def test_estimate_stops_at_its_limit() -> None:
+    assert estimate_nodes(BLOCK, Spacing(1e-9), limit=1e7) >= 1e7
+
+
 @pytest.mark.parametrize(("outline", "spacing"), SCENES)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_quality_of_a_good_cloud(outline: Outline, spacing: Spacing, seed: int) -> None:

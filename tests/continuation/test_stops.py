@@ -110,6 +110,13 @@ def test_start_at_a_fold_is_a_singular_tangent() -> None:
     assert follower.outcome.reason is StopReason.SINGULAR_TANGENT
 
 
+def test_start_at_the_target_takes_no_step() -> None:
+    follower = follow(Scalar(0.0, 1.0), np.zeros(1), 0.3, 0.3)
+    assert list(follower.steps()) == []
+    assert follower.outcome.reached
+    assert follower.outcome.x[0] == pytest.approx(0.3, abs=1e-15)
+
+
 def test_caller_can_stop() -> None:
     follower: Follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1e6, AnmOptions(order=5))
     for step in follower.steps():
