@@ -143,14 +143,14 @@ def kkt_residual(
     free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
     caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
     gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
+    overlap = np.maximum(np.where(closed, np.abs(gap), -gap) - condensed.gap_round_off, 0.0)
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)
     force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
     force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
     stuck = np.isfinite(held)
     parts = (
-        np.abs(gap[closed]).max(initial=0.0) / elastic,
-        max(0.0, -gap[~closed].min(initial=0.0)) / elastic,
+        overlap.max(initial=0.0) / elastic,
         max(0.0, -pressure.min(initial=0.0)) / typical,
         np.abs(slip[stuck] - held[stuck]).max(initial=0.0) / elastic,
         max(0.0, (np.abs(traction) - limit).max(initial=0.0)) / typical,

@@ -141,6 +141,13 @@ class Condensed:
         return largest(self.gap.pressure)
 
     @cached_property
+    def gap_round_off(self) -> float:
+        """Round-off of the gaps, which are differences of coordinates."""
+        lengths = [self.gap.constant, *(pairing.points for pairing in self.pairings)]
+        size = max(float(np.abs(one).max(initial=0.0)) for one in lengths)
+        return 4.0 * float(np.finfo(float).eps) * size
+
+    @cached_property
     def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Row and column scales of :attr:`whole`, and the transpose of the scaled matrix."""
         rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
