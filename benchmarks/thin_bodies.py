@@ -3,8 +3,6 @@
     python benchmarks/thin_bodies.py bending [--seeds 10] [--degree 0 2] [--across 3 5 8]
     python benchmarks/thin_bodies.py slender [--seeds 10]
     python benchmarks/thin_bodies.py energy [--bodies 300]
-    python benchmarks/thin_bodies.py cost [--repeat 3]
-    python benchmarks/thin_bodies.py hertz [--repeat 2]
 
 Rings under two opposite pushes, clamped cantilevers under a shear at the tip, and a portal frame with
 fillets of half its thickness under a push at a corner and a load on its beam: Young's modulus 1, Poisson's
@@ -16,26 +14,18 @@ program takes where the degree is left to it. ``slender`` has eight nodes across
 but off, and compares the energy error of each with its true error, that of the compliance against 12 nodes
 across at degree 4: whether errors beyond 10 % are told by a warning (3 %) or by a failure (10 %), and how
 often there is either where errors are below 3 and below 10 %, and below 3 % with as many nodes across as are
-asked for.
-
-``cost`` is what the pieces take and what they save: CPU seconds of operators, factor and one solution, and
-the error of the compliance, with them and without them, on ever finer clouds of a ring, a cantilever and a
-compact block, at degree 4. ``hertz`` measures only CPU seconds, of the half-disk and the block of
-cases/hertz.toml with nodes a hundred times as fine around the contact as away from it, 5,000 to 86,000 in
-all, and of a ring of R/t = 20 with 13,000 nodes. Writes thin_bodies.json (``--out``).
+asked for. Writes thin_bodies.json (``--out``).
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import scipy.sparse as sparse
@@ -45,8 +35,8 @@ from mlsanm_cli.app.scene.assemble import HIGH_DEGREE, LOW_DEGREE, MIN_HIGH_SPAC
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import build_cloud
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, half_disk, rectangle
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, rectangle
+from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.assembly import assemble
@@ -256,111 +246,13 @@ def energy(count: int) -> dict[str, Any]:
     return figures | {"each": found}
 
 
-def block() -> Thin:
-    """A compact body, clamped below and pressed on a fifth of its top."""
-
-    def traction(name: str, points: FloatArray) -> FloatArray:
-        values, away = np.zeros_like(points), np.abs(points[:, 0])
-        if name == "top":
-            values[:, 1] = -np.where(away < 0.4, np.cos(0.5 * np.pi * away / 0.4) ** 2, 0.0)
-        return values
-
-    return Thin("block", rectangle((-2.0, 2.0), (-2.0, 0.0)), ("bottom",), traction)
-
-
-COSTS = ((ring(20), (5, 7, 10)), (cantilever(5), (5, 9, 17, 33)), (block(), (9, 17, 33)))
-"""Bodies and the nodes across their thickness, or across a length of 1."""
-FINEST = 49
-"""Nodes across a length of 1 of the block that others are held against."""
-
-
-def cost(repeat: int) -> list[dict[str, Any]]:
-    """Errors of the compliance in percent and CPU seconds, the least of so many times, with and without
-    pieces."""
-    lines = []
-    true = REFERENCES | {"block": solved(block(), FINEST, 4)[0]}
-    for thin, across in COSTS:
-        for count in across:
-            line: dict[str, Any] = {"body": thin.name, "across": count}
-            for _ in range(repeat):
-                for name, known in (("with", pieces.Pieces.rows_known), ("without", _nothing_known)):
-                    with mock.patch.object(pieces.Pieces, "rows_known", known):
-                        work, spent, line["nodes"] = _timed(thin, count)
-                    line[f"error {name}"] = 100.0 * (work / true[thin.name] - 1.0)
-                    line[f"cpu {name}"] = min(line.get(f"cpu {name}", np.inf), spent)
-            lines.append(line)
-            print(line, flush=True)
-    return lines
-
-
-SCALES, GROWTH = (1.0, 0.4, 0.16), 0.12
-"""Of all spacings around Hertz' contact, for 5,000, 17,000 and 86,000 nodes, and their growth."""
-
-
-def hertz(repeat: int) -> list[dict[str, Any]]:
-    """CPU seconds, the least of so many times, with and without pieces, and nodes."""
-    lines = []
-    for scale in SCALES:
-        near = [((0.0, 0.0), 0.004, 0.07), *(((x, 0.0), 0.0005, 0.004) for x in (-0.05, 0.05))]
-        zones = tuple(Zone.around(at, scale * h, radius, GROWTH) for at, h, radius in near)
-        parts = [
-            (half_disk((0.0, 1.0), 1.0, "lower"), ()),
-            (rectangle((-2.0, 2.0), (-2.0, 0.0)), ("bottom",)),
-        ]
-        lines.append(_compared(f"hertz {scale:g}", parts, Spacing(0.1 * scale, zones), repeat))
-    lines.append(_compared("ring 20", [(ring(20).outline, ())], Spacing(1.0 / 10.6), repeat))
-    return lines
-
-
-def _compared(
-    name: str, parts: list[tuple[Outline, tuple[str, ...]]], spacing: Spacing, repeat: int
-) -> dict[str, Any]:
-    """The line of :func:`hertz` for bodies of such outlines and clamped sides."""
-    clouds = [build_cloud(outline, spacing, 0) for outline, _ in parts]
-    line: dict[str, Any] = {"bodies": name, "nodes": sum(len(cloud.points) for cloud in clouds)}
-    for cloud in clouds:
-        _ = cloud.triangles, cloud.areas, cloud.mirror  # made once, for both
-    for _ in range(repeat):
-        for how, known in (("with", pieces.Pieces.rows_known), ("without", _nothing_known)):
-            begun = time.process_time()
-            with mock.patch.object(pieces.Pieces, "rows_known", known):
-                for cloud, (_, clamped) in zip(clouds, parts, strict=True):
-                    model = BodyModel.build("body", cloud, MATERIAL, MlsSettings(4))
-                    body = assemble(model, dict.fromkeys(clamped, (True, True)), [], CholeskySolver())
-                    body.system.solve(sparse.csc_array(np.ones((body.rows, 1))))
-            line[f"cpu {how}"] = min(line.get(f"cpu {how}", np.inf), time.process_time() - begun)
-    print(line, line["cpu with"] / line["cpu without"], flush=True)
-    return line
-
-
-def _nothing_known(division: pieces.Pieces, hidden: list[tuple[int, int]]) -> FloatArray:
-    return np.zeros(3 * division.count, dtype=bool)
-
-
-def _timed(thin: Thin, across: int) -> tuple[float, float, int]:
-    """Work of the loads, CPU seconds of operators, factor and a solution, and nodes."""
-    told, assembled = list[Any](), assemble
-
-    def watched(model: BodyModel, *arguments: Any) -> Any:
-        begun = time.process_time()
-        body = assembled(model, *arguments)
-        body.system.solve(sparse.csc_array(np.ones((body.rows, 1))))
-        told.extend([time.process_time() - begun, len(model.nodes)])
-        return body
-
-    with mock.patch(f"{__name__}.assemble", watched):
-        work = solved(thin, across, 4)[0]
-    return work, told[0], told[1]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=["bending", "slender", "energy", "cost", "hertz"])
+    parser.add_argument("what", choices=["bending", "slender", "energy"])
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--degree", type=int, nargs="+", default=[0, 2])
     parser.add_argument("--across", type=int, nargs="+", default=[3, 5, 8])
     parser.add_argument("--bodies", type=int, default=300)
-    parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--out", type=Path, default=RESULTS / "thin_bodies.json")
     given = parser.parse_args()
     kept = json.loads(given.out.read_text()) if given.out.exists() else {}
@@ -368,10 +260,6 @@ def main() -> None:
         kept["bending"] = bending(BODIES, given.seeds, given.degree, given.across)
     elif given.what == "slender":
         kept["slender"] = bending(SLENDER, given.seeds, [0, 2], [8])
-    elif given.what == "cost":
-        kept["cost"] = cost(given.repeat)
-    elif given.what == "hertz":
-        kept["hertz"] = hertz(given.repeat)
     else:
         kept["energy"] = energy(given.bodies)
     given.out.write_text(json.dumps(kept, indent=1) + "\n")

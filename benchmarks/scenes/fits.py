@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -174,14 +175,7 @@ def rod_eye_outline() -> Scene:
     base = rod_eye()
     bodies = [dict(one, shape={**one["shape"]}) for one in base.case["body"]]
     bodies[0]["shape"]["use"] = "outline"
-    return Scene(
-        "rod_eye_outline",
-        base.kind,
-        {**base.case, "body": bodies},
-        base.figures,
-        files=base.files,
-        elements=True,
-    )
+    return replace(base, name="rod_eye_outline", case={**base.case, "body": bodies})
 
 
 @scene
@@ -189,7 +183,7 @@ def rod_eye_gap() -> Scene:
     """The pin drawn in the middle of the bore: the pull closes the gap first."""
     base = rod_eye()
     bodies = [base.case["body"][0], make_body("pin", "steel", "annulus", center=[0.0, 0.0], radii=[4.0, 9.9])]
-    return Scene("rod_eye_gap", base.kind, {**base.case, "body": bodies}, base.figures, files=base.files)
+    return replace(base, name="rod_eye_gap", case={**base.case, "body": bodies}, elements=False)
 
 
 @scene

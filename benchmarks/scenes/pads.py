@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -133,16 +134,8 @@ def fretting_pad_mesh() -> Scene:
 def fretting_pad_friction() -> Scene:
     """The same, pressed and sheared."""
     pad = make_body("pad", "steel", "mesh", file="pad.msh", use="outline")
-    return Scene(
-        "fretting_pad_friction",
-        "fretting pad with rounded corners",
-        pad_load(pad_base(pad, "pad.face", 0.4)),
-        [
-            Figure("normal", lambda r: abs(r.force("face")[1]), 600.0),
-            Figure("shear", lambda r: abs(r.force("face")[0]), 90.0),
-        ],
-        files={"pad.msh": pad_mesh},
-    )
+    given = pad_load(pad_base(pad, "pad.face", 0.4))
+    return replace(fretting_pad_face(), name="fretting_pad_friction", case=given, files={"pad.msh": pad_mesh})
 
 
 def bricks(wide: float, high: float, friction: float, push: float) -> dict[str, Any]:

@@ -12,9 +12,8 @@ from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.recording import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.app.scene.cost import cpu_seconds
 from mlsanm_cli.app.scene.imported import load_with_files
-from mlsanm_cli.app.scene.size_estimate import estimate
+from mlsanm_cli.app.scene.size_estimate import cpu_seconds, estimate
 from mlsanm_cli.case import (
     AnyLoad,
     BodyForce,
@@ -56,7 +55,7 @@ def check(
         write_parts(write, "body", model_bodies(prepared))
         console.note(f"model written to {write}")
     if picture is not None:
-        from mlsanm_cli.app.results.model_picture import draw_model
+        from mlsanm_cli.app.results.drawn import draw_model
 
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")

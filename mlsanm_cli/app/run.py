@@ -244,8 +244,8 @@ def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) ->
     # First of the checks that fail for inconsistent units, so that the warning names the cause.
     yield from strain_warnings(built.case, energies.strains)
     yield from check_transfer(built, last)
-    yield check_balance(force_balance(built, last))
-    yield check_energy(energies)
+    yield check_balance(built.case, force_balance(built, last))
+    yield check_energy(built.case, energies)
     yield from check_points(energies)
     yield from check_peaks(built.case, recorder.peaks)
     yield check_held(built)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mlsanm_cli.case.checks.valid_parts import Geometry, GeometryInspector
 from mlsanm_cli.case.model.base import split_boundary
-from mlsanm_cli.case.model.case import Body, Case, Contact
+from mlsanm_cli.case.model.case import Body, Case, Contact, finer_nodes
 from mlsanm_cli.case.model.expressions import ExpressionError, value_at
 from mlsanm_cli.case.model.loads import (
     AnyLoad,
@@ -60,6 +60,7 @@ __all__ = [
     "Temperature",
     "Traction",
     "case_hash",
+    "finer_nodes",
     "load_case",
     "parse_case",
     "resolved_mapping",

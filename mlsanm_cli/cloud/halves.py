@@ -20,7 +20,7 @@ SNAP_DISTANCE = 0.3
 HOLE_RADIUS = 0.85
 """A point of the line farther than this many spacings from all nodes gets a node.
 
-Nodes at equal steps along the line did worse: more clouds of degree 4 failed their certificate."""
+Nodes at equal steps along the line did worse: more clouds of degree 4 failed their coercivity estimate."""
 HOLE_STEP = 0.1
 """Step of the search for such points, in spacings."""
 

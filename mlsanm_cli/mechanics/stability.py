@@ -1,4 +1,4 @@
-"""Stability certificate of one body's discrete equations, for scenes without contact."""
+"""Coercivity estimate of one body's discrete equations, for scenes without contact."""
 
 from __future__ import annotations
 

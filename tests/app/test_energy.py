@@ -26,6 +26,7 @@ from mlsanm_cli.mechanics.energy import twice_strain_energy
 from mlsanm_cli.solve.event_driven import coulomb_state
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
 from tests.app.scenes import FAST, PATCH, hertz, solve
+from tests.case.scenes import parse
 from tests.case_text import body, box, contact, disk, head, item, load, material, pin, plane, polygon
 
 FINER = "body.block.spacing=0.1"
@@ -228,12 +229,12 @@ def test_bodies_without_energy_do_not_count(tmp_path: Path, monkeypatch: pytest.
 def test_limits(error: float, passes: bool) -> None:
     verdict = EnergyVerdict(error, {"good": 0.001, "bad": error})
     if passes:
-        text = check_energy(verdict)
+        text = check_energy(parse(PATCH).case, verdict)
         assert bool(text) == (abs(error) > 0.03)
         assert not text or "5 % below" in text
     else:
         with pytest.raises(NumericalError, match="body bad"):
-            check_energy(verdict)
+            check_energy(parse(PATCH).case, verdict)
 
 
 def test_a_scene_without_loads_has_no_error(tmp_path: Path) -> None:

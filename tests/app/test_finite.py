@@ -306,7 +306,7 @@ def test_new_equations_keep_what_the_state_leaves(tmp_path: Path, monkeypatch: p
     def found(problem: FiniteProblem, x: FloatArray, lam: float, options: PathOptions) -> Correction:
         if not problem.projector.rest.any():
             raise NumericalError("none")
-        assert np.abs(x - problem.projector.station).max() <= 1e-4
+        assert np.abs(x - problem.projector.base_state).max() <= 1e-4
         return correct(problem, x, lam, options)
 
     monkeypatch.setattr(finite_path, "correct", found)

@@ -96,45 +96,6 @@ def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, afterwards: pyt
     assert texts[-1] == (2.0, "")
 
 
-def test_every_line_tells_how_long_it_stands(tmp_path: Path) -> None:
-    """Something long is at work: compiled code in one call, as the factorisation of a large scene."""
-    script = """
-import sys, time
-import numpy as np
-from mlsanm_cli.cli.console import TerminalConsole
-from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.operators.linear.progress import watched
-console = TerminalConsole(sys.stderr, Settings(), width=60)
-pivots = np.full(10, 4)
-console.phase("factorising")
-with watched(pivots, 2 * pivots) as done:
-    for front in range(3):
-        time.sleep(0.4)
-        done[0] = front + 1
-console.step(12, 0.5, 1e-9, "closed 1234  peak pressure 123.456  stage 1 of 3 (press), 17 %  4 s, 20 s left")
-time.sleep(1.2)
-console.close()
-"""
-    (tmp_path / "case.py").write_text(script)
-    texts: list[str] = []
-    parent, child = pty.openpty()
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm"}
-    command = [sys.executable, str(tmp_path / "case.py")]
-    with subprocess.Popen(command, stderr=child, env=environment) as process:
-        os.close(child)
-        try:
-            while chunk := os.read(parent, 4096):
-                texts.append(chunk.decode())
-        except OSError:
-            pass  # how Linux tells the end of a terminal
-        os.close(parent)
-    assert process.returncode == 0
-    shown = "".join(texts)
-    assert re.search(r"factorising ...  fronts [12] of 10, \d+ %, \d+ s left  1 s", shown)
-    # The step's line is as wide as the terminal: columns go, the time since when stays.
-    assert re.search(r"step   12   position 0.5.*  1 s", shown)
-
-
 def test_a_log_whose_reader_left_does_not_end_the_run(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(BAR)
     command = [sys.executable, "-m", "mlsanm_cli.cli", "run", "case.toml", "--out", "run"]

@@ -7,12 +7,13 @@ import os
 import signal
 import time
 
+import numpy as np
 import pytest
 
 from mlsanm_cli.app.context import Stopper
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.text import pretty
+from mlsanm_cli.operators.linear.progress import watched
 
 
 class Terminal(io.StringIO):
@@ -128,25 +129,9 @@ def test_a_dumb_terminal_is_a_log(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "\x1b" not in stream.getvalue()
 
 
-@pytest.mark.parametrize(("no_color", "colored"), [("", True), ("1", False)])
-def test_color_on_a_terminal(monkeypatch: pytest.MonkeyPatch, no_color: str, colored: bool) -> None:
-    monkeypatch.setenv("NO_COLOR", no_color)
-    stream = Terminal()
-    TerminalConsole(stream, Settings()).warning("w")
-    assert ("\x1b[33m" in stream.getvalue()) == colored
-
-
-def test_wide_items_are_shown_one_below_the_other() -> None:
-    items = {name: {f"key_{k}": 0.123456789 for k in range(12)} for name in ("a", "b")}
-    narrow = pretty({"bodies": items}, width=60)
-    assert max(map(len, narrow.splitlines())) <= 60
-    assert narrow.count("key 11") == 2
-    assert pretty({"bodies": items}, width=300).count("key 11") == 1
-
-
 def test_a_line_that_stands_still_tells_since_when() -> None:
     stream = Terminal()
-    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=40, interval=0.02)
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=80, interval=0.02)
     for what in ("phase", "step"):
         if what == "phase":
             console.phase("factorising")
@@ -157,12 +142,20 @@ def test_a_line_that_stands_still_tells_since_when() -> None:
             time.sleep(0.01)
         assert stream.getvalue().endswith(" s")
     assert "\r\x1b[Kfactorising ...  0 s" in stream.getvalue()
+    with watched(np.full(10, 4), np.full(10, 8)) as done:
+        done[0] = 3
+        console.phase("factorising")
+        end = time.monotonic() + 5.0
+        while "fronts" not in stream.getvalue() and time.monotonic() < end:
+            time.sleep(0.01)
+    assert "factorising ...  fronts 3 of 10, 30 %" in stream.getvalue()
     console.close()
     ended = stream.getvalue()
     time.sleep(0.1)
     assert stream.getvalue() == ended
     # What stays is the step as it was.
-    assert stream.screen() == ["step    3   position 0.5", ""]
+    assert stream.screen()[0].split()[:4] == ["step", "3", "position", "0.5"]
+    assert stream.screen()[1:] == [""]
 
 
 def test_a_signal_that_is_obeyed_later_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -191,7 +191,7 @@ def test_renewed_equations_are_solved_next_to_the_old_ones() -> None:
         x = newton(problem, x, lam)
     again = renewed(problem, x, 1.0)
     assert np.abs(again.residual(x, 1.0)).max() <= 1e-10
-    # At its own station the derivative of the residual is one.
+    # At its own base state the derivative of the residual is one.
     step = np.random.default_rng(0).normal(size=body.unknowns)
     np.testing.assert_allclose(again.tangent(x, 1.0).solve(step), step, atol=1e-9)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.contact.geometry.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -160,11 +160,11 @@ def _check_cone(built: CondensedScene, state: State) -> None:
         )
 
 
-def check_balance(verdict: Verdict) -> str:
+def check_balance(case: Case, verdict: Verdict) -> str:
     """Warning of a force imbalance ("" if there is none). NumericalError above the limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(verdict.bodies[name], nan=np.inf))
     message = f"force imbalance on body {worst}: {100 * verdict.force_balance:.2g} % of the largest force"
-    hint = f"make body.{worst}.spacing smaller where it is held and around its notches, or use mls.degree = 4"
+    hint = f"{finer_nodes(case, [worst])} where it is held and around its notches, or use mls.degree = 4"
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""
@@ -188,7 +188,7 @@ def check_transfer(built: CondensedScene, state: State) -> list[str]:
         lost = mismatches[pairing.name]
         keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
         message = f"contact {pairing.name}: the forces on slave and master differ by {100.0 * lost:.2g} %"
-        hint = f"bring {keys} closer together where they touch, or make both smaller"
+        hint = f"bring {keys} closer together where they touch, or {finer_nodes(built.case, pairing.bodies)}"
         if not lost <= TRANSFER_LIMIT:
             raise NumericalError(message, hint)
         if lost > TRANSFER_WARNING:
@@ -196,7 +196,7 @@ def check_transfer(built: CondensedScene, state: State) -> list[str]:
     return texts
 
 
-def check_energy(verdict: EnergyVerdict) -> str:
+def check_energy(case: Case, verdict: EnergyVerdict) -> str:
     """Warning of a difference between strain energy and work ("" if there is none). NumericalError above the
     limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(abs(verdict.bodies[name]), nan=np.inf))
@@ -204,7 +204,7 @@ def check_energy(verdict: EnergyVerdict) -> str:
     size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
     message = f"twice the strain energy of body {worst} is {size} the work done on it"
     where = verdict.thin.get(worst) or "where it is held and around its notches"
-    hint = f"make body.{worst}.spacing smaller, above all {where}"
+    hint = f"{finer_nodes(case, [worst])}, above all {where}"
     if not abs(error) <= ENERGY_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
@@ -214,11 +214,10 @@ def check_points(verdict: EnergyVerdict) -> Iterator[str]:
     """Warnings of bodies held at single nodes whose displacements depend on the spacing."""
     for name, part in verdict.pointed.items():
         if part > ENERGY_WARNING:
-            where = f"body.{name}.spacing"
             yield (
                 f"body {name} is held at single nodes: displacements next to a point force are unbounded, "
-                f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary "
-                f"(from, to), or measure displacements relative to another point than the fixed one"
+                f"and grow by about {100 * part:.2g} % when its spacing is halved; support a part of a "
+                f"boundary (from, to), or measure displacements relative to another point than the fixed one"
             )
 
 
@@ -295,10 +294,7 @@ def check_estimates(
 
 def _finer(case: Case, bodies: Collection[str], more: Sequence[str] = ()) -> str:
     """Hint to use finer nodes in the bodies, and ``more`` keys to make smaller."""
-    files = [body.name for body in case.body if body.has_nodes and body.name in bodies]
-    keys = [*(f"body.{name}.spacing" for name in bodies if name not in files), *more]
-    hints = [f"make {', '.join(keys)} smaller"] if keys else []
-    return " and ".join([*hints, *(f"use finer nodes in body.{name}.shape.file" for name in files)])
+    return " and ".join([finer_nodes(case, bodies), *(f"a smaller {key}" for key in more)])
 
 
 def check_linear(residual: float) -> None:

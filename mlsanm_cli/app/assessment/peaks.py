@@ -21,7 +21,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
@@ -218,10 +218,8 @@ def check_peaks(case: Case, peaks: Mapping[str, Peak]) -> Iterator[str]:
         if peak is None or not peak.error > PEAK_WARNING:
             continue
         x, y = peak.place
-        finer = f"use finer nodes there (body.{body.name}.refine)"
-        if body.has_nodes:
-            finer = f"use finer nodes there in body.{body.name}.shape.file"
         yield (
             f"body {body.name}: the peak stress on its boundary, {peak.stress:.4g} (von Mises) near "
-            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; {finer}"
+            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; "
+            f"{finer_nodes(case, [body.name], 'refine')} there"
         )

@@ -17,6 +17,7 @@ from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction
+from mlsanm_cli.case.model.case import finer_nodes
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.quality import CloudQuality, measure
@@ -99,23 +100,21 @@ def announce(case: Case, prepared: SceneModel, context: RunContext, warn: Warn) 
 def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     """Measure the clouds of all bodies and the facing spacings of every contact."""
     brought = {body.name for body in case.body if body.has_nodes}
+    graded = {body.name for body in case.body if body.refine}
     bodies = {
         name: memo.value("quality", model.cloud.content, partial(measure, model.cloud))
         for name, model in prepared.models.items()
     }
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
-    graded = {body.name for body in case.body if body.refine}
-    warnings = [
-        text
-        for name, cloud in bodies.items()
-        for text in _cloud_warnings(name, cloud, name in brought, name in graded)
-    ]
+    warnings: list[str] = []
+    for name, cloud in bodies.items():
+        warnings += _cloud_warnings(name, cloud, name in brought, name in graded)
     # At finite strain automatic spacings are made alike where bodies touch, which a first run finds.
     own = {one.name for one in case.body if case.model.strain == "small" or one.spacing != "auto"}
     nodal = [pairing for pairing in prepared.pairings if pairing.name not in prepared.ranges]
     warnings += nodal_warnings(prepared, nodal, own | brought)
-    warnings += [text for one in prepared.pairings if one.bonded for text in _bond_warnings(one, clouds)]
+    warnings += _bond_warnings(case, prepared.pairings, clouds)
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly decreases with the spacing; use 2"
@@ -191,16 +190,17 @@ def _divided_warnings(pairing: Pairing) -> Iterator[str]:
                 break
 
 
-def _bond_warnings(pairing: Pairing, clouds: Mapping[str, Cloud]) -> Iterator[str]:
+def _bond_warnings(case: Case, pairings: Sequence[Pairing], clouds: Mapping[str, Cloud]) -> Iterator[str]:
     """Warnings of bonded curves with too few nodes."""
-    for body, surface in zip(pairing.bodies, (pairing.slave, pairing.master), strict=True):
-        assert surface is not None, "nothing is bonded to an obstacle"
+    sides = [(one, body, slave) for one in pairings if one.bonded for body, slave, _ in one.sides]
+    for pairing, body, slave in sides:
+        surface = pairing.surface_of(slave)
         bend = np.abs(surface.curve.curvature(surface.arc_length))
         turn = float((bend * clouds[body].spacing[surface.index]).max())
         if turn > MAX_BOND_TURN:
             yield (
                 f"contact {pairing.name}: the bonded surface of body {body} turns by {np.degrees(turn):.2g} "
-                f"degrees from node to node, too far for its stresses; make body.{body}.spacing smaller there"
+                f"degrees from node to node, too far for its stresses; {finer_nodes(case, [body])} there"
             )
 
 

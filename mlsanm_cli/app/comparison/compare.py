@@ -170,7 +170,10 @@ def _checked(built: CondensedScene, base: Measured) -> list[str]:
     last = base.states[max(base.states)]
     check_spacing(built, last)
     fields, _ = fields_of(built, [last], stress=True)[0]
-    texts = [check_balance(force_balance(built, last)), check_energy(energy_error(built, last, fields))]
+    texts = [
+        check_balance(built.case, force_balance(built, last)),
+        check_energy(built.case, energy_error(built, last, fields)),
+    ]
     return [text for text in texts if text]
 
 

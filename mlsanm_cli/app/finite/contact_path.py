@@ -11,7 +11,7 @@ import numpy as np
 from mlsanm_cli.app.finite.accuracy import missed_in_contact
 from mlsanm_cli.app.finite.limits import slid, strode
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
-from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Missed
+from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteStep, Missed
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
@@ -45,19 +45,19 @@ MAX_STRETCH = 1.6
 half a disk under a plate from 0.84 to -0.03."""
 
 
-def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
-    """All steps from the initial state on, or those after a checkpoint ``mark``. NumericalError if the path
+def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None) -> Iterator[FiniteStep]:
+    """All steps from the initial state on, or those after a ``checkpoint``. NumericalError if the path
     cannot be continued."""
     path = _Path(scene)
     wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
     steps, size, position = 0, FIRST_INCREMENT, 0.0
-    if mark is None:
+    if checkpoint is None:
         first = path.state(0.0, path.start())
         saved = (first,) if 0.0 in wanted else ()
-        yield FiniteStep(first, saved, factorizations=path.spent, mark=path.mark(first, size))
+        yield FiniteStep(first, saved, factorizations=path.spent, checkpoint=path.checkpoint(first, size))
     else:
-        path.take_up(mark)
-        size, position = mark.pace, mark.state.position
+        path.take_up(checkpoint)
+        size, position = checkpoint.pace, checkpoint.state.position
     ends = sorted({*wanted, *np.arange(1.0, len(scene.stages)).tolist()})
     for end in (one for one in ends if one > position):
         while position < end:
@@ -74,7 +74,7 @@ def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator
             missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
-            yield replace(done, mark=path.mark(state, size), missed=missed)
+            yield replace(done, checkpoint=path.checkpoint(state, size), missed=missed)
 
 
 def _check_stability(position: float, stability: float) -> None:
@@ -141,24 +141,26 @@ class _Path:
             first[side.body] += 2 * side.count
         return tuple(found)
 
-    def take_up(self, mark: FiniteMark) -> None:
+    def take_up(self, checkpoint: FiniteCheckpoint) -> None:
         """Continue from a checkpoint."""
-        scene, state = self._scene, mark.state
+        scene, state = self._scene, checkpoint.state
         assert state.pressed is not None
         self.now, self._slip, self._work, self._settled = state.pressed, state.slip, state.work, True
         counts = [body.loads.count for body in scene.bodies.values()]
-        acting = np.split(mark.acting, np.cumsum(counts)[:-1])
-        kept = {name for name, keeps in zip(scene.bodies, mark.keeps, strict=True) if keeps}
-        for (name, own), factors in zip(scene.parts(mark.station).items(), acting, strict=True):
-            if not np.array_equal(own, self._projectors[name].station):
+        acting = np.split(checkpoint.acting, np.cumsum(counts)[:-1])
+        kept = {name for name, keeps in zip(scene.bodies, checkpoint.keeps, strict=True) if keeps}
+        for (name, own), factors in zip(scene.parts(checkpoint.base_state).items(), acting, strict=True):
+            if not np.array_equal(own, self._projectors[name].base_state):
                 self._projectors[name] = scene.projector(name, own, factors, name in kept)
         self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
 
-    def mark(self, state: FiniteState, size: float) -> FiniteMark:
+    def checkpoint(self, state: FiniteState, size: float) -> FiniteCheckpoint:
         """Checkpoint at a ``state`` with the ``size`` of the next increment."""
-        station = np.concatenate([one.station for one in self._projectors.values()])
+        base_state = np.concatenate([one.base_state for one in self._projectors.values()])
         keeps = np.array([bool(one.rest.any()) for one in self._projectors.values()])
-        return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size, keeps=keeps)
+        return FiniteCheckpoint(
+            state, base_state, np.concatenate(list(self._acting.values())), size, keeps=keeps
+        )
 
     def start(self) -> Pressed:
         """State before loading. NumericalError if its iterations do not converge."""
@@ -197,7 +199,7 @@ class _Path:
         """Whether there are new equations that did not keep what their rows were left with; they do now."""
         fresh, self._fresh = self._fresh, frozenset()
         for name in fresh:
-            args = (name, self._projectors[name].station, self._acting[name])
+            args = (name, self._projectors[name].base_state, self._acting[name])
             self._projectors[name] = self._scene.projector(*args, keeps=True)
             self.spent += 1
         return bool(fresh)
@@ -206,7 +208,7 @@ class _Path:
         """Largest stretch of a node relative to the expansion point of its equations, its body and number."""
         parts = self._scene.parts(found.displacement)
         stretched = (
-            (most_stretched(body, parts[name], self._projectors[name].station), name)
+            (most_stretched(body, parts[name], self._projectors[name].base_state), name)
             for name, body in self._scene.bodies.items()
         )
         (most, node), name = max(stretched)
@@ -281,16 +283,16 @@ class _Path:
         renewed, kept = False, self._kept(state.traction)
         self._fresh = frozenset()
         for name, own in self._scene.parts(state.displacement).items():
-            body, station = self._scene.bodies[name], self._projectors[name].station
-            angle = body.turn(own) - body.turn(station)
-            if far_from(body, own, station):
-                station, self._fresh = own, self._fresh | {name}
+            body, base_state = self._scene.bodies[name], self._projectors[name].base_state
+            angle = body.turn(own) - body.turn(base_state)
+            if far_from(body, own, base_state):
+                base_state, self._fresh = own, self._fresh | {name}
             elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
                 upright = name in self._scene.upright
-                station = own if upright else _turned(body.elastic.model.nodes, station, angle)
+                base_state = own if upright else _turned(body.elastic.model.nodes, base_state, angle)
             else:
                 continue
-            self._projectors[name] = self._scene.projector(name, station, acting[name])
+            self._projectors[name] = self._scene.projector(name, base_state, acting[name])
             self._acting[name] = acting[name]
             self.spent += 1
             renewed = True

@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteMark, FiniteState, FiniteStep, Turn
+from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
@@ -32,28 +32,30 @@ LIMIT_SAMPLES = 65
 
 
 def finite_path(
-    scene: FiniteScene, mark: FiniteMark | None = None, renewals: Sequence[FiniteState] | None = None
+    scene: FiniteScene,
+    checkpoint: FiniteCheckpoint | None = None,
+    renewals: Sequence[FiniteState] | None = None,
 ) -> Iterator[FiniteStep]:
-    """All steps from the initial state on, or those after a checkpoint ``mark``. The equations are renewed
+    """All steps from the initial state on, or those after a ``checkpoint``. The equations are renewed
     in the states ``renewals`` of another path (``renewals_of``), or where the deformation requires it.
 
     NumericalError if the path cannot be continued, if det F <= 0, or if the law has lost ellipticity."""
     stages, case = scene.stages, scene.case
     wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
     problem, x = _first_problem(scene), np.zeros(scene.unknowns)
-    if mark is None:
+    if checkpoint is None:
         first = FiniteState(0.0, stages[0], x, 0.0)
-        start = FiniteMark(first, x, stages[0], 0.0, levels=np.array(wanted))
-        yield FiniteStep(first, (first,) if 0.0 in wanted else (), mark=start)
-    elif mark.direction.size:
-        x, problem = mark.state.displacement, _taken_up(scene, problem, mark)
-    steps, begun = 0, mark.stage if mark is not None else 0
+        start = FiniteCheckpoint(first, x, stages[0], 0.0, levels=np.array(wanted))
+        yield FiniteStep(first, (first,) if 0.0 in wanted else (), checkpoint=start)
+    elif checkpoint.direction.size:
+        x, problem = checkpoint.state.displacement, _taken_up(scene, problem, checkpoint)
+    steps, begun = 0, checkpoint.stage if checkpoint is not None else 0
     for stage in range(begun, len(stages) - 1):
         problem = replace(problem, start=stages[stage], end=stages[stage + 1])
         levels = [position - stage for position in wanted if stage < position <= stage + 1]
         path = _Stage(scene, problem, stage, levels, renewals)
-        if mark is not None and stage == begun and mark.direction.size:
-            path.take_up(mark)
+        if checkpoint is not None and stage == begun and checkpoint.direction.size:
+            path.take_up(checkpoint)
         for step in path.steps(x):
             steps += 1
             if steps > case.solver.max_steps:
@@ -79,13 +81,13 @@ def _first_problem(scene: FiniteScene) -> FiniteProblem:
     return replace(problem, length=min(largest, size) if largest else size)
 
 
-def _taken_up(scene: FiniteScene, problem: FiniteProblem, mark: FiniteMark) -> FiniteProblem:
+def _taken_up(scene: FiniteScene, problem: FiniteProblem, checkpoint: FiniteCheckpoint) -> FiniteProblem:
     """The equations that the state of a checkpoint solves."""
-    start = replace(problem, start=mark.state.factors)
+    start = replace(problem, start=checkpoint.state.factors)
     for keeps in (False, True):
-        projector = scene.projector(scene.alone[0], mark.station, mark.acting, keeps)
+        projector = scene.projector(scene.alone[0], checkpoint.base_state, checkpoint.acting, keeps)
         problem = replace(start, projector=projector)
-        left = np.abs(problem.residual(mark.state.displacement, 0.0)).max()
+        left = np.abs(problem.residual(checkpoint.state.displacement, 0.0)).max()
         if left <= scene.case.solver.tolerance:
             break
     return problem
@@ -109,15 +111,15 @@ class _Stage:
         )
         self.x = np.zeros(0)
         self._lam = 0.0
-        self._station, self._acting = problem.projector.station, problem.start
+        self._base_state, self._acting = problem.projector.base_state, problem.start
         self._previous: Branch | None = None
         self._spent = 0
 
-    def take_up(self, mark: FiniteMark) -> None:
+    def take_up(self, checkpoint: FiniteCheckpoint) -> None:
         """Continue from a checkpoint."""
-        self.x, self._lam, self._previous = mark.state.displacement, mark.lam, mark.branch
-        self._acting, self._levels = mark.acting, mark.levels.tolist()
-        if mark.renewed:
+        self.x, self._lam, self._previous = checkpoint.state.displacement, checkpoint.lam, checkpoint.branch
+        self._acting, self._levels = checkpoint.acting, checkpoint.levels.tolist()
+        if checkpoint.renewed:
             self._renew()
 
     def steps(self, x: FloatArray) -> Iterator[FiniteStep]:
@@ -145,12 +147,12 @@ class _Stage:
                     if self._renewals is not None:
                         self._renewals.pop(0)
                     finished = replace(finished, renewed=True, factorizations=finished.factorizations + 1)
-                yield replace(finished, mark=self._mark(finished, step))
+                yield replace(finished, checkpoint=self._checkpoint(finished, step))
             outcome = follower.outcome
             if outcome.reached:
                 return
             if outcome.reason.value != "stopped by caller":
-                if (fresh and not moved) or np.array_equal(self._station, self.x):
+                if (fresh and not moved) or np.array_equal(self._base_state, self.x):
                     where = (self._stage + self._lam, self.problem.factors(self._lam))
                     raise path_failure(self._scene, *where, self.x, outcome)
                 fresh = True
@@ -166,7 +168,7 @@ class _Stage:
         if lam == 1.0:
             return False
         if self._renewals is None:
-            return far_from(self.problem.body, x, self._station)
+            return far_from(self.problem.body, x, self._base_state)
         if not self._renewals or abs(lam - self._renewal_level()[0]) > SAME_LEVEL:
             return False
         # A path that turns back passes a load factor more than once.
@@ -177,17 +179,17 @@ class _Stage:
         position = self._stage + step.lam
         check_deformation(self._scene, position, self.problem.factors(step.lam), step.x)
 
-    def _mark(self, finished: FiniteStep, step: Step) -> FiniteMark:
+    def _checkpoint(self, finished: FiniteStep, step: Step) -> FiniteCheckpoint:
         branch, levels = step.branch, np.array(self._levels)
         direction = np.append(branch.x[1], branch.lam[1])
         place = (self._stage, step.lam, direction, levels, finished.renewed)
-        return FiniteMark(finished.state, self._station, self._acting, branch.length, *place)
+        return FiniteCheckpoint(finished.state, self._base_state, self._acting, branch.length, *place)
 
     def _renew(self) -> None:
         """Renew the equations at the current state, and correct the state. Next to crushed corners the
         correction may fail: then the equations keep the residual of their rows, which the state solves."""
         factors = self.problem.factors(self._lam)
-        self._station, self._acting = self.x, factors
+        self._base_state, self._acting = self.x, factors
         name = self._scene.alone[0]
         for keeps in (False, True):
             projector = self._scene.projector(name, self.x, factors, keeps)

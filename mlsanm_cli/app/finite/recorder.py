@@ -29,13 +29,13 @@ from mlsanm_cli.app.finite.patches import Touched
 from mlsanm_cli.app.finite.refinement import Refinement
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import (
-    FiniteEarlier,
-    FiniteMark,
+    FiniteCheckpoint,
     FiniteState,
     FiniteStep,
+    InterruptedFiniteRun,
     Missed,
     Turn,
-    plain_mark,
+    plain_checkpoint,
 )
 from mlsanm_cli.app.output.lines import obstacles
 from mlsanm_cli.app.output.recording import body_part, vtu_data
@@ -80,7 +80,7 @@ class FiniteRecorder(RunWriter):
         attributes: Mapping[str, str | int | float],
         context: RunContext,
         refinement: Refinement,
-        earlier: FiniteEarlier | None = None,
+        earlier: InterruptedFiniteRun | None = None,
     ) -> None:
         attributes = {**attributes, "strain": "finite"}
         super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
@@ -96,7 +96,7 @@ class FiniteRecorder(RunWriter):
         self.stability = float("inf")
         self.turns: list[Turn] = []
 
-    def start(self, scene: FiniteScene) -> FiniteMark | None:
+    def start(self, scene: FiniteScene) -> FiniteCheckpoint | None:
         """Store bodies and contacts; returns the checkpoint to continue from, if there is one."""
         with self._clock.phase("output"):
             datasets: dict[str, Value] = {}
@@ -116,11 +116,11 @@ class FiniteRecorder(RunWriter):
             self._file.save_if_due()
             return self._take_up(scene, self._earlier) if self._earlier else None
 
-    def _take_up(self, scene: FiniteScene, before: FiniteEarlier) -> FiniteMark | None:
+    def _take_up(self, scene: FiniteScene, before: InterruptedFiniteRun) -> FiniteCheckpoint | None:
         """Continue an earlier recording."""
-        if before.mark is None:
+        if before.checkpoint is None:
             return None
-        self.last, self._rows = before.mark.state, before.rows
+        self.last, self._rows = before.checkpoint.state, before.rows
         for name in TALLIES:
             setattr(self, name, before.figures.get(name, 0.0))
         self.turns += [Turn(**one) for one in before.figures["turns"]]
@@ -131,7 +131,7 @@ class FiniteRecorder(RunWriter):
         for position in positions if scene.case.output.vtu else ():
             self._states.keep(position, tuple(scene.bodies))
             self._lines.keep(position)
-        return before.mark
+        return before.checkpoint
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
         """Store a finished step with the requested fields within it."""
@@ -157,8 +157,8 @@ class FiniteRecorder(RunWriter):
             figures = {name: getattr(self, name) for name in TALLIES}
             more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
             more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
-            assert step.mark is not None
-            latest = partial(plain_mark, step.mark, figures | more)
+            assert step.checkpoint is not None
+            latest = partial(plain_checkpoint, step.checkpoint, figures | more)
             # Before the rows: a resumed run drops events of steps that are not in run.h5.
             event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
             self._events.write("step", **event, length=step.length)

@@ -85,9 +85,9 @@ def _followed(
 ) -> tuple[NumericalError | None, KeyboardInterrupt | None]:
     """Follow the path; returns the error or the interrupt that ended it, if any."""
     try:
-        mark = recorder.start(scene)
+        checkpoint = recorder.start(scene)
         context.stop_gently()
-        steps = contact_path(scene, mark) if scene.in_increments else finite_path(scene, mark)
+        steps = contact_path(scene, checkpoint) if scene.in_increments else finite_path(scene, checkpoint)
         while True:
             context.check_stop()
             with context.phase("continuation"):

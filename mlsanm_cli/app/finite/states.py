@@ -70,7 +70,7 @@ class FiniteStep:
     """A finished step: the state at its end, the requested states within it in order (including its end),
     its counters, its limit points, and intermediate states ``way`` of a power series.
 
-    ``renewed``: the equations were renewed at its end; ``mark`` is the checkpoint at its end; ``kept``, the
+    ``renewed``: the equations were renewed at its end; ``checkpoint`` is that at its end; ``kept``, the
     work of contact tractions on the displacements that would remove the residuals which equations keep;
     ``missed`` computes what fits of the next degree would change.
     """
@@ -84,15 +84,15 @@ class FiniteStep:
     solves: int = 0
     turns: tuple[Turn, ...] = ()
     renewed: bool = False
-    mark: FiniteMark | None = None
+    checkpoint: FiniteCheckpoint | None = None
     kept: float = 0.0
     way: tuple[FiniteState, ...] = ()
     missed: Missed | None = None
 
 
 @dataclass(frozen=True)
-class FiniteMark:
-    """Checkpoint of a path: a ``state``; the expansion point ``station`` (2N,) of the equations of all
+class FiniteCheckpoint:
+    """Checkpoint of a path: a ``state``; the ``base_state`` (2N,) of the equations of all
     bodies in order, and the factors ``acting`` (l,) of their loads there; ``pace``, the next increment with
     contact, the length of the last step of power series.
 
@@ -102,7 +102,7 @@ class FiniteMark:
     """
 
     state: FiniteState
-    station: FloatArray
+    base_state: FloatArray
     acting: FloatArray
     pace: float
     stage: int = 0
@@ -126,41 +126,43 @@ def renewals_of(steps: Sequence[FiniteStep]) -> tuple[FiniteState, ...]:
     return tuple(
         before.state
         for before, after in pairwise(steps)
-        if before.mark and after.mark and not np.array_equal(before.mark.station, after.mark.station)
+        if before.checkpoint
+        and after.checkpoint
+        and not np.array_equal(before.checkpoint.base_state, after.checkpoint.base_state)
     )
 
 
 @dataclass(frozen=True)
-class FiniteEarlier:
-    """Run of an earlier process: the number of rows of its path, its seconds, the checkpoint ``mark`` (None
+class InterruptedFiniteRun:
+    """Run of an earlier process: the number of rows of its path, its seconds, the ``checkpoint`` (None
     if the path had not begun) and the accumulated ``figures``."""
 
     rows: int
     seconds: float
-    mark: FiniteMark | None
+    checkpoint: FiniteCheckpoint | None
     figures: Mapping[str, Any]
 
 
-def plain_mark(mark: FiniteMark, figures: Mapping[str, Any]) -> dict[str, Value]:
+def plain_checkpoint(checkpoint: FiniteCheckpoint, figures: Mapping[str, Any]) -> dict[str, Value]:
     """The checkpoint as datasets."""
-    return {**flattened("checkpoint/path", mark), "checkpoint/figures": as_text(figures)}
+    return {**flattened("checkpoint/path", checkpoint), "checkpoint/figures": as_text(figures)}
 
 
-def interrupted_run(origin: RunOrigin) -> FiniteEarlier:
+def interrupted_run(origin: RunOrigin) -> InterruptedFiniteRun:
     """Read the checkpoint of a run. RunError if it is damaged or of another version."""
     stored = origin.checkpoint
     if not origin.rows:
-        return FiniteEarlier(0, origin.seconds, None, {})
+        return InterruptedFiniteRun(0, origin.seconds, None, {})
     try:
         figures = json.loads(stored["figures"])
-        return FiniteEarlier(origin.rows, origin.seconds, _mark(stored["path"]), figures)
+        return InterruptedFiniteRun(origin.rows, origin.seconds, _checkpoint(stored["path"]), figures)
     except (KeyError, TypeError, ValueError) as error:
         raise unreadable(error) from error
 
 
-def _mark(stored: Mapping[str, Any]) -> FiniteMark:
+def _checkpoint(stored: Mapping[str, Any]) -> FiniteCheckpoint:
     state, pressed = stored["state"], None
     if "pressed" in state:
         sets = restored(NodeSets, state["pressed"]["sets"])
         pressed = restored(Pressed, state["pressed"], sets=sets)
-    return restored(FiniteMark, stored, state=restored(FiniteState, state, pressed=pressed))
+    return restored(FiniteCheckpoint, stored, state=restored(FiniteState, state, pressed=pressed))

@@ -1,12 +1,15 @@
-"""Symbols of supports, loads and obstacles for pictures, from a case and the boundaries of its bodies."""
+"""Symbols of supports, loads and obstacles for pictures, from a case and the boundaries of its bodies; and
+the picture of a scene before it is solved."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 
 from mlsanm_cli.app.output.lines import obstacle_shift, obstacles
+from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
     BodyForce,
@@ -22,6 +25,9 @@ from mlsanm_cli.case import (
     value_at,
 )
 from mlsanm_cli.case.checks.finite import pivot_of
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
+from mlsanm_cli.io.plots.figures import SUFFIXES
 from mlsanm_cli.io.plots.marks import ConditionMarks
 from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
 
@@ -189,3 +195,23 @@ def _at(given: float | str, place: FloatArray) -> float:
     except ExpressionError:
         # Expressions need values at nodes only; a drawn point may lie elsewhere.
         return 1.0
+
+
+def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
+    """Draws the bodies coloured by their spacing, with supports, loads, obstacles and contacts. Raises
+    RunError for an unknown suffix, and if the file cannot be written."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise RunError(f"{path}: picture formats are {', '.join(SUFFIXES)}", "the suffix selects the format")
+    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    bodies = [
+        CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)
+        for cloud in clouds.values()
+    ]
+    touching = {one.name: one.points[[int(one.gap.argmin())]] for one in prepared.pairings}
+    stored = {name: BodyData(cloud.points, *cloud.boundary) for name, cloud in clouds.items()}
+    marks = marks_of(case, stored, touching, {})
+    nodes = sum(len(cloud.points) for cloud in clouds.values())
+    title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
+    plot_cloud(
+        path, bodies, case.units.label("spacing", "length"), title, marks=marks, unit=case.units.length
+    )

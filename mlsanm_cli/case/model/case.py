@@ -4,6 +4,7 @@ of length, force per unit thickness and stress can be used. All defaults are set
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -317,6 +318,12 @@ class Case(Section):
         if not isinstance(data, dict) or not isinstance(data.get("load"), tuple):
             return data
         return {**data, "load": tuple(_with_common_keys(row, data["load"]) for row in data["load"])}
+
+
+def finer_nodes(case: Case, names: Collection[str], key: str = "spacing") -> str:
+    """Hint to use finer nodes in the bodies of these names, by a ``key`` of theirs or in their files."""
+    keys = [f"body.{b.name}.{'shape.file' if b.has_nodes else key}" for b in case.body if b.name in names]
+    return f"use finer nodes ({', '.join(keys)})"
 
 
 def _with_common_keys(row: Any, rows: tuple[Any, ...]) -> Any:

@@ -16,8 +16,8 @@ from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
 @dataclass(frozen=True)
 class FiniteProblem:
     """R(u, lam) = 0 for the nodal displacement u (2N,), with load factors from ``start`` to ``end`` (L,). The
-    residual is the displacement that would correct the state at the projector's station, over ``length``, the
-    typical displacement."""
+    residual is the displacement that would correct the state at the projector's base state, over ``length``,
+    the typical displacement."""
 
     body: FiniteBody
     projector: Projector

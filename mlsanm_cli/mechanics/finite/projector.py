@@ -2,11 +2,11 @@
 
 Nonlinear least squares for rows R would solve J(u)^T W^2 R(u) = 0, whose own derivative is not available:
 Gauss-Newton iterations converge slowly, and series jump from step to step. Therefore the rows J_0 of one
-state, the station, define the equations of a path, a smooth square system::
+state, the base state, define the equations of a path, a smooth square system::
 
     J_0^T W^2 R(u) = 0        derivative  J_0^T W^2 J(u)
 
-W are the weights of the linear body, with pieces as strong as there. At the station this is the linear
+W are the weights of the linear body, with pieces as strong as there. At the base state this is the linear
 least-squares problem, whose solution for R measures the error of a state: the displacement that would correct
 it.
 
@@ -65,13 +65,13 @@ class Weights:
 
 @dataclass(frozen=True)
 class Projector:
-    """The weighted rows at a ``station`` (2N,), a displacement, with their factorised least-squares problem.
+    """The weighted rows at a ``base_state`` (2N,), a displacement, with their factorised least squares.
     ``places`` (k, 2) are the means of the pieces' nodes. The equations are for the residual minus ``rest``
-    (r,), which is 0 unless the station is to be a solution itself."""
+    (r,), which is 0 unless the base state is to be a solution itself."""
 
     body: FiniteBody
     weights: Weights
-    station: FloatArray
+    base_state: FloatArray
     system: LeastSquares
     places: FloatArray
     rest: FloatArray
@@ -114,7 +114,7 @@ class Projector:
         return np.asarray(series.rows(0) - self.rest)
 
     def displaced(self, left: FloatArray) -> FloatArray:
-        """Displacement (2N,) that corresponds to a residual ``left`` (r,) of the rows, at the station."""
+        """Displacement (2N,) that corresponds to a residual ``left`` (r,) of the rows, at the base state."""
         return self.system.solve(sparse.csc_array(left[:, None]))[:, 0]
 
     def scaled(self, left: FloatArray) -> FloatArray:
@@ -122,7 +122,7 @@ class Projector:
         return np.asarray(left * np.concatenate([self.weights.nodes, self.weights.pieces]))
 
     def image(self, displacement: FloatArray) -> FloatArray:
-        """The station's weighted rows (r,) applied to a ``displacement`` (2N,)."""
+        """The base state's weighted rows (r,) applied to a ``displacement`` (2N,)."""
         return np.concatenate([self.system.rows @ displacement, self.system.strong.rows @ displacement])
 
     @cached_property
@@ -144,7 +144,7 @@ class Projector:
         """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,), with rows
         ``turning`` (r, 2N) of other configuration-dependent loads added. Raises NumericalError if
         singular."""
-        if np.array_equal(displacement, self.station) and (turning is None or not turning.nnz):
+        if np.array_equal(displacement, self.base_state) and (turning is None or not turning.nnz):
             return Factorised(self, self.system.rows, self.system.strong.rows, None)
         rows, strong = weighted_rows(self.body, self.weights, displacement, factors)
         if turning is not None:
@@ -176,7 +176,7 @@ class Projector:
 @dataclass(frozen=True)
 class Factorised:
     """The factorised derivative of a projector's equations in a state with weighted ``rows`` and ``strong``;
-    at the station ``factor`` is None, as the projector has one."""
+    at the base state ``factor`` is None, as the projector has one."""
 
     projector: Projector
     rows: sparse.csr_array
