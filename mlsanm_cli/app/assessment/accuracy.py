@@ -8,7 +8,7 @@ docs/method.md compares it with refined runs and analytical solutions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure, l2, rough_state
+from mlsanm_cli.contact.laws.accuracy import changes_of, halved_state, l2, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.errors import NumericalError
@@ -35,6 +35,11 @@ LEAST_MOVED = 0.05
 """Probes that move by less than this part of the largest displacement are compared with it."""
 ROUND_OFF = 1e-9
 """Estimates below this are round-off."""
+
+Moved = tuple[FloatArray, FloatArray, FloatArray]
+"""Changes of motions (k,), pressures (m,) and tractions (n,)."""
+Halved = tuple[FloatArray, FloatArray]
+"""Motions (k,) and pressures (m,) with every second node of contacts."""
 
 
 @dataclass(frozen=True)
@@ -125,16 +130,16 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     defects = {name: one.defect for name, one in bodies.items()}
     largest = largest_of([one.displacement for one in bodies.values()])
     try:
-        halved = halved_pressure(condensed, state) if has_nodal_pressures(built) else None
+        halved = halved_state(condensed, state) if has_nodal_pressures(built) else None
         by = changes_of(condensed, scene, bodies)
         after = by.state(condensed, state)
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        moved = (after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction))
-        error, probes = displaced(built, bodies, by.bonds, *moved)
+        still = np.zeros_like(state.traction)
+        moved = after.motion - state.motion, after.pressure - state.pressure, still
+        error, probes, forces = consequences(built, bodies, state, by.bonds, moved, halved)
     except NumericalError:  # the corrected scene has no contact state
         return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
     pressures = pressure_errors(built, state, after.pressure, rough, halved)
-    forces = force_changes(built, state, moved)
     found = relative(error, bodies), *pressures
     return Accuracy(*found, state, largest, defects, solutions, probes=probes, forces=forces)
 
@@ -149,14 +154,36 @@ def forced(case: Case) -> bool:
     return False
 
 
-def force_changes(built: CondensedScene, state: ExactState, by: Sequence[FloatArray]) -> dict[str, float]:
-    """Changes of the forces of contacts ``by`` motions (k,), pressures (m,) and tractions (n,), relative to
-    the sums of pressures."""
+def consequences(
+    built: CondensedScene,
+    bodies: Mapping[str, Corrected],
+    state: ExactState,
+    bonds: Bonds,
+    moved: Moved,
+    halved: Halved | None,
+) -> tuple[float, dict[str, float], dict[str, float]]:
+    """Sum of squares of the change of all displacements; changes at probes, and of the forces of contacts
+    over the sums of their pressures: by the corrections of ``bodies``, with ``bonds`` and ``moved`` that
+    follow from them, and by nodal contacts of half as many nodes."""
+    error, probes = _displaced(built, bodies, bonds, moved)
+    forces = _force_changes(built, state, moved)
+    if halved is not None:
+        fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
+        more, places = _displaced(built, bodies, built.condensed.bonds, fewer, corrected=False)
+        others = _force_changes(built, state, fewer)
+        error += more
+        probes = {name: float(np.hypot(one, places[name])) for name, one in probes.items()}
+        forces = {name: float(np.hypot(one, others[name])) for name, one in forces.items()}
+    return error, probes, forces
+
+
+def _force_changes(built: CondensedScene, state: ExactState, moved: Moved) -> dict[str, float]:
     nothing, found = np.zeros(built.stages.shape[1]), dict[str, float]()
     for pairing in built.condensed.pairings:
         force, span = built.condensed.contact_forces[pairing.name], built.condensed.spans[pairing.name]
         size = float(built.condensed.weight[span] @ state.pressure[span])
-        found[pairing.name] = float(np.hypot(*(force(nothing, *by) - force.constant))) / size if size else 0.0
+        apart = force(nothing, *moved) - force.constant
+        found[pairing.name] = float(np.hypot(*apart)) / size if size else 0.0
     return found
 
 
@@ -182,26 +209,23 @@ def largest_of(displacements: list[FloatArray]) -> float:
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 
-def displaced(
+def _displaced(
     built: CondensedScene,
     bodies: Mapping[str, Corrected],
     bonds: Bonds,
-    motion: FloatArray,
-    pressure: FloatArray,
-    traction: FloatArray,
+    moved: Moved,
+    corrected: bool = True,
 ) -> tuple[float, dict[str, float]]:
-    """Sum of squares of the change of all displacements by the corrections of ``bodies``, and by changes of
-    ``bonds``, motions (k,), pressures (m,) and tractions (n,) that follow from them; and the changes at
-    probes."""
     condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
-    moved, probes = (np.zeros(built.stages.shape[1]), motion, pressure, traction), dict[str, float]()
+    unknowns, probes = (np.zeros(built.stages.shape[1]), *moved), dict[str, float]()
     for name, body in scene.bodies.items():
-        followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
-        rest = (bodies[name].change + followed + scene.floating_patterns(name) @ motion).reshape(-1, 2)
-        total += float(((rest + condensed.contact_fields(scene, name, moved)[0]) ** 2).sum())
+        followed = bodies[name].response(body, condensed.source(name, *unknowns))[:, 0]
+        own = bodies[name].change if corrected else 0.0
+        rest = (own + followed + scene.floating_patterns(name) @ moved[0]).reshape(-1, 2)
+        total += float(((rest + condensed.contact_fields(scene, name, unknowns)[0]) ** 2).sum())
         for probe in scene.probes:
             if probe.body == name:
-                near = condensed.contact_fields(scene, name, moved, probe.point)[0]
+                near = condensed.contact_fields(scene, name, unknowns, probe.point)[0]
                 probes[probe.name] = float(np.hypot(*(body.model.values(probe.point, rest) + near)[0]))
     return total, probes
 
@@ -217,11 +241,11 @@ def pressure_errors(
     state: ExactState,
     corrected: FloatArray,
     rough: FloatArray,
-    halved: FloatArray | None,
+    halved: Halved | None,
 ) -> tuple[dict[str, float | None], dict[str, float | None]]:
     """Relative errors of the pressures of a state, by contact: from those after corrections of the bodies
     (m,) and their change ``rough`` (m,) without smoothing, and by the contact's own spacing, from those with
-    every second node (m,), None if not known."""
+    every second node, None if not known."""
     from_bulk, from_contact = dict[str, float | None](), dict[str, float | None]()
     for pair in built.condensed.pairings:
         from_bulk[pair.name] = together(
@@ -232,7 +256,7 @@ def pressure_errors(
             errors = grid_errors(built.condensed, pair.name, [state])
             from_contact[pair.name] = float(np.linalg.norm(errors))
         else:
-            from_contact[pair.name] = None if halved is None else distance(built, pair, state, halved)
+            from_contact[pair.name] = None if halved is None else distance(built, pair, state, halved[1])
     return from_bulk, from_contact
 
 

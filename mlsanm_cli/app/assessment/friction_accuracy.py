@@ -8,9 +8,9 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.accuracy import (
     Accuracy,
+    Halved,
+    consequences,
     corrected_bodies,
-    displaced,
-    force_changes,
     has_nodal_pressures,
     largest_of,
     pressure_errors,
@@ -21,7 +21,7 @@ from mlsanm_cli.contact.laws.accuracy import (
     Changes,
     changes_of,
     frozen_change,
-    halved_pressure,
+    halved_state,
     roughness_of,
 )
 from mlsanm_cli.contact.laws.active_set import ExactState
@@ -56,12 +56,11 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
     moved = change.motion, change.pressure, change.traction
-    error, probes = displaced(built, bodies, by.bonds, *moved)
+    halved = _halved(built, last)
+    error, probes, forces = consequences(built, bodies, last, by.bonds, moved, halved)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
-    pressures = pressure_errors(
-        built, last, state.pressure + change.pressure, rough.pressure, _halved(built, last)
-    )
+    pressures = pressure_errors(built, last, state.pressure + change.pressure, rough.pressure, halved)
     return replace(
         accuracy,
         displacement=relative(error + by_law, bodies),
@@ -71,7 +70,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         state=last,
         largest=largest_of([one.displacement for one in bodies.values()]),
         probes=probes,
-        forces=force_changes(built, last, moved),
+        forces=forces,
     )
 
 
@@ -104,9 +103,9 @@ def _smoothed(built: CondensedScene, state: State) -> float:
     return float(sum((change**2).sum() for change in changes))
 
 
-def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
-    """Pressures (m,) from every second node with the tractions of the state as loads; None if there is no
-    contact with nodal pressures, or no solution."""
+def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
+    """Motions and pressures from every second node with the tractions of the state as loads; None if there is
+    no contact with nodal pressures, or no solution."""
     condensed = built.condensed
     if not has_nodal_pressures(built):
         return None
@@ -120,7 +119,7 @@ def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
         balance=_with_tractions(condensed.balance, state.traction),
     )
     try:
-        return halved_pressure(pushed, state)
+        return halved_state(pushed, state)
     except NumericalError:
         return None
 
