@@ -209,7 +209,9 @@ def judged(scene: Scene, folder: Path, coarse: bool, finer: Path) -> Table:
     peaks = {
         f"peak {name}": abs(one["peak_pressure"] / fine.summary["contacts"][name]["peak_pressure"] - 1.0)
         for name, one in (ran.summary.get("contacts") or {}).items()
-        if fine.summary["contacts"][name]["peak_pressure"] and not one.get("singular_ends")
+        if fine.summary["contacts"][name]["peak_pressure"]
+        and not one.get("singular_ends")
+        and "peak_tension" not in one
     }
     off = {
         one.what: one.error
@@ -249,19 +251,20 @@ def main() -> None:
     parser.add_argument("--finer", type=Path, help="a folder that keeps finer runs")
     parser.add_argument("--out", type=Path, default=OUT)
     given = parser.parse_args()
-    found, totals = [], {}
+    found = []
+    totals: dict[str, dict[str, int]] = {}
     with tempfile.TemporaryDirectory() as scratch:
         for name, make in SCENES.items():
             if given.only and not any(part in name for part in given.only):
                 continue
             found.append(judged(make(), Path(scratch), given.coarse, given.finer or Path(scratch) / "finer"))
             print(told(found[-1]), flush=True)
-    for one in found:
-        for what, *_, verdict in one.get("figures", ()):
-            kind = totals.setdefault(what.split()[0], {})
-            kind[verdict] = kind.get(verdict, 0) + 1
+    for line in found:
+        for what, *_, verdict in line.get("figures", ()):
+            counts = totals.setdefault(what.split()[0], {})
+            counts[verdict] = counts.get(verdict, 0) + 1
     given.out.write_text(json.dumps({"totals": totals, "scenes": found}) + "\n")
-    for kind, counts in totals.items():
+    for kind, counts in sorted(totals.items()):
         print(kind, counts)
 
 

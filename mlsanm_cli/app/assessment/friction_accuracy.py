@@ -9,8 +9,9 @@ import numpy as np
 from mlsanm_cli.app.assessment.accuracy import (
     Accuracy,
     Halved,
-    consequences,
+    Moved,
     corrected_bodies,
+    effects,
     has_nodal_pressures,
     largest_of,
     pressure_errors,
@@ -19,7 +20,6 @@ from mlsanm_cli.app.assessment.accuracy import (
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.accuracy import (
     Changes,
-    changes_of,
     frozen_change,
     halved_state,
     roughness_of,
@@ -50,37 +50,35 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     )
     try:
         bodies = corrected_bodies(built, state.unknowns, memo)
-        by = changes_of(condensed, built.scene, bodies)
-        change = _change(built, last, by)
-        rough = _change(built, last, roughness_of(condensed, built.scene, bodies))
+        halved = _halved(built, last)
+        found = effects(built, bodies, last, lambda by: _moved(built, last, by), halved)
+        rough = _moved(built, last, roughness_of(condensed, built.scene, bodies))[1]
     except NumericalError:  # a cloud too small for the next degree, or a singular contact
         return accuracy
-    moved = change.motion, change.pressure, change.traction
-    halved = _halved(built, last)
-    error, probes, forces = consequences(built, bodies, last, by.bonds, moved, halved)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
-    pressures = pressure_errors(built, last, state.pressure + change.pressure, rough.pressure, halved)
+    pressures = pressure_errors(built, last, found.pressures, rough, halved)
     return replace(
         accuracy,
-        displacement=relative(error + by_law, bodies),
+        displacement=relative(found.squares + by_law, bodies),
         from_bulk=pressures[0],
         from_contact=pressures[1],
         from_law=relative(by_law, bodies) or 0.0,
         state=last,
         largest=largest_of([one.displacement for one in bodies.values()]),
-        probes=probes,
-        forces=forces,
+        probes=found.probes,
+        forces=found.forces,
     )
 
 
-def _change(built: CondensedScene, state: ExactState, by: Changes) -> ContactSolution:
+def _moved(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
     """Response of the contact to changes ``by`` something else."""
     condensed = built.condensed
     # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
-    return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
+    change = frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
+    return change.motion, change.pressure, change.traction
 
 
 def _smoothed(built: CondensedScene, state: State) -> float:

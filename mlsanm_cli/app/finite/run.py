@@ -214,7 +214,9 @@ def _summary(
             ],
         }
     limits: dict[str, Any] = {
-        **{"residual": scene.case.solver.tolerance, "force_balance": BALANCE_LIMIT, "ellipticity": 0.0},
+        "residual": scene.case.solver.tolerance,
+        "force_balance": BALANCE_LIMIT,
+        "ellipticity": 0.0,
         "error_estimate": ESTIMATE_WARNING,
         "estimates": {
             "energy": ESTIMATE_WARNING,

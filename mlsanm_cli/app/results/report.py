@@ -177,7 +177,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
         rows.append(
             [what, _number(value), limit_text, html.GOOD + "passes" if passes else html.BAD + "fails"]
         )
-    estimates, warned = _named(summary.get("error_estimate")), _named(limits.get("estimates"))
+    estimates, warned = _estimates(summary.get("error_estimate")), _estimates(limits.get("estimates"))
     for what, value in estimates.items():
         limit = warned.get(what)
         limit_text = "" if limit is None else f"below {100.0 * limit:g} %"
@@ -190,7 +190,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
     return html.table("Checks", ["check", "value", "limit", "verdict"], rows)
 
 
-def _named(tables: Mapping[str, Any] | None) -> dict[str, float | None]:
+def _estimates(tables: Mapping[str, Any] | None) -> dict[str, float | None]:
     """Error estimates, or their limits, by what they are of."""
     found = dict[str, float | None]()
     for key, value in (tables or {}).items():
