@@ -46,6 +46,8 @@ FINE_PATIENCE = 150.0
 """CPU seconds."""
 SMALL = 0.05
 """Probes that move by less than this part of the largest displacement are compared with it."""
+ENDS = 0.02
+"""Part of a contact next to each end that does not count if pressures have no bound there."""
 QUIET, LOUD = 0.005, 0.02
 """Below the first no warning is due, above the second it is."""
 
@@ -149,12 +151,15 @@ def most(ran: Ran) -> float:
 
 
 def pressures(base: Ran, fine: Ran, name: str) -> float | None:
-    """Relative L2 distance of the pressures of a contact; None without pressures."""
+    """Relative L2 distance of the pressures of a contact, without ends where they have no bound; None without
+    pressures."""
     with h5py.File(base.folder / "run.h5") as one, h5py.File(fine.folder / "run.h5") as other:
-        (s, p), (t, q) = (
-            (f[f"contacts/{name}/arc_length"][:], f[f"contacts/{name}/pressure"][-1]) for f in (one, other)
-        )
+        tables = [file[f"contacts/{name}"] for file in (one, other)]
+        (s, p), (t, q) = ((table["arc_length"][:], table["pressure"][-1]) for table in tables)
     places = np.unique(np.concatenate([s, t]))
+    if any(ran.summary["contacts"][name].get("singular_ends") for ran in (base, fine)):
+        cut = ENDS * (places[-1] - places[0])
+        places = places[(places >= places[0] + cut) & (places <= places[-1] - cut)]
     first, second = np.interp(places, s, p, 0, 0), np.interp(places, t, q, 0, 0)
     size = np.trapezoid(second**2, places)
     return float(np.sqrt(np.trapezoid((first - second) ** 2, places) / size)) if size else None

@@ -55,7 +55,7 @@ class Accuracy:
     empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
     of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
     ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
-    ``stiffness`` those of all forces if no load is a force, known from energies.
+    ``stiffness`` those of all forces if no load is a force, which are then in proportion to displacements.
     """
 
     displacement: float | None
@@ -104,8 +104,8 @@ class Accuracy:
         """Estimates that include the errors of displacements and forces known from energies."""
         if self.displacement is None or energies is None:
             return self
-        more, stiffness = energies.deflection, 0.0 if forced(case) else energies.stiffness
-        displacement = float(np.hypot(self.displacement, more))
+        more = energies.deflection
+        displacement, stiffness = float(np.hypot(self.displacement, more)), 0.0 if forced(case) else more
         return replace(self, displacement=displacement, deflection=more, stiffness=stiffness)
 
     @property

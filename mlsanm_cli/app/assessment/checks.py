@@ -74,7 +74,7 @@ class EnergyVerdict:
     largest in magnitude; also by body the strain, the relative increase of the work at single supported nodes
     with half the spacing (``pointed``) and a description of parts with too few nodes across (``thin``).
     ``deflection`` is the root mean square error of the displacements, relative, as far as only the energies
-    show it, ``stiffness`` the difference for all bodies together."""
+    show it."""
 
     energy_error: float
     bodies: Mapping[str, float]
@@ -82,7 +82,6 @@ class EnergyVerdict:
     pointed: Mapping[str, float] = field(default_factory=dict)
     thin: Mapping[str, str] = field(default_factory=dict)
     deflection: float = 0.0
-    stiffness: float = 0.0
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
