@@ -284,7 +284,7 @@ def test_large_estimates_are_warned_of() -> None:
     built: Any = SimpleNamespace(
         case=SimpleNamespace(body=[SimpleNamespace(name="arm", has_nodes=False)]),
         scene=SimpleNamespace(bodies={"arm": None}),
-        condensed=SimpleNamespace(pairings=pairings),
+        condensed=SimpleNamespace(pairings=pairings, probes=()),
     )
 
     def told(displacement: float | None, pin: float | None, **probes: float) -> list[str]:

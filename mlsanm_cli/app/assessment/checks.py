@@ -74,7 +74,7 @@ class EnergyVerdict:
     largest in magnitude; also by body the strain, the relative increase of the work at single supported nodes
     with half the spacing (``pointed``) and a description of parts with too few nodes across (``thin``).
     ``deflection`` is the root mean square error of the displacements, relative, as far as only the energies
-    show it, ``stiffness`` the difference for all bodies together."""
+    show it."""
 
     energy_error: float
     bodies: Mapping[str, float]
@@ -82,7 +82,6 @@ class EnergyVerdict:
     pointed: Mapping[str, float] = field(default_factory=dict)
     thin: Mapping[str, str] = field(default_factory=dict)
     deflection: float = 0.0
-    stiffness: float = 0.0
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
@@ -248,14 +247,26 @@ PLACE_WARNING = 0.03
 """Estimated error of displacements above which a run warns."""
 
 
+def estimate_limits(built: CondensedScene) -> dict[str, Any]:
+    """Limits of the error estimates of summary.json above which a run warns. Those of pressures are lower for
+    frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
+    pressures = {
+        one.name: ESTIMATE_WARNING if one.grid is not None and not one.friction else LARGE_ERROR
+        for one in built.condensed.pairings
+    }
+    places = dict.fromkeys(built.condensed.probes, PLACE_WARNING)
+    forces = dict.fromkeys(pressures, FORCE_WARNING)
+    return {"displacement": PLACE_WARNING, "pressure": pressures, "force": forces, "probes": places}
+
+
 def check_estimates(
     built: CondensedScene,
     estimates: Mapping[str, Any],
     from_law: float = 0.0,
 ) -> list[str]:
-    """Warnings of displacements and pressures with large estimated errors. The limit is lower for
-    frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
+    """Warnings of displacements, forces and pressures with large estimated errors."""
     texts, displacement = [], estimates["displacement"]
+    limits = estimate_limits(built)["pressure"]
     coarse = _finer(built.case, built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
@@ -282,8 +293,7 @@ def check_estimates(
                 f"{coarse}, above all where bodies are held"
             )
         error = estimates["pressure"].get(pairing.name)
-        limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
-        if error is not None and error > limit:
+        if error is not None and error > limits[pairing.name]:
             on_grid = pairing.grid is not None and pairing.friction
             hint = _finer(built.case, pairing.bodies, [f"contact.{pairing.name}.accuracy"] if on_grid else [])
             texts.append(
