@@ -26,6 +26,7 @@ from mlsanm_cli.app.assessment.end_state import (
     check_limit,
     check_rolling,
     end_warnings,
+    idle_note,
     overlap_warnings,
     tip_warnings,
 )
@@ -228,6 +229,8 @@ def _follow(
     for warning in _warnings(built, first, recorder):
         if warning:
             recorder.warn(warning)
+    if note := idle_note(built, recorder.last):
+        context.console.note(note)
     return path.reached
 
 

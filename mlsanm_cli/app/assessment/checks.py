@@ -21,6 +21,8 @@ BALANCE_LIMIT = 0.1
 stress, independently of the applied forces. On clamped beams the imbalance was as large as the error of the
 deflection."""
 BALANCE_WARNING = 0.03
+ROUND_OFF = 1e-9
+"""Forces on a body below this part of the largest in the scene are none."""
 
 TRANSFER_LIMIT = 0.1
 """Largest accepted difference of the forces on slave and master of a contact, relative to its normal force.
@@ -116,9 +118,13 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
 
 
 def least_force(built: CondensedScene, body: str) -> float:
-    """Force below which those on a body are not checked, from those at the ends of stages."""
-    forces = (largest_force(built, body, end.unknowns) for end in built.ends)
-    return UNLOADED * max(forces, default=0.0)
+    """Force below which those on a body are not checked, from those at the ends of stages: on it, and, if
+    nothing loads it, on all."""
+    sizes = {
+        name: max((largest_force(built, name, end.unknowns) for end in built.ends), default=0.0)
+        for name in built.scene.bodies
+    }
+    return max(UNLOADED * sizes[body], ROUND_OFF * max(sizes.values()))
 
 
 def check_state(built: CondensedScene, state: State) -> None:

@@ -18,12 +18,14 @@ ROUND_OFF = 1e-10
 @dataclass(frozen=True, eq=False)
 class AdmissibleChanges:
     """The conditions to be enforced: closed nodes that may open (m,), open ones that may close (m,), sticking
-    and closing ones that may slip (n,), and towards which ``side`` (n,): 1, -1, or 0 for both."""
+    and closing ones that may slip (n,), and towards which ``side`` (n,): 1, -1, or 0 for both. Given the
+    ``force`` (k,) on motions, those that it does not drive are held where closed nodes do not resist them."""
 
     opening: BoolArray
     closing: BoolArray
     slipping: BoolArray
     side: FloatArray
+    force: FloatArray | None = None
 
 
 class UnbalancedError(NumericalError):
@@ -56,18 +58,6 @@ class EndlessError(NoStateError):
             f"the active set found no contact state in {passes} passes",
             "the clouds along the contact may be too coarse or too different; at high friction there may "
             "also be no continuous path",
-        )
-        self.sliding = False
-
-
-class FloatingError(NoStateError):
-    """No contact was or is loaded: free motions are undetermined."""
-
-    def __init__(self) -> None:
-        NumericalError.__init__(
-            self,
-            "the position of a body held by contact only is undetermined: no contact is loaded yet",
-            "move it by a force instead of a displacement, or draw the surfaces touching",
         )
         self.sliding = False
 

@@ -192,13 +192,16 @@ class Condensed:
         motions if possible."""
         ordered = {name: np.sort(gap[span]) for name, span in self.spans.items()}
         chosen = np.zeros(len(gap), dtype=bool)
+        held = np.vstack([self.gap.motion, self.slip.motion, self.balance.motion])
+        size = np.abs(held).max(axis=0, initial=0.0)
+        held, still = held / np.where(size > 0.0, size, 1.0), np.ones(held.shape[1], dtype=bool)
+        most = np.linalg.matrix_rank(held, ROUND_OFF)
         for count in 2 ** np.arange(len(gap).bit_length() + 1):
             for name, span in self.spans.items():
                 widest = ordered[name][:count].max(initial=-np.inf)
                 chosen[span] |= gap[span] <= widest + EQUAL_GAP * self.weight[span]
-            held = np.concatenate([self.gap.motion[chosen], self.balance.motion])
-            size = np.abs(held).max(axis=0, initial=0.0)
-            if np.linalg.matrix_rank(held / np.where(size > 0.0, size, 1.0), ROUND_OFF) == held.shape[1]:
+            rows = np.concatenate([chosen, chosen[self.friction_nodes], still])
+            if np.linalg.matrix_rank(held[rows], ROUND_OFF) == most:
                 break
         return chosen
 
