@@ -133,17 +133,21 @@ def kkt_residual(
     free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
     caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
     gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
-    overlap = np.maximum(np.where(closed, np.abs(gap), -gap) - condensed.gap_round_off, 0.0)
+    overlap = np.where(closed, np.abs(gap), -gap)
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)
     force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
     force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
     stuck = np.isfinite(held)
+    # Gaps are known to round-off, and pressures to what it causes.
+    length = condensed.gap_round_off
+    round_off = length / largest_compliance if largest_compliance > 0.0 else 0.0
     parts = (
-        overlap.max(initial=0.0) / elastic,
-        max(0.0, -pressure.min(initial=0.0)) / typical,
-        np.abs(slip[stuck] - held[stuck]).max(initial=0.0) / elastic,
-        max(0.0, (np.abs(traction) - limit).max(initial=0.0)) / typical,
+        (overlap.max(initial=0.0) - length) / elastic,
+        (-pressure.min(initial=0.0) - round_off) / typical,
+        (np.abs(slip[stuck] - held[stuck]).max(initial=0.0) - length) / elastic,
+        ((np.abs(traction) - limit).max(initial=0.0) - round_off) / typical,
+        0.0,
         (np.abs(imbalance) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
     )
     return float(max(parts))
