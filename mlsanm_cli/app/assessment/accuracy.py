@@ -73,14 +73,17 @@ class Accuracy:
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
-        pressure, exact = {}, self.state
+        # Tractions of bonds have no estimate.
+        exact, bonds = self.state, [one.name for one in built.condensed.bonds.pairings]
+        pressure: dict[str, float | None] = dict.fromkeys(bonds)
         blind = len(built.condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
             # The path ended before the state of the other estimates.
             try:
                 exact = solve_exact(built.condensed, state.factors)
             except NumericalError:  # the exact laws have no solution at the end of the path
-                return {"displacement": self.displacement, "pressure": dict.fromkeys(self.from_bulk)}
+                none = dict.fromkeys([*bonds, *self.from_bulk])
+                return {"displacement": self.displacement, "pressure": none}
         for pairing in built.condensed.pairings:
             away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
             pressure[pairing.name] = together(
