@@ -26,6 +26,7 @@ from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
+from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.grid_refinement import grid_errors
@@ -241,11 +242,18 @@ def corrected_bodies(
 ) -> dict[str, Corrected]:
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
     condensed, scene = built.condensed, built.scene
-    moved = {name: scene.floating_patterns(name) @ unknowns[1] for name in scene.bodies}
-    return {
-        name: correct(body, condensed.source(name, *unknowns), moved[name], memo)
-        for name, body in scene.bodies.items()
+    plates = {
+        side
+        for constraint, _ in scene.unknown_motions
+        if isinstance(constraint, Platen)
+        for side in constraint.held
     }
+    found = {}
+    for name, body in scene.bodies.items():
+        moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)
+        own = [surface for owner, surface in plates if owner == name]
+        found[name] = correct(body, source, moved, own, memo)
+    return found
 
 
 def has_nodal_pressures(built: CondensedScene) -> bool:
