@@ -166,7 +166,7 @@ def carry_out(
             with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last, context.memo)
             adapted = replace(adapted, accuracy=accuracy)
-        adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(case, recorder.energies))
+        adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
         for warning in check_estimates(built, estimates, adapted.accuracy.from_law):
             recorder.warn(warning)

@@ -9,7 +9,7 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -106,10 +106,14 @@ class Corrected:
 
 
 def correct(
-    body: ElasticBody, source: sparse.csc_array, moved: FloatArray, memo: Memo = NO_CACHE
+    body: ElasticBody,
+    source: sparse.csc_array,
+    moved: FloatArray,
+    plates: Collection[str] = (),
+    memo: Memo = NO_CACHE,
 ) -> Corrected:
     """Displacements of a body for ``source`` (r, 1) plus the rigid part ``moved`` (2N,), with their
-    correction. ``memo`` keeps the better fits of small bodies.
+    correction. Surfaces on ``plates`` are moved by forces; ``memo`` keeps the better fits of small bodies.
 
     Unrefined solutions suffice for corrections. The displacements themselves are refined, each step sharing
     one pass through the factor with a correction, until the steps are small against it. The first step
@@ -122,7 +126,7 @@ def correct(
     before, rough = np.inf, 0.0
     part = 0.0 if body.model.material.nearly_incompressible else ALGEBRAIC_FRACTION
     for _ in range(MAX_UPDATES):
-        defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2), better)
+        defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2), better, plates)
         beyond = sparse.csc_array(defect.source[:, None])
         step, change = body.system.step(source, solution, beyond).T
         solution = solution + step[:, None]
@@ -144,9 +148,15 @@ def correct(
     return replace(found, uncertain=SINGULAR_SHARE * alone)
 
 
-def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | None = None) -> Defect:
-    """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known. Raises
-    NumericalError for a degree outside DEGREES, or if the cloud is too small for the next degree."""
+def defect_of(
+    body: ElasticBody,
+    displacement: FloatArray,
+    better: NextDegree | None = None,
+    plates: Collection[str] = (),
+) -> Defect:
+    """Defect of the nodal ``displacement`` (N, 2) of a body with surfaces on ``plates`` that are moved by
+    forces, by fits of the next degree, ``better`` if known. Raises NumericalError for a degree outside
+    DEGREES, or if the cloud is too small for the next degree."""
     model, stiffness = body.model, body.model.material.stiffness
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
@@ -180,13 +190,16 @@ def defect_of(body: ElasticBody, displacement: FloatArray, better: NextDegree | 
         if any(axes)
     }
     stress = stress_of(derivatives, stiffness) - model.stress(displacement)
-    return Defect(source, np.where(_near_singular(body), source, 0.0), stress, reactions)
+    return Defect(source, np.where(_near_singular(body, plates), source, 0.0), stress, reactions)
 
 
-def _near_singular(body: ElasticBody) -> BoolArray:
-    """Mask (r,) of the rows of nodes within SINGULAR_REACH of ends of clamped sides."""
+def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
+    """Mask (r,) of the rows of nodes within SINGULAR_REACH of ends of clamped sides. Not of those on
+    ``plates``: what such a plate carries is known, but the stress beneath it is not, and by this part alone a
+    long beam would have turned its plate by a tenth of its angle, right to 1e-4."""
     cloud, found = body.model.cloud, np.zeros(body.rows, dtype=bool)
-    ends = singular_changes(cloud, body.gripped, body.springs)
+    fixed = {name: axes for name, axes in body.gripped.items() if name not in plates}
+    ends = singular_changes(cloud, fixed, body.springs)
     if len(ends):
         near = nearest(cKDTree(cloud.points[ends]), cloud.points)[0] < SINGULAR_REACH * cloud.spacing
         found[: 2 * len(near)] = np.tile(near, 2)

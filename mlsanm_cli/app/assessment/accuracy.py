@@ -18,7 +18,6 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, l2, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
@@ -26,6 +25,7 @@ from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
+from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.grid_refinement import grid_errors
@@ -54,8 +54,7 @@ class Accuracy:
     None without an estimate. ``defects`` and ``solutions`` (2N, 1) are those of the bodies in that state,
     empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
     of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
-    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
-    ``stiffness`` those of all forces if no load is a force, which are then in proportion to displacements.
+    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces.
     """
 
     displacement: float | None
@@ -69,28 +68,25 @@ class Accuracy:
     deflection: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
     forces: Mapping[str, float] = field(default_factory=dict)
-    stiffness: float = 0.0
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
-        pressure, exact = {}, self.state
+        # Tractions of bonds have no estimate.
+        exact, bonds = self.state, [one.name for one in built.condensed.bonds.pairings]
+        pressure: dict[str, float | None] = dict.fromkeys(bonds)
         blind = len(built.condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
             # The path ended before the state of the other estimates.
             try:
                 exact = solve_exact(built.condensed, state.factors)
             except NumericalError:  # the exact laws have no solution at the end of the path
-                return {"displacement": self.displacement, "pressure": dict.fromkeys(self.from_bulk)}
+                none = dict.fromkeys([*bonds, *self.from_bulk])
+                return {"displacement": self.displacement, "pressure": none}
         for pairing in built.condensed.pairings:
             away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
-            pressure[pairing.name] = together(
-                self.from_bulk[pairing.name], self.from_contact[pairing.name], away, self.stiffness
-            )
-        forces = {
-            name: float(np.hypot(one, self.stiffness * _share(built, self.state, name)))
-            for name, one in self.forces.items()
-        }
-        more = {"force": forces, "probes": {name: self._at(built, name) for name in self.probes}}
+            parts = self.from_bulk[pairing.name], self.from_contact[pairing.name], away
+            pressure[pairing.name] = together(*parts)
+        more = {"force": dict(self.forces), "probes": {name: self._at(built, name) for name in self.probes}}
         known = {name: one for name, one in more.items() if one}
         return {"displacement": self.displacement, "pressure": pressure} | known
 
@@ -100,13 +96,12 @@ class Accuracy:
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
-    def with_energies(self, case: Case, energies: EnergyVerdict | None) -> Accuracy:
-        """Estimates that include the errors of displacements and forces known from energies."""
+    def with_energies(self, energies: EnergyVerdict | None) -> Accuracy:
+        """Estimates that include the errors of displacements known from energies."""
         if self.displacement is None or energies is None:
             return self
-        more = energies.deflection
-        displacement, stiffness = float(np.hypot(self.displacement, more)), 0.0 if forced(case) else more
-        return replace(self, displacement=displacement, deflection=more, stiffness=stiffness)
+        displacement = float(np.hypot(self.displacement, energies.deflection))
+        return replace(self, displacement=displacement, deflection=energies.deflection)
 
     @property
     def bulk_leads(self) -> bool:
@@ -152,16 +147,6 @@ def _moved(condensed: Condensed, state: ExactState, by: Changes) -> Moved:
     after = by.state(condensed, state)
     moved = after.motion - state.motion, after.pressure - state.pressure
     return *moved, np.zeros_like(state.traction)
-
-
-def forced(case: Case) -> bool:
-    """Whether a load is a force; otherwise all forces are in proportion to the stiffness of bodies."""
-    for load in case.load:
-        if load.kind in ("traction", "pressure", "body-force") or getattr(load, "moment", None):
-            return True
-        if load.kind in ("platen", "obstacle") and ("force" in {how for how, _ in load.control.values()}):
-            return True
-    return False
 
 
 @dataclass(frozen=True)
@@ -226,23 +211,23 @@ def _effects(
     return Effects(total, probes, forces, [state.pressure + moved[1]])
 
 
-def _share(built: CondensedScene, state: ExactState, contact: str) -> float:
-    """Force of a contact over the sum of its pressures: 0 around a shaft."""
-    pressed = float(built.condensed.weight[own := built.condensed.spans[contact]] @ state.pressure[own])
-    force = built.condensed.contact_forces[contact](*state.unknowns)
-    return float(np.hypot(*force)) / pressed if pressed else 0.0
-
-
 def corrected_bodies(
     built: CondensedScene, unknowns: tuple[FloatArray, ...], memo: Memo = NO_CACHE
 ) -> dict[str, Corrected]:
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
     condensed, scene = built.condensed, built.scene
-    moved = {name: scene.floating_patterns(name) @ unknowns[1] for name in scene.bodies}
-    return {
-        name: correct(body, condensed.source(name, *unknowns), moved[name], memo)
-        for name, body in scene.bodies.items()
+    plates = {
+        side
+        for constraint, _ in scene.unknown_motions
+        if isinstance(constraint, Platen)
+        for side in constraint.held
     }
+    found = {}
+    for name, body in scene.bodies.items():
+        moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)
+        own = [surface for owner, surface in plates if owner == name]
+        found[name] = correct(body, source, moved, own, memo)
+    return found
 
 
 def has_nodal_pressures(built: CondensedScene) -> bool:

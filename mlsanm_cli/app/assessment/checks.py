@@ -54,7 +54,7 @@ LINEAR_LIMIT = 1e-6
 ESTIMATE_WARNING = 0.02
 """Estimated error of pressures, relative to their L2 norm, above which a run warns."""
 
-LARGE_ERROR = 0.1
+LARGE_ERROR = 0.05
 """Estimated error of pressures with friction or on nodes above which a run warns."""
 
 POLISH_WARNING = 0.1
@@ -249,7 +249,7 @@ def check_polish(levels: Sequence[Polish]) -> str:
 
 FORCE_WARNING = 0.005
 """Estimated error of the force of a contact above which a run warns."""
-PLACE_WARNING = 0.03
+PLACE_WARNING = 0.01
 """Estimated error of displacements above which a run warns."""
 
 
