@@ -168,7 +168,8 @@ def carry_out(
             adapted = replace(adapted, accuracy=accuracy)
         adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
-        for warning in check_estimates(built, estimates, adapted.accuracy.from_law):
+        known = adapted.accuracy
+        for warning in check_estimates(built, estimates, known.from_law, known.missing):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None

@@ -159,7 +159,10 @@ def defect_of(
     DEGREES, or if the cloud is too small for the next degree."""
     model, stiffness = body.model, body.model.material.stiffness
     if model.settings.degree not in DEGREES:
-        raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
+        raise NumericalError(
+            f"no estimate is known for degree {model.settings.degree}",
+            f"use mls.degree {DEGREES[0]} to {DEGREES[-1]}",
+        )
     better = better or NextDegree(model)
     derivatives = better.of_displacement(displacement)
     less = model.stencils.derivatives(displacement) - derivatives

@@ -315,6 +315,18 @@ def test_large_estimates_are_warned_of() -> None:
     assert all("body.arm.spacing" in text for text in texts)
 
 
+def test_estimates_that_are_missing_are_told(tmp_path: Path) -> None:
+    text = head("strain") + material("steel", E=100.0, nu=0.3)
+    text += body("bar", "steel", 0.25, box([0.0, 4.0], [0.0, 0.5])) + support("bar.left", ux=0.0)
+    text += contact("foot", "bar.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+    text += load("press", "bar.top", "pressure", pressure="0.01*x")
+    for keys in ((), ("contact.foot.friction=0.1",)):
+        summary = solve(text, tmp_path / f"run{len(keys)}", *keys)
+        assert summary["error_estimate"]["displacement"] is None
+        assert any(one.startswith("errors are not estimated") for one in summary["warnings"])
+    assert summary["status"] == "done"
+
+
 def test_forces_of_prescribed_displacements_are_as_wrong_as_the_stiffness(tmp_path: Path) -> None:
     # A block of wood whose held side ends on smooth arcs of three nodes; 0.015436 with automatic spacings.
     corners = polygon([[-3.0, 0.0], [3.0, 0.0], [3.0, 4.8], [-3.0, 4.8]], "foot right head left")

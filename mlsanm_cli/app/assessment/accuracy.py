@@ -18,6 +18,7 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, l2, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
@@ -54,7 +55,8 @@ class Accuracy:
     None without an estimate. ``defects`` and ``solutions`` (2N, 1) are those of the bodies in that state,
     empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
     of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
-    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces.
+    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
+    ``missing`` says why there are no estimates, with a hint.
     """
 
     displacement: float | None
@@ -68,6 +70,7 @@ class Accuracy:
     deflection: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
     forces: Mapping[str, float] = field(default_factory=dict)
+    missing: str = ""
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
@@ -120,13 +123,14 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
         return Accuracy(None, unknown, unknown, state, None, {}, {})
+    bodies, missing = dict[str, Corrected](), ""
     try:
-        bodies = {} if blind else corrected_bodies(built, state.unknowns)
-    except NumericalError:  # the clouds are too small for the next degree
-        bodies = {}
+        bodies = bodies if blind else corrected_bodies(built, state.unknowns)
+    except NumericalError as error:  # the clouds are too small for the next degree
+        missing = f"{error.message}; {error.hint}"
     if not bodies:
         whole = [condensed.displacement(scene, name, state.unknowns) for name in scene.bodies]
-        return Accuracy(None, unknown, unknown, state, largest_of(whole), {}, {})
+        return Accuracy(None, unknown, unknown, state, largest_of(whole), {}, {}, missing=missing)
     solutions = {name: one.solution for name, one in bodies.items()}
     defects = {name: one.defect for name, one in bodies.items()}
     largest = largest_of([one.displacement for one in bodies.values()])
@@ -134,12 +138,16 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         halved = halved_state(condensed, state) if has_nodal_pressures(built) else None
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
         found = effects(built, bodies, state, lambda by: _moved(condensed, state, by), halved)
-    except NumericalError:  # the corrected scene has no contact state
-        return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
+    except NumericalError as error:  # the corrected scene has no contact state
+        hint = finer_nodes(built.case, scene.bodies)
+        missing = f"with bodies corrected for their errors, {error.message}; {hint}"
+        return Accuracy(None, unknown, unknown, state, largest, defects, solutions, missing=missing)
     pressures = pressure_errors(built, state, found.pressures, rough, halved)
-    error = relative(found.squares, bodies)
+    displacement = relative(found.squares, bodies)
     return Accuracy(
-        *(error, *pressures, state, largest, defects, solutions), probes=found.probes, forces=found.forces
+        *(displacement, *pressures, state, largest, defects, solutions),
+        probes=found.probes,
+        forces=found.forces,
     )
 
 

@@ -269,9 +269,13 @@ def check_estimates(
     built: CondensedScene,
     estimates: Mapping[str, Any],
     from_law: float = 0.0,
+    missing: str = "",
 ) -> list[str]:
-    """Warnings of displacements, forces and pressures with large estimated errors."""
+    """Warnings of displacements, forces and pressures with large estimated errors, or that estimates are
+    ``missing``, and why."""
     texts, displacement = [], estimates["displacement"]
+    if displacement is None and missing:
+        return [f"errors are not estimated: {missing}"]
     limits = estimate_limits(built)["pressure"]
     coarse = _finer(built.case, built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:

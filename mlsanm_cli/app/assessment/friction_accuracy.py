@@ -29,7 +29,6 @@ from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, Conta
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import DEGREES
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
@@ -41,8 +40,6 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
-    if any(body.model.settings.degree not in DEGREES for body in built.scene.bodies.values()):
-        return accuracy
     stuck = state.status == STICK
     last = ExactState(
         *(state.factors, state.pressure, state.gap, state.motion, state.traction),
@@ -53,8 +50,8 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         halved = _halved(built, last)
         found = effects(built, bodies, last, lambda by: _moved(built, last, by), halved)
         rough = _moved(built, last, roughness_of(condensed, built.scene, bodies))[1]
-    except NumericalError:  # a cloud too small for the next degree, or a singular contact
-        return accuracy
+    except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
+        return replace(accuracy, missing=f"{error.message}; {error.hint}")
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
     pressures = pressure_errors(built, last, found.pressures, rough, halved)
@@ -68,6 +65,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         largest=largest_of([one.displacement for one in bodies.values()]),
         probes=found.probes,
         forces=found.forces,
+        missing="",
     )
 
 
