@@ -11,19 +11,12 @@ from scipy.spatial import cKDTree
 
 from benchmarks.scenes.judge import SIDES, Ran, imbalance, known, run_case
 from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Array, Scene, Table
-from benchmarks.scenes.variants import Spacings, Variant, halved, has_nodes, variants
+from benchmarks.scenes.variants import Spacings, Variant, halved, variants
 
 SIZED = "estimated to be off by"
 """Warnings that name a size of an error."""
 SMALL = 0.05
 """Forces and displacements below this part of the scene's largest are compared with it instead."""
-FACTOR = 3.0
-"""How far an error estimate may be from the error."""
-NOISE = 3e-4
-"""Errors below this are not what an estimate is judged by."""
-KNOWN = 0.3
-"""Differences at a node count where fits to the finer field are known to this part of them: where pressures
-end, fields bend within less than a spacing, and fits were off by ten times what the run was."""
 
 
 ALL = ("halved", *(variant.name for variant in variants()))
@@ -88,10 +81,6 @@ def _line(scene: Scene, variant: Variant, base: Ran, ran: Ran) -> Table:
     )
     text += f"; warned: {'; '.join(warned)}" if warned and not agrees else ""
     text += f", forces on a body do not add up: {sides:.1e}" if sides > SIDES else ""
-    if variant.name == "halved" and not any(map(has_nodes, scene.case["body"])):
-        ratio, told = estimates(base, ran)
-        text += told
-        agrees = agrees and ratio
     return {
         "variant": variant.name,
         "agrees": (agrees or bool(warned)) and sides <= SIDES,
@@ -177,60 +166,3 @@ def peaks(base: Ran, ran: Ran, variant: Variant, without: Collection[str] = ()) 
         if one["peak_pressure"] and name not in without and "peak_tension" not in one
     ]
     return max(found, default=0.0)
-
-
-def estimates(base: Ran, fine: Ran) -> tuple[bool, str]:
-    """Whether the estimated error of the displacements is near that against half of the spacing.
-
-    The latter lies between that of the nodes where the finer field is KNOWN and that of all. A finer run that
-    is no better by its own estimate says nothing.
-    """
-    told, finer = ((one.summary.get("error_estimate") or {}).get("displacement") for one in (base, fine))
-    if told is None or finer is None or finer > max(told, NOISE):
-        return True, ""
-    known, whole, size = 0.0, 0.0, 0.0
-    with h5py.File(base.folder / "run.h5") as coarse, h5py.File(fine.folder / "run.h5") as other:
-        for name in coarse["bodies"]:
-            at, points = coarse[f"bodies/{name}/points"][:], other[f"bodies/{name}/points"][:]
-            values = other[f"fields/{_last(other)}/{name}/displacement"][: len(points)]
-            here = coarse[f"fields/{_last(coarse)}/{name}/displacement"][: len(at)]
-            found, unsure = fitted(points, values, at)
-            away = np.hypot(*(found - here).T)
-            known += float((away[unsure < KNOWN * away] ** 2).sum())
-            whole += float((away**2).sum())
-            size += float((found**2).sum())
-    least, most = (float(np.sqrt(one / size)) if size else 0.0 for one in (known, whole))
-    fair = told >= least / FACTOR or least < NOISE
-    fair &= told <= FACTOR * max(most, NOISE)
-    return fair, f", estimated error {told:.1e}, true {least:.1e} to {most:.1e}"
-
-
-def fitted(points: Array, values: Array, at: Array) -> tuple[Array, Array]:
-    """Quartic fits (m, 2) to the nearest values, and how far off these may be (m,): what they miss of the
-    values, and of what differs from quadratic ones."""
-    tree = cKDTree(points)
-    found = [
-        _fit(points, values, at, degree, min(count, len(points)), tree)
-        for degree, count in ((4, 30), (2, 14))
-    ]
-    apart = np.hypot(*(found[0][0] - found[1][0]).T)
-    return found[0][0], np.maximum(found[0][1], KNOWN * apart)
-
-
-def _fit(
-    points: Array, values: Array, at: Array, degree: int, count: int, tree: cKDTree
-) -> tuple[Array, Array]:
-    far, near = map(np.asarray, tree.query(at, k=count))
-    x, y = np.moveaxis((points[near] - at[:, None]) / far[:, -1:, None], 2, 0)
-    terms = np.stack([x ** (n - m) * y**m for n in range(degree + 1) for m in range(n + 1)], axis=2)
-    weights = np.exp(-2.0 * (x**2 + y**2))
-    roots = np.sqrt(weights)[..., None]
-    solved = np.linalg.pinv(roots * terms) @ (roots * values[near])
-    missed = (weights[..., None] * (values[near] - terms @ solved) ** 2).sum(axis=(1, 2))
-    missed /= weights.sum(axis=1)
-    free = max(1, count - terms.shape[2])
-    return solved[:, 0], np.sqrt(missed * count / free)
-
-
-def _last(file: h5py.File) -> str:
-    return str(max((key for key in file["fields"] if key != "position"), key=int))

@@ -67,7 +67,14 @@ def variants() -> list[Variant]:
 
 
 def halved(given: Table, spacings: dict[str, Spacings]) -> Variant:
-    """Half of the spacing that every body had in its first run, and of finer ones along its contacts."""
+    """Half of the spacing that every body had in its first run, but for nodes of files."""
+    made = respaced(given, spacings, 0.5)
+    return Variant("halved", lambda _: made, np.eye(2))
+
+
+def respaced(given: Table, spacings: dict[str, Spacings], factor: float) -> Table:
+    """A ``factor`` times the spacing that every body had in its first run, and of finer ones along its
+    contacts, but for nodes of files."""
     made = copy.deepcopy(given)
     sides = {
         side
@@ -81,15 +88,15 @@ def halved(given: Table, spacings: dict[str, Spacings]) -> Variant:
             continue
         name = one["name"]
         far, along = spacings[name]
-        one["spacing"] = 0.5 * far
+        one["spacing"] = factor * far
         one["refine"] = []
         fine: dict[Pair, float] = {}
         for side, (h, places) in along.items():
             if f"{name}.{side}" in sides and h < far:
-                one["refine"].append(_finer(0.5 * h) | {"along": side})
+                one["refine"].append(_finer(factor * h) | {"along": side})
             fine |= {place: least for place, least in places.items() if least < FINER * far}
-        one["refine"] += [_finer(0.5 * least) | {"at": list(place)} for place, least in fine.items()]
-    return Variant("halved", lambda _: made, np.eye(2))
+        one["refine"] += [_finer(factor * least) | {"at": list(place)} for place, least in fine.items()]
+    return made
 
 
 def _finer(spacing: float) -> Table:

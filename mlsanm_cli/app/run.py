@@ -26,6 +26,7 @@ from mlsanm_cli.app.assessment.end_state import (
     check_limit,
     check_rolling,
     end_warnings,
+    idle_note,
     overlap_warnings,
     tip_warnings,
 )
@@ -165,9 +166,10 @@ def carry_out(
             with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last, context.memo)
             adapted = replace(adapted, accuracy=accuracy)
-        adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(case, recorder.energies))
+        adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
-        for warning in check_estimates(built, estimates, adapted.accuracy.from_law):
+        known = adapted.accuracy
+        for warning in check_estimates(built, estimates, known.from_law, known.missing):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
@@ -228,6 +230,8 @@ def _follow(
     for warning in _warnings(built, first, recorder):
         if warning:
             recorder.warn(warning)
+    if note := idle_note(built, recorder.last):
+        context.console.note(note)
     return path.reached
 
 

@@ -38,6 +38,8 @@ _RINGS: Mapping[str, tuple[int, ...]] = {
     "quad9": (0, 4, 1, 5, 2, 6, 3, 7),
 }
 _LINES: Mapping[str, tuple[int, ...]] = {"line": (0, 1), "line3": (0, 2, 1)}
+_PLANE = {"3": "CPS3", "4": "CPS4", "6": "CPE6", "8": "S8R"}
+"""Names that meshio knows of Abaqus' plane elements, by their number of nodes."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,8 @@ def _read(path: Path) -> meshio.Mesh:
             warnings.simplefilter("ignore")
             # numpy only warns about truncated data.
             warnings.filterwarnings("error", message="string or file could not be read")
+            if path.suffix.lower() == ".inp":
+                return meshio.read(io.StringIO(_as_plane_stress(path)), file_format="abaqus")
             return meshio.read(path)
     except GeometryError:
         raise
@@ -115,6 +119,15 @@ def _read(path: Path) -> meshio.Mesh:
         if PHYSICAL in reason:
             hint = "it has elements without a group: write it with Mesh.SaveAll = 0 or MshFileVersion = 2.2"
         raise GeometryError(f"meshio cannot read it: {reason}", hint) from error
+
+
+def _as_plane_stress(path: Path) -> str:
+    """An Abaqus file with one name for all plane elements of as many nodes: meshio knows few of these."""
+    return re.sub(
+        r"(?i)(\btype\s*=\s*)CP(?:S|E|EG)([3468])[A-Z]*",
+        lambda found: found[1] + _PLANE[found[2]],
+        path.read_text(errors="replace"),
+    )
 
 
 def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:

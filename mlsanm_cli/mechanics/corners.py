@@ -16,7 +16,7 @@ intensity factors undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def corner_weight(cloud: Cloud, grips: Held, springs: Springs, touching: Collect
     Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
     weight, and cost the strong rows their digits.
     """
-    nodes = np.unique(np.array([*_singular_changes(cloud, grips, springs, touching)], dtype=np.int64))
+    nodes = singular_changes(cloud, grips, springs, touching)
     if not len(nodes):
         return np.ones(len(cloud.points))
     distance = np.maximum(
@@ -102,18 +102,17 @@ def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) ->
     return factor
 
 
-def _singular_changes(
-    cloud: Cloud, grips: Held, springs: Springs, touching: Collection[str]
-) -> Iterator[int]:
-    """Nodes where supports change along the boundary and stresses are singular: corners between a fully held
-    and a free surface, and others where the boundary turns by less than about a right angle. There springs
-    count as supports: without, the reaction of a block on springs along a part of its side was up to 16 % too
-    small. Surfaces ``touching`` with nodal pressures are exempt, as their compliance needs these rows: a
-    block that rolls on a part of its side and touches with the rest had a stability of 0.02."""
+def singular_changes(cloud: Cloud, grips: Held, springs: Springs, touching: Collection[str] = ()) -> IntArray:
+    """Nodes (k,) where supports change along the boundary and stresses are singular: corners between a fully
+    held and a free surface, and others where the boundary turns by less than about a right angle. There
+    springs count as supports: without, the reaction of a block on springs along a part of its side was up to
+    16 % too small. Surfaces ``touching`` with nodal pressures are exempt, as their compliance needs these
+    rows: a block that rolls on a part of its side and touches with the rest had a stability of 0.02."""
     held = {
         name: (x or springs.get(name, NO_SPRING)[0] > 0.0, y or springs.get(name, NO_SPRING)[1] > 0.0)
         for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
     }
+    found = set()
     for name, one in cloud.surfaces.items():
         for other_name, other in cloud.surfaces.items():
             if one.curve.closed or one.index[-1] != other.index[0] or held[name] == held[other_name]:
@@ -122,7 +121,8 @@ def _singular_changes(
             clamped = {sum(grips.get(each, FREE)) for each in (name, other_name)} == {0, 2}
             wide = np.arctan2(x * v - y * u, x * u + y * v) < MAX_MIXED_ANGLE
             if clamped or (wide and not {name, other_name} & set(touching)):
-                yield int(other.index[0])
+                found.add(int(other.index[0]))
+    return np.array(sorted(found), dtype=np.int64)
 
 
 def reentrant_corners(cloud: Cloud) -> IntArray:

@@ -29,7 +29,8 @@ def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Ite
     """Path of exact contact with Coulomb friction, from event to event."""
     wanted, condensed = output_positions(built), built.condensed
     if start is None:
-        event = first_event(condensed, built.stages[0])
+        typical = max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0)
+        event = first_event(condensed, built.stages[0], typical)
         state, begun, reached = event.state, 0, 0.0
         first = coulomb_state(built, state, 0.0)
         saved = (first,) if 0.0 in wanted else ()

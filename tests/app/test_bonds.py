@@ -134,6 +134,7 @@ def test_a_disk_bonded_in_a_ring(slave: str, tmp_path: Path) -> None:
         size += (true**2).sum()
     error = float(np.sqrt(away / size))
     assert error / 3.0 <= summary["error_estimate"]["displacement"] <= 3.0 * error
+    assert summary["error_estimate"]["pressure"] == {"glue": None}
 
 
 def coated(split: bool) -> str:

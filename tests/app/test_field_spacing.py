@@ -41,7 +41,7 @@ def stresses(r: float) -> tuple[float, float]:
 def test_a_hot_spot_has_the_nodes_it_needs(tmp_path: Path) -> None:
     summary = plate(tmp_path, SPOT)
     assert summary["status"] == "done", summary
-    assert summary["warnings"] == []
+    assert not any("varies faster" in warning for warning in summary["warnings"])
     assert summary["nodes"] < 1200
     for name, r in (("middle", 0.0), ("beside", WIDTH)):
         radial, hoop = stresses(r)

@@ -133,6 +133,18 @@ def test_bodies_without_a_contact_are_told_how_deep_one_lies_in_the_other(tmp_pa
     assert solve(BARS, tmp_path / "cooler", "load.heat.temperature=15.0")["status"] == "done"
 
 
+def test_tips_that_cross_between_their_nodes_are_told(tmp_path: Path) -> None:
+    text = SOLID + item("load", name="heat", kind="temperature", body="left", temperature=1e-3)
+    for name, points in (
+        ("left", [[0.0, 0.0], [4.15, 0.0], [3.0, 1.0], [0.0, 1.0]]),
+        ("right", [[3.85, 0.0], [8.0, 0.0], [8.0, 1.0], [5.0, 1.0]]),
+    ):
+        shape = {"kind": "polygon", "points": points, "names": ["bottom", "r", "top", "l"]}
+        text += body(name, "solid", 0.5) + table("body.shape", **shape)
+        text += support(f"{name}.top", ux=0.0, uy=0.0)
+    assert " lies inside " in solve(text, tmp_path / "run")["stop_reason"]
+
+
 def test_a_slit_that_closes_too_far_is_told(tmp_path: Path) -> None:
     summary = solve(SLIT, tmp_path / "run")
     assert summary["status"] == "done"

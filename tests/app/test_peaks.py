@@ -73,7 +73,7 @@ def test_where_a_load_ends_no_stress_meets_both_sides(tmp_path: Path) -> None:
     text += support("beam.left", ux=0.0, uy=0.0) + support("beam.right", ux=0.0, uy=0.0)
     text += load("push", "beam.top", "pressure", pressure=20.0) + "from = [-0.5, 2.0]\nto = [0.5, 2.0]\n"
     summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
-    assert not summary["warnings"]
+    assert not any("peak stress" in warning for warning in summary["warnings"])
     assert summary["peak_stress"]["beam"]["error"] < 0.03
 
 

@@ -11,7 +11,7 @@ import pytest
 import tomli_w
 
 from benchmarks.scenes import assemblies, profiles, wedges
-from benchmarks.scenes.compared import fitted
+from benchmarks.scenes.estimates import Compared
 from benchmarks.scenes.every import SCENES
 from benchmarks.scenes.judge import Ran, judged
 from benchmarks.scenes.scene import Figure, Refusal, Scene, Table
@@ -129,17 +129,12 @@ def test_a_scene_without_equilibrium_must_be_refused_for_its_reason(
     assert judged(scene, ran).outcome == outcome
 
 
-def test_fits_tell_where_they_do_not_follow_a_field() -> None:
-    """Quartic fields are met, and known to be; next to a kink a fit is off, and says by how much."""
-    points = np.random.default_rng(3).uniform(-1.0, 1.0, (400, 2))
-    x, y = points.T
-    at = np.array([[0.5, 0.1], [0.02, -0.3]])
-    smooth = np.stack([x**2 - x * y, 1.0 + y**2], axis=1)
-    found, unsure = fitted(points, smooth, at)
-    assert found == pytest.approx(np.array([[0.2, 1.01], [0.0064, 1.09]]))
-    assert unsure == pytest.approx(0.0, abs=1e-12)
-    found, unsure = fitted(points, np.stack([np.abs(x), y], axis=1), at)
-    off = np.hypot(*(found - [[0.5, 0.1], [0.02, -0.3]]).T)
-    assert off[0] < 1e-12
-    assert unsure[0] < 1e-12
-    assert 0.3 * off[1] < unsure[1]
+def test_estimates_are_judged_by_all_references() -> None:
+    def verdict(told: float, *errors: float, unsure: float = 0.0) -> str:
+        return Compared("force", told, errors, unsure).verdict
+
+    assert verdict(0.01, 0.02) == verdict(0.01, 0.02, 0.005) == "right"
+    assert [verdict(0.01, 0.04), verdict(0.01, 0.002), verdict(1e-4, 9e-4)] == ["low", "high", "small"]
+    # References that disagree, and a finer run that does not know.
+    assert verdict(0.01, 0.04, 0.02) == verdict(0.01, 0.04, unsure=0.02) == "unknown"
+    assert verdict(0.01, 0.08, unsure=0.03) == "low"

@@ -200,3 +200,16 @@ def test_an_unloaded_body_that_overlaps_as_drawn_is_moved(seed: int, walls: tupl
     assert state.gap.min() >= -1e-20
     assert not state.pressure.any()
     assert state.residual <= 1e-8
+
+
+def test_a_body_between_soft_supports_moves_out_of_an_overlap_without_pressure() -> None:
+    """The supports give way under a common pressure by far more than under one of its nodes."""
+    side = np.repeat([1.0, -1.0], 25)
+    motion, columns = side[:, None], Columns(1, 1, 50)
+    balance = columns.of_loads(np.zeros((1, 1))) + of_pressures(columns, motion.T)
+    compliance = 1e-5 * np.eye(50) + 1e-3 * (side[:, None] == side)
+    gap = np.where(side > 0.0, 1e-3, -1e-4)
+    state = solve_exact(synthetic(compliance, gap, np.zeros((50, 1)), balance, motion), FULL)
+    assert not state.pressure.any()
+    assert state.gap.min() >= -1e-15
+    assert state.residual <= 1e-8

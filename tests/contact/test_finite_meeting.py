@@ -133,6 +133,16 @@ def test_no_force_is_lost_and_a_constant_traction_arrives() -> None:
     np.testing.assert_allclose(flat[inner], np.tile([0.0, -1.0], (inner.sum(), 1)), atol=1e-12)
 
 
+def test_a_parabola_of_pressures_arrives_without_smoothing() -> None:
+    """Exactly between equal nodes; integrals over the lengths of the nodes lower it by 0.007."""
+    x = np.linspace(0.0, 2.0, 15)
+    above = side("s", x, np.stack([2.0 - x, 0 * x], 1), np.tile([0.0, -1.0], (15, 1)))
+    below = side("m", x, np.stack([x, 0 * x], 1), np.tile([0.0, 1.0], (15, 1)))
+    met = BodyContact("c", above, below).meet(np.zeros((30, 2)), np.zeros(1), None)
+    arrived = met.tractions(1.0 - (x - 1.0) ** 2, np.zeros(15))[15:, 1]
+    np.testing.assert_allclose(arrived[2:-2], ((x - 1.0) ** 2 - 1.0)[2:-2], atol=1e-12)
+
+
 def test_sets_settle_by_what_nodes_may_do() -> None:
     """Three nodes pressed by known gaps: one opens, one sticks, one slips; as if each stood alone."""
     count = 3

@@ -90,9 +90,9 @@ def test_an_event_takes_one_new_system(planes: HalfPlanes, monkeypatch: pytest.M
     made: list[bytes] = []
 
     class Counted(SetSystem):
-        def __init__(self, condensed: Condensed, sets: ContactStatus, near: SetSystem | None = None) -> None:
+        def __init__(self, condensed: Condensed, sets: ContactStatus, *more: Any) -> None:
             made.append(sets.key)
-            super().__init__(condensed, sets, near)
+            super().__init__(condensed, sets, *more)
 
     monkeypatch.setattr(history, "SetSystem", Counted)
     c = planes.condensed

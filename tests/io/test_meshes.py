@@ -68,6 +68,18 @@ def test_sets_of_nodes_and_unnamed_lists_of_an_abaqus_file(tmp_path: Path) -> No
         read_mesh(tmp_path / "a.inp", "tip")
 
 
+@pytest.mark.parametrize("kind", ["CPE4", "CPE4R", "CPS8R", "CPEG8"])
+def test_plane_elements_of_abaqus_are_read(tmp_path: Path, kind: str) -> None:
+    places = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0], [1, 0.5], [0.5, 1], [0, 0.5]])
+    count = 8 if "8" in kind else 4
+    text = "*Node\n" + "".join(f"{k + 1}, {x}, {y}\n" for k, (x, y) in enumerate(places[:count]))
+    text += f"*Element, type={kind}\n1, " + ", ".join(str(k + 1) for k in range(count)) + "\n"
+    (tmp_path / "a.inp").write_text(text)
+    (ring,) = read_mesh(tmp_path / "a.inp").rings
+    around = places[ring[0]]
+    assert np.hypot(*np.diff(np.vstack([around, around[:1]]), axis=0).T).sum() == pytest.approx(4.0)
+
+
 def test_one_group_of_elements_is_a_body(tmp_path: Path) -> None:
     tags = [np.array([1]), np.array([2]), np.array([5])]
     cells = [*TWO, ("line", [[1, 4]])]

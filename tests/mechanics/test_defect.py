@@ -95,9 +95,9 @@ def test_corrections_are_those_of_refined_solutions(
     assert np.linalg.norm(found.change - exact) <= 10.0 * CORRECTION_TOLERANCE * np.linalg.norm(exact)
     # The same by fits that are kept, of another state too.
     memo = Memo(1)
-    other = correct(body, -2.0 * source, moved, memo).change
+    other = correct(body, -2.0 * source, moved, memo=memo).change
     np.testing.assert_allclose(
-        correct(body, source, moved, memo).change, found.change, atol=1e-4 * np.abs(found.change).max()
+        correct(body, source, moved, memo=memo).change, found.change, atol=1e-4 * np.abs(found.change).max()
     )
     np.testing.assert_allclose(other, -2.0 * found.change, atol=1e-3 * np.abs(other).max())
 

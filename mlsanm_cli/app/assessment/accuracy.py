@@ -8,21 +8,25 @@ docs/method.md compares it with refined runs and analytical solutions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import add
 from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure, l2, rough_state
+from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, l2, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
+from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.grid_refinement import grid_errors
@@ -36,6 +40,11 @@ LEAST_MOVED = 0.05
 ROUND_OFF = 1e-9
 """Estimates below this are round-off."""
 
+Moved = tuple[FloatArray, FloatArray, FloatArray]
+"""Changes of motions (k,), pressures (m,) and tractions (n,)."""
+Halved = tuple[FloatArray, FloatArray]
+"""Motions (k,) and pressures (m,) with every second node of contacts."""
+
 
 @dataclass(frozen=True)
 class Accuracy:
@@ -47,7 +56,7 @@ class Accuracy:
     empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
     of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
     ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
-    ``stiffness`` those of all forces if no load is a force, known from energies.
+    ``missing`` says why there are no estimates, with a hint.
     """
 
     displacement: float | None
@@ -61,25 +70,26 @@ class Accuracy:
     deflection: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
     forces: Mapping[str, float] = field(default_factory=dict)
-    stiffness: float = 0.0
+    missing: str = ""
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
-        pressure, exact = {}, self.state
+        # Tractions of bonds have no estimate.
+        exact, bonds = self.state, [one.name for one in built.condensed.bonds.pairings]
+        pressure: dict[str, float | None] = dict.fromkeys(bonds)
         blind = len(built.condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
             # The path ended before the state of the other estimates.
             try:
                 exact = solve_exact(built.condensed, state.factors)
             except NumericalError:  # the exact laws have no solution at the end of the path
-                return {"displacement": self.displacement, "pressure": dict.fromkeys(self.from_bulk)}
+                none = dict.fromkeys([*bonds, *self.from_bulk])
+                return {"displacement": self.displacement, "pressure": none}
         for pairing in built.condensed.pairings:
             away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
-            pressure[pairing.name] = together(
-                self.from_bulk[pairing.name], self.from_contact[pairing.name], away, self.stiffness
-            )
-        forces = {name: float(np.hypot(one, self.stiffness)) for name, one in self.forces.items()}
-        more = {"force": forces, "probes": {name: self._at(built, name) for name in self.probes}}
+            parts = self.from_bulk[pairing.name], self.from_contact[pairing.name], away
+            pressure[pairing.name] = together(*parts)
+        more = {"force": dict(self.forces), "probes": {name: self._at(built, name) for name in self.probes}}
         known = {name: one for name, one in more.items() if one}
         return {"displacement": self.displacement, "pressure": pressure} | known
 
@@ -89,13 +99,12 @@ class Accuracy:
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
-    def with_energies(self, case: Case, energies: EnergyVerdict | None) -> Accuracy:
-        """Estimates that include the errors of displacements and forces known from energies."""
+    def with_energies(self, energies: EnergyVerdict | None) -> Accuracy:
+        """Estimates that include the errors of displacements known from energies."""
         if self.displacement is None or energies is None:
             return self
-        more, stiffness = energies.deflection, 0.0 if forced(case) else energies.stiffness
-        displacement = float(np.hypot(self.displacement, more))
-        return replace(self, displacement=displacement, deflection=more, stiffness=stiffness)
+        displacement = float(np.hypot(self.displacement, energies.deflection))
+        return replace(self, displacement=displacement, deflection=energies.deflection)
 
     @property
     def bulk_leads(self) -> bool:
@@ -114,50 +123,100 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
         return Accuracy(None, unknown, unknown, state, None, {}, {})
+    bodies, missing = dict[str, Corrected](), ""
     try:
-        bodies = {} if blind else corrected_bodies(built, state.unknowns)
-    except NumericalError:  # the clouds are too small for the next degree
-        bodies = {}
+        bodies = bodies if blind else corrected_bodies(built, state.unknowns)
+    except NumericalError as error:  # the clouds are too small for the next degree
+        missing = f"{error.message}; {error.hint}"
     if not bodies:
         whole = [condensed.displacement(scene, name, state.unknowns) for name in scene.bodies]
-        return Accuracy(None, unknown, unknown, state, largest_of(whole), {}, {})
+        return Accuracy(None, unknown, unknown, state, largest_of(whole), {}, {}, missing=missing)
     solutions = {name: one.solution for name, one in bodies.items()}
     defects = {name: one.defect for name, one in bodies.items()}
     largest = largest_of([one.displacement for one in bodies.values()])
     try:
-        halved = halved_pressure(condensed, state) if has_nodal_pressures(built) else None
-        by = changes_of(condensed, scene, bodies)
-        after = by.state(condensed, state)
+        halved = halved_state(condensed, state) if has_nodal_pressures(built) else None
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        moved = (after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction))
-        error, probes = displaced(built, bodies, by.bonds, *moved)
-    except NumericalError:  # the corrected scene has no contact state
-        return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
-    pressures = pressure_errors(built, state, after.pressure, rough, halved)
-    forces = force_changes(built, state, moved)
-    found = relative(error, bodies), *pressures
-    return Accuracy(*found, state, largest, defects, solutions, probes=probes, forces=forces)
+        found = effects(built, bodies, state, lambda by: _moved(condensed, state, by), halved)
+    except NumericalError as error:  # the corrected scene has no contact state
+        hint = finer_nodes(built.case, scene.bodies)
+        missing = f"with bodies corrected for their errors, {error.message}; {hint}"
+        return Accuracy(None, unknown, unknown, state, largest, defects, solutions, missing=missing)
+    pressures = pressure_errors(built, state, found.pressures, rough, halved)
+    displacement = relative(found.squares, bodies)
+    return Accuracy(
+        *(displacement, *pressures, state, largest, defects, solutions),
+        probes=found.probes,
+        forces=found.forces,
+    )
 
 
-def forced(case: Case) -> bool:
-    """Whether a load is a force; otherwise all forces are in proportion to the stiffness of bodies."""
-    for load in case.load:
-        if load.kind in ("traction", "pressure", "body-force") or getattr(load, "moment", None):
-            return True
-        if load.kind in ("platen", "obstacle") and ("force" in {how for how, _ in load.control.values()}):
-            return True
-    return False
+def _moved(condensed: Condensed, state: ExactState, by: Changes) -> Moved:
+    after = by.state(condensed, state)
+    moved = after.motion - state.motion, after.pressure - state.pressure
+    return *moved, np.zeros_like(state.traction)
 
 
-def force_changes(built: CondensedScene, state: ExactState, by: Sequence[FloatArray]) -> dict[str, float]:
-    """Changes of the forces of contacts ``by`` motions (k,), pressures (m,) and tractions (n,), relative to
-    the sums of pressures."""
-    nothing, found = np.zeros(built.stages.shape[1]), dict[str, float]()
-    for pairing in built.condensed.pairings:
-        force, span = built.condensed.contact_forces[pairing.name], built.condensed.spans[pairing.name]
-        size = float(built.condensed.weight[span] @ state.pressure[span])
-        found[pairing.name] = float(np.hypot(*(force(nothing, *by) - force.constant))) / size if size else 0.0
-    return found
+@dataclass(frozen=True)
+class Effects:
+    """Changes by independent causes: the sum of squares of all displacements, displacements at probes, forces
+    of contacts over the sums of their pressures, and pressures (m,)."""
+
+    squares: float
+    probes: Mapping[str, float]
+    forces: Mapping[str, float]
+    pressures: Sequence[FloatArray]
+
+    def __add__(self, other: Effects) -> Effects:
+        pairs = (self.probes, other.probes), (self.forces, other.forces)
+        probes, forces = ({name: float(np.hypot(a[name], b[name])) for name in a} for a, b in pairs)
+        return Effects(self.squares + other.squares, probes, forces, [*self.pressures, *other.pressures])
+
+
+def effects(
+    built: CondensedScene,
+    bodies: Mapping[str, Corrected],
+    state: ExactState,
+    moved: Callable[[Changes], Moved],
+    halved: Halved | None,
+) -> Effects:
+    """Effects of the corrections of ``bodies``, by which contacts have ``moved``; of what these corrections
+    may miss; and of nodal contacts of half as many nodes."""
+    parts = [bodies]
+    if any(one.uncertain.any() for one in bodies.values()):
+        parts.append({name: one.missed for name, one in bodies.items()})
+    found = []
+    for part in parts:
+        by = changes_of(built.condensed, built.scene, part)
+        found.append(_effects(built, part, state, by.bonds, moved(by)))
+    if halved is not None:
+        fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
+        nothing = {name: replace(one, change=np.zeros_like(one.change)) for name, one in bodies.items()}
+        one = _effects(built, nothing, state, built.condensed.bonds, fewer)
+        found.append(replace(one, pressures=[]))
+    return reduce(add, found)
+
+
+def _effects(
+    built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
+) -> Effects:
+    """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``."""
+    condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
+    unknowns, probes, forces = (np.zeros(built.stages.shape[1]), *moved), dict[str, float](), {}
+    for name, body in scene.bodies.items():
+        followed = bodies[name].response(body, condensed.source(name, *unknowns))[:, 0]
+        rest = (bodies[name].change + followed + scene.floating_patterns(name) @ moved[0]).reshape(-1, 2)
+        total += float(((rest + condensed.contact_fields(scene, name, unknowns)[0]) ** 2).sum())
+        for probe in scene.probes:
+            if probe.body == name:
+                near = condensed.contact_fields(scene, name, unknowns, probe.point)[0]
+                probes[probe.name] = float(np.hypot(*(body.model.values(probe.point, rest) + near)[0]))
+    for pairing in condensed.pairings:
+        force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
+        size = float(condensed.weight[span] @ state.pressure[span])
+        apart = force(*unknowns) - force.constant
+        forces[pairing.name] = float(np.hypot(*apart)) / size if size else 0.0
+    return Effects(total, probes, forces, [state.pressure + moved[1]])
 
 
 def corrected_bodies(
@@ -165,11 +224,18 @@ def corrected_bodies(
 ) -> dict[str, Corrected]:
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
     condensed, scene = built.condensed, built.scene
-    moved = {name: scene.floating_patterns(name) @ unknowns[1] for name in scene.bodies}
-    return {
-        name: correct(body, condensed.source(name, *unknowns), moved[name], memo)
-        for name, body in scene.bodies.items()
+    plates = {
+        side
+        for constraint, _ in scene.unknown_motions
+        if isinstance(constraint, Platen)
+        for side in constraint.held
     }
+    found = {}
+    for name, body in scene.bodies.items():
+        moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)
+        own = [surface for owner, surface in plates if owner == name]
+        found[name] = correct(body, source, moved, own, memo)
+    return found
 
 
 def has_nodal_pressures(built: CondensedScene) -> bool:
@@ -182,30 +248,6 @@ def largest_of(displacements: list[FloatArray]) -> float:
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 
-def displaced(
-    built: CondensedScene,
-    bodies: Mapping[str, Corrected],
-    bonds: Bonds,
-    motion: FloatArray,
-    pressure: FloatArray,
-    traction: FloatArray,
-) -> tuple[float, dict[str, float]]:
-    """Sum of squares of the change of all displacements by the corrections of ``bodies``, and by changes of
-    ``bonds``, motions (k,), pressures (m,) and tractions (n,) that follow from them; and the changes at
-    probes."""
-    condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
-    moved, probes = (np.zeros(built.stages.shape[1]), motion, pressure, traction), dict[str, float]()
-    for name, body in scene.bodies.items():
-        followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
-        rest = (bodies[name].change + followed + scene.floating_patterns(name) @ motion).reshape(-1, 2)
-        total += float(((rest + condensed.contact_fields(scene, name, moved)[0]) ** 2).sum())
-        for probe in scene.probes:
-            if probe.body == name:
-                near = condensed.contact_fields(scene, name, moved, probe.point)[0]
-                probes[probe.name] = float(np.hypot(*(body.model.values(probe.point, rest) + near)[0]))
-    return total, probes
-
-
 def relative(squares: float, bodies: Mapping[str, Corrected]) -> float | None:
     """Root of a sum of squares over that of the displacements of ``bodies``; None without displacements."""
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
@@ -215,24 +257,24 @@ def relative(squares: float, bodies: Mapping[str, Corrected]) -> float | None:
 def pressure_errors(
     built: CondensedScene,
     state: ExactState,
-    corrected: FloatArray,
+    corrected: Sequence[FloatArray],
     rough: FloatArray,
-    halved: FloatArray | None,
+    halved: Halved | None,
 ) -> tuple[dict[str, float | None], dict[str, float | None]]:
-    """Relative errors of the pressures of a state, by contact: from those after corrections of the bodies
-    (m,) and their change ``rough`` (m,) without smoothing, and by the contact's own spacing, from those with
-    every second node (m,), None if not known."""
+    """Relative errors of the pressures of a state, by contact: from each of those after corrections of the
+    bodies (m,) and their change ``rough`` (m,) without smoothing, and by the contact's own spacing, from
+    those with every second node, None if not known."""
     from_bulk, from_contact = dict[str, float | None](), dict[str, float | None]()
     for pair in built.condensed.pairings:
         from_bulk[pair.name] = together(
-            distance(built, pair, state, corrected),
+            *(distance(built, pair, state, one) for one in corrected),
             distance(built, pair, state, state.pressure + ROUGH_SHARE * rough),
         )
         if pair.grid is not None:
             errors = grid_errors(built.condensed, pair.name, [state])
             from_contact[pair.name] = float(np.linalg.norm(errors))
         else:
-            from_contact[pair.name] = None if halved is None else distance(built, pair, state, halved)
+            from_contact[pair.name] = None if halved is None else distance(built, pair, state, halved[1])
     return from_bulk, from_contact
 
 

@@ -21,6 +21,8 @@ BALANCE_LIMIT = 0.1
 stress, independently of the applied forces. On clamped beams the imbalance was as large as the error of the
 deflection."""
 BALANCE_WARNING = 0.03
+ROUND_OFF = 1e-9
+"""Forces on a body below this part of the largest in the scene are none."""
 
 TRANSFER_LIMIT = 0.1
 """Largest accepted difference of the forces on slave and master of a contact, relative to its normal force.
@@ -52,7 +54,7 @@ LINEAR_LIMIT = 1e-6
 ESTIMATE_WARNING = 0.02
 """Estimated error of pressures, relative to their L2 norm, above which a run warns."""
 
-LARGE_ERROR = 0.1
+LARGE_ERROR = 0.05
 """Estimated error of pressures with friction or on nodes above which a run warns."""
 
 POLISH_WARNING = 0.1
@@ -74,7 +76,7 @@ class EnergyVerdict:
     largest in magnitude; also by body the strain, the relative increase of the work at single supported nodes
     with half the spacing (``pointed``) and a description of parts with too few nodes across (``thin``).
     ``deflection`` is the root mean square error of the displacements, relative, as far as only the energies
-    show it, ``stiffness`` the difference for all bodies together."""
+    show it."""
 
     energy_error: float
     bodies: Mapping[str, float]
@@ -82,7 +84,6 @@ class EnergyVerdict:
     pointed: Mapping[str, float] = field(default_factory=dict)
     thin: Mapping[str, str] = field(default_factory=dict)
     deflection: float = 0.0
-    stiffness: float = 0.0
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
@@ -117,9 +118,13 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
 
 
 def least_force(built: CondensedScene, body: str) -> float:
-    """Force below which those on a body are not checked, from those at the ends of stages."""
-    forces = (largest_force(built, body, end.unknowns) for end in built.ends)
-    return UNLOADED * max(forces, default=0.0)
+    """Force below which those on a body are not checked, from those at the ends of stages: on it, and, if
+    nothing loads it, on all."""
+    sizes = {
+        name: max((largest_force(built, name, end.unknowns) for end in built.ends), default=0.0)
+        for name in built.scene.bodies
+    }
+    return max(UNLOADED * sizes[body], ROUND_OFF * max(sizes.values()))
 
 
 def check_state(built: CondensedScene, state: State) -> None:
@@ -244,18 +249,34 @@ def check_polish(levels: Sequence[Polish]) -> str:
 
 FORCE_WARNING = 0.005
 """Estimated error of the force of a contact above which a run warns."""
-PLACE_WARNING = 0.03
+PLACE_WARNING = 0.01
 """Estimated error of displacements above which a run warns."""
+
+
+def estimate_limits(built: CondensedScene) -> dict[str, Any]:
+    """Limits of the error estimates of summary.json above which a run warns. Those of pressures are lower for
+    frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
+    pressures = {
+        one.name: ESTIMATE_WARNING if one.grid is not None and not one.friction else LARGE_ERROR
+        for one in built.condensed.pairings
+    }
+    places = dict.fromkeys(built.condensed.probes, PLACE_WARNING)
+    forces = dict.fromkeys(pressures, FORCE_WARNING)
+    return {"displacement": PLACE_WARNING, "pressure": pressures, "force": forces, "probes": places}
 
 
 def check_estimates(
     built: CondensedScene,
     estimates: Mapping[str, Any],
     from_law: float = 0.0,
+    missing: str = "",
 ) -> list[str]:
-    """Warnings of displacements and pressures with large estimated errors. The limit is lower for
-    frictionless contacts with contact grids, whose errors come from bodies that are too coarse."""
+    """Warnings of displacements, forces and pressures with large estimated errors, or that estimates are
+    ``missing``, and why."""
     texts, displacement = [], estimates["displacement"]
+    if displacement is None and missing:
+        return [f"errors are not estimated: {missing}"]
+    limits = estimate_limits(built)["pressure"]
     coarse = _finer(built.case, built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
@@ -282,8 +303,7 @@ def check_estimates(
                 f"{coarse}, above all where bodies are held"
             )
         error = estimates["pressure"].get(pairing.name)
-        limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
-        if error is not None and error > limit:
+        if error is not None and error > limits[pairing.name]:
             on_grid = pairing.grid is not None and pairing.friction
             hint = _finer(built.case, pairing.bodies, [f"contact.{pairing.name}.accuracy"] if on_grid else [])
             texts.append(

@@ -11,7 +11,8 @@ from mlsanm_cli.cloud.cloud import Cloud
 
 MAX_CHORD_TURN = 0.02
 """Largest turning angle between chords of curves."""
-MAX_CHORDS = 64
+MIN_CHORDS, MAX_CHORDS = 4, 64
+"""Chords between two nodes: tips of two bodies may cross between the nodes of straight sides."""
 SECOND_ORDER_FACTOR = 0.6
 """Overlaps below this multiple of the square of a body's largest displacement over its size are ignored: the
 end of a cantilever approaches its root by that."""
@@ -68,7 +69,7 @@ def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
         if one.curve.closed:
             s, u, n = np.append(s, one.curve.length), np.vstack([u, u[:1]]), np.vstack([n, n[:1]])
         turn = np.arccos(np.clip((n[1:] * n[:-1]).sum(axis=1), -1.0, 1.0))
-        pieces = np.clip(np.ceil(turn / MAX_CHORD_TURN), 1, MAX_CHORDS).astype(np.int64)
+        pieces = np.clip(np.ceil(turn / MAX_CHORD_TURN), MIN_CHORDS, MAX_CHORDS).astype(np.int64)
         first = np.repeat(np.arange(len(pieces)), pieces)
         start = np.cumsum(pieces) - pieces
         share = (np.arange(pieces.sum()) - start[first]) / pieces[first]

@@ -13,6 +13,7 @@ from mlsanm_cli.cloud.cloud import continuations
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
+from mlsanm_cli.mechanics.scene import FloatingBody
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import moment_error, turned_by_loads, turns
 from mlsanm_cli.solve.state import State
@@ -122,6 +123,24 @@ def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterat
             f"({x:.6g}, {y:.6g}), and press on each other with up to {before:.4g} before any load; draw them "
             f"touching, or give contact.{pairing.name}.interference if they are a press fit"
         )
+
+
+def idle_note(built: CondensedScene, state: State) -> str:
+    """Note of the bodies held by contact only that no contact loads ("" if there are none)."""
+    least = ROUND_OFF * float(state.pressure.max(initial=0.0))
+    loaded = {
+        body
+        for pairing in built.condensed.pairings
+        for body in pairing.bodies
+        if (state.pressure[built.condensed.spans[pairing.name]] > least).any()
+    }
+    free = {one.body for one, _ in built.scene.unknown_motions if isinstance(one, FloatingBody)}
+    idle = sorted(free - loaded)
+    if not idle:
+        return ""
+    return (
+        f"no contact loads body {', '.join(idle)} at the end: what nothing resists or drives stays in place"
+    )
 
 
 TURN_WARNING = 0.01

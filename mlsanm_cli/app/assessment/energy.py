@@ -62,7 +62,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
     # An energy that is nan must not affect other bodies.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
     least_of_all = total * max(MIN_ENERGY_SHARE, _faded(built, state))
-    errors, missing, whole = {}, 0.0, 0.0
+    errors = {}
     for name, work in works.items():
         # Unlike the built-in max, np.max propagates nan.
         scale = float(np.max([abs(work), least_of_all, least[name]]))
@@ -72,7 +72,6 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
             more = energy_between_nodes(built.scene.bodies[name].model, *rests[name])
             other = _relative(energies[name] + more - work, NODE_FORCE_ENERGY * squares[name], scale)
             errors[name] = min(errors[name], other, key=abs)
-        missing, whole = missing + errors[name] * scale, whole + scale
         pointed[name] = 0.0 if scale == 0.0 else NODE_FORCE_SHIFT * squares[name] / scale
     # Errors of local indentation do not affect mean displacements, those of bending do.
     bent = {
@@ -80,9 +79,8 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         for name, work in works.items()
     }
     worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
-    stiffness = abs(missing) / whole if whole > 0.0 else 0.0
     deflection = _deflection(built, bent, fields)
-    return EnergyVerdict(errors[worst], errors, strains, pointed, thin, deflection, stiffness)
+    return EnergyVerdict(errors[worst], errors, strains, pointed, thin, deflection)
 
 
 def _relative(missing: float, unseen: float, scale: float) -> float:

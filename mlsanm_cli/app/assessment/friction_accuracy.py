@@ -8,9 +8,10 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.accuracy import (
     Accuracy,
+    Halved,
+    Moved,
     corrected_bodies,
-    displaced,
-    force_changes,
+    effects,
     has_nodal_pressures,
     largest_of,
     pressure_errors,
@@ -19,9 +20,8 @@ from mlsanm_cli.app.assessment.accuracy import (
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.accuracy import (
     Changes,
-    changes_of,
     frozen_change,
-    halved_pressure,
+    halved_state,
     roughness_of,
 )
 from mlsanm_cli.contact.laws.active_set import ExactState
@@ -29,7 +29,6 @@ from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, Conta
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import DEGREES
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
@@ -41,8 +40,6 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
-    if any(body.model.settings.degree not in DEGREES for body in built.scene.bodies.values()):
-        return accuracy
     stuck = state.status == STICK
     last = ExactState(
         *(state.factors, state.pressure, state.gap, state.motion, state.traction),
@@ -50,38 +47,36 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     )
     try:
         bodies = corrected_bodies(built, state.unknowns, memo)
-        by = changes_of(condensed, built.scene, bodies)
-        change = _change(built, last, by)
-        rough = _change(built, last, roughness_of(condensed, built.scene, bodies))
-    except NumericalError:  # a cloud too small for the next degree, or a singular contact
-        return accuracy
-    moved = change.motion, change.pressure, change.traction
-    error, probes = displaced(built, bodies, by.bonds, *moved)
+        halved = _halved(built, last)
+        found = effects(built, bodies, last, lambda by: _moved(built, last, by), halved)
+        rough = _moved(built, last, roughness_of(condensed, built.scene, bodies))[1]
+    except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
+        return replace(accuracy, missing=f"{error.message}; {error.hint}")
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
-    pressures = pressure_errors(
-        built, last, state.pressure + change.pressure, rough.pressure, _halved(built, last)
-    )
+    pressures = pressure_errors(built, last, found.pressures, rough, halved)
     return replace(
         accuracy,
-        displacement=relative(error + by_law, bodies),
+        displacement=relative(found.squares + by_law, bodies),
         from_bulk=pressures[0],
         from_contact=pressures[1],
         from_law=relative(by_law, bodies) or 0.0,
         state=last,
         largest=largest_of([one.displacement for one in bodies.values()]),
-        probes=probes,
-        forces=force_changes(built, last, moved),
+        probes=found.probes,
+        forces=found.forces,
+        missing="",
     )
 
 
-def _change(built: CondensedScene, state: ExactState, by: Changes) -> ContactSolution:
+def _moved(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
     """Response of the contact to changes ``by`` something else."""
     condensed = built.condensed
     # The residual gaps of a regularised law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
-    return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
+    change = frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
+    return change.motion, change.pressure, change.traction
 
 
 def _smoothed(built: CondensedScene, state: State) -> float:
@@ -104,9 +99,9 @@ def _smoothed(built: CondensedScene, state: State) -> float:
     return float(sum((change**2).sum() for change in changes))
 
 
-def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
-    """Pressures (m,) from every second node with the tractions of the state as loads; None if there is no
-    contact with nodal pressures, or no solution."""
+def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
+    """Motions and pressures from every second node with the tractions of the state as loads; None if there is
+    no contact with nodal pressures, or no solution."""
     condensed = built.condensed
     if not has_nodal_pressures(built):
         return None
@@ -120,7 +115,7 @@ def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
         balance=_with_tractions(condensed.balance, state.traction),
     )
     try:
-        return halved_pressure(pushed, state)
+        return halved_state(pushed, state)
     except NumericalError:
         return None
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.patches import NODES_PER_WIDTH, REFERENCE_ACCURACY, Touched
+from mlsanm_cli.app.finite.patches import Touched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
@@ -29,8 +29,11 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.errors import CaseError, NumericalError
 
-MAX_RUNS = 3
+MAX_RUNS = 4
 """Largest number of repeated runs."""
+FORCE_ERROR = 0.2
+"""Error of a contact's force times the square of its number of nodes, as its ends are known to its nodes:
+forces of half a disk on a block are 0.85 % off with 5 nodes, 0.14 % with 11."""
 MAX_NODES, COARSENING = 5000, 1.5
 """Largest number of nodes of a refined scene, and the factor by which spacings are increased until it has no
 more."""
@@ -193,7 +196,7 @@ def contact_errors(known: Refinement, touched: Touched) -> dict[str, float]:
     size = max((math.hypot(*f) for one in touched.forces.values() for f in one.values()), default=0.0)
     found = {}
     for name, across in touched.across.items():
-        found[name] = REFERENCE_ACCURACY * (NODES_PER_WIDTH / across) ** 2
+        found[name] = FORCE_ERROR / across**2
         before = known.passes[-1] if known.passes else None
         if before is None or name not in before.across or not size:
             continue

@@ -213,8 +213,16 @@ def _summary(
                 for turn in recorder.turns
             ],
         }
-    limits = {"residual": scene.case.solver.tolerance, "force_balance": BALANCE_LIMIT, "ellipticity": 0.0}
-    limits["error_estimate"] = ESTIMATE_WARNING
+    limits: dict[str, Any] = {
+        "residual": scene.case.solver.tolerance,
+        "force_balance": BALANCE_LIMIT,
+        "ellipticity": 0.0,
+        "error_estimate": ESTIMATE_WARNING,
+        "estimates": {
+            "energy": ESTIMATE_WARNING,
+            "contacts": dict.fromkeys((one.name for one in scene.contacts), ESTIMATE_WARNING),
+        },
+    }
     if "stability" in summary:
         limits["stability"] = CONTACT_LIMIT
     return summary | {

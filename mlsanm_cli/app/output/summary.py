@@ -12,6 +12,7 @@ from mlsanm_cli.app.assessment.checks import (
     LARGE_ERROR,
     LINEAR_LIMIT,
     TRANSFER_LIMIT,
+    estimate_limits,
     force_balance,
     force_mismatch,
 )
@@ -130,9 +131,10 @@ def summarise(
     return summary
 
 
-def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
-    """The limits beyond which a run fails: ``stability`` is a lower limit, ``error_estimate`` only warns."""
-    found = {
+def limits(case: Case, built: CondensedScene | None) -> dict[str, Any]:
+    """The limits beyond which a run fails: ``stability`` is a lower limit, ``error_estimate`` and
+    ``estimates`` only warn."""
+    found: dict[str, Any] = {
         "residual": case.solver.tolerance,
         "linear_residual": LINEAR_LIMIT,
         "force_balance": BALANCE_LIMIT,
@@ -140,7 +142,12 @@ def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
         "energy_error": ENERGY_LIMIT,
         "error_estimate": LARGE_ERROR,
     }
-    return found if built is None else found | {"stability": stability_limit(built.case, built.ends)}
+    if built is None:
+        return found
+    return found | {
+        "stability": stability_limit(built.case, built.ends),
+        "estimates": estimate_limits(built),
+    }
 
 
 def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:

@@ -23,8 +23,13 @@ MAX_VARIED_KEYS = 15
 """Largest number of differing keys that are compared."""
 MAX_CONTACTS = 4
 """Largest number of contacts that are drawn, those with the largest pressures."""
-GLOBAL_ESTIMATES = ("displacement", "energy")
-"""Error estimates that are not of the pressures of a contact."""
+ESTIMATES = {
+    "pressure": "pressures of {}",
+    "force": "force of {}",
+    "contacts": "force of {}",
+    "probes": "displacement at {}",
+}
+"""Error estimates of contacts and probes in words."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
 CHECKS = {
     "residual": ("equations of contact", "below"),
@@ -172,27 +177,28 @@ def _checks(summary: Mapping[str, Any]) -> str:
         rows.append(
             [what, _number(value), limit_text, html.GOOD + "passes" if passes else html.BAD + "fails"]
         )
-    estimate: Mapping[str, Any] = summary.get("error_estimate") or {}
-    limit = limits.get("error_estimate")
-    named = {"displacement": estimate.get("displacement"), **(estimate.get("pressure") or {})}
-    if "energy" in estimate:
-        named = {"energy": estimate["energy"]}
-    for name, value in named.items():
+    estimates, warned = _estimates(summary.get("error_estimate")), _estimates(limits.get("estimates"))
+    for what, value in estimates.items():
+        limit = warned.get(what)
+        limit_text = "" if limit is None else f"below {100.0 * limit:g} %"
         if value is None:
-            rows.append([f"error estimate, {name}", "not available", "", ""])
+            rows.append([f"error estimate, {what}", "not available", limit_text, ""])
             continue
-        what = f"error estimate, {name if name in GLOBAL_ESTIMATES else f'pressures of {name}'}"
-        large = limit is not None and float(value) > limit
-        limit_text = "" if limit is None else f"below {100.0 * float(limit):g} %"
-        rows.append(
-            [
-                what,
-                f"{100.0 * float(value):.2g} %",
-                limit_text,
-                html.BAD + "large" if large else html.GOOD + "passes",
-            ]
-        )
+        verdict = html.BAD + "large" if limit is not None and value > limit else html.GOOD + "passes"
+        size = f"{100.0 * value:.2g} %"
+        rows.append([f"error estimate, {what}", size, limit_text, "" if limit is None else verdict])
     return html.table("Checks", ["check", "value", "limit", "verdict"], rows)
+
+
+def _estimates(tables: Mapping[str, Any] | None) -> dict[str, float | None]:
+    """Error estimates, or their limits, by what they are of."""
+    found = dict[str, float | None]()
+    for key, value in (tables or {}).items():
+        if isinstance(value, Mapping):
+            found |= {ESTIMATES[key].format(name): one for name, one in value.items()}
+        else:
+            found[key] = value
+    return found
 
 
 def _pictures(run: RunData) -> Iterator[str]:

@@ -4,12 +4,12 @@ Slave nodes x have their closest point on the curve y(xi) through the master's d
 y' = 0; n is the master's current normal there, h = (x - y) . n the gap. xi is a reference length of the
 master, hence a material coordinate: slips are measured by it, however both bodies move.
 
-A master's node receives the slave's traction weighted with its hat function N_i, over its length::
+A master's nodes receive the slave's traction T projected onto their hat functions N_i::
 
-    T_i w_i = - int N_i(xi(S)) T(S) dS,        xi linear in S between the slave's nodes
+    sum_j M_ij T_j = - int N_i(xi(S)) T(S) dS,    M_ij = int N_i N_j,    xi linear in S between slave nodes
 
-so that the forces on both sides agree to round-off, and a constant traction is reproduced. The integral is
-exact: between the nodes of either side the integrand is quadratic.
+M being inverted to second order, so that the forces on both sides agree to round-off, and a constant traction
+is reproduced. The integral is exact: between the nodes of either side the integrand is quadratic.
 
 Equations (26) and (27) of docs/method.md.
 """
@@ -181,14 +181,14 @@ SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 @dataclass(frozen=True)
 class Transfer:
     """At the quadrature points (g): weights ``length`` (g,), hat functions ``slave`` (g, c) and ``master``
-    (g, m) of both sides, derivatives ``moved`` (g, m) of the latter along the master; ``weight`` (m,) are the
-    lengths of the master's nodes."""
+    (g, m) of both sides, derivatives ``moved`` (g, m) of the latter along the master; ``spread`` (m, m) are
+    the master's tractions of nodal forces."""
 
     length: FloatArray
     slave: sparse.csr_array
     master: sparse.csr_array
     moved: sparse.csr_array
-    weight: FloatArray
+    spread: sparse.csr_array
 
     @classmethod
     def of(
@@ -213,24 +213,40 @@ class Transfer:
         share = np.concatenate([(1.0 - part).ravel(), part.ravel()])
         hats = sparse.csr_array((share, (np.tile(number, 2), columns)), shape=(count, slave.count))
         own, moved = _hats(curve, at, master.count)
-        return cls(length.ravel(), hats, own, moved, master.weight)
+        return cls(length.ravel(), hats, own, moved, _spread(master))
 
     @property
     def carried(self) -> sparse.csr_array:
         """Matrix (m, c) from tractions at the slave's nodes to those at the master's."""
-        onto = sparse.diags_array(1.0 / self.weight) @ self.master.T @ sparse.diags_array(self.length)
+        onto = self.spread @ self.master.T @ sparse.diags_array(self.length)
         return sparse.csr_array(onto @ self.slave)
 
     def carried_moved(self, traction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
         """Derivative (2m, s) of the transferred ``traction`` (c, 2), given that of the places (c, s)."""
-        onto = sparse.diags_array(1.0 / self.weight) @ self.moved.T @ sparse.diags_array(self.length)
+        onto = self.spread @ self.moved.T @ sparse.diags_array(self.length)
         parts = [
             onto @ sparse.diags_array(self.slave @ traction[:, component]) @ self.slave @ d_place
             for component in (0, 1)
         ]
-        count = len(self.weight)
+        count = self.spread.shape[0]
         both = sparse.vstack(parts, format="csr")
         return sparse.csr_array(both[np.arange(2 * count).reshape(2, count).T.ravel()])
+
+
+def _spread(side: ContactSide) -> sparse.csr_array:
+    """Nodal tractions (m, m) of nodal forces, linear between nodes: the inverse of M to second order.
+
+    Forces over the nodes' lengths alone smooth tractions: peaks of Hertz contacts with 17 nodes were 1.3e-3
+    too large.
+    """
+    first, second, step = _stretches(side)
+    ends = np.concatenate([first, second])
+    entries = (np.tile(step / 6.0, 2), (ends, np.concatenate([second, first])))
+    beside = sparse.csr_array(entries, shape=(side.count,) * 2)
+    over = sparse.diags_array(1.0 / side.weight)
+    # 2 - M / w, as M has the lengths w as sums of its rows.
+    onto = sparse.diags_array(1.0 + beside.sum(axis=1) / side.weight) - over @ beside
+    return sparse.csr_array(onto @ over)
 
 
 def _stretches(side: ContactSide) -> tuple[IntArray, IntArray, FloatArray]:

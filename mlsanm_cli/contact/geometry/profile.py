@@ -16,6 +16,9 @@ length exceeds."""
 LEAST_POWER, HALVINGS, SINGULAR_REACH = 0.015, 5, 0.05
 """Or if pressures grow towards it by at least this power of the distance at every one of so many halvings
 within this part of the loaded length: at corners of blocks that slide, the power is 0.02 to 0.1."""
+END_JUMP, LEAST_NODES = 1.5, 10
+"""Or if it exceeds that of its neighbour by this factor, on a contact grid of at least so many nodes: such a
+grid resolves regular profiles."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -77,9 +80,12 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
 
 
 def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bool:
-    """Whether pressures grow towards an end ``top`` of the ``loaded`` length by a power of the distance."""
+    """Whether pressures grow towards an end ``top`` of the ``loaded`` length by a power of the distance, or
+    jump there."""
     away = np.where(pressure > 0.0, np.abs(arc - arc[top]), np.inf)
     order = np.argsort(away)[: int((pressure > 0.0).sum())]
+    if len(order) >= LEAST_NODES and pressure[top] > END_JUMP * pressure[order[1]]:
+        return True
     places = 2.0 * away[order[min(1, len(order) - 1)]] * 2.0 ** np.arange(HALVINGS + 1)
     if places[-1] > SINGULAR_REACH * loaded:
         return False
@@ -88,7 +94,12 @@ def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bo
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:
-    """Whether the largest pressure (m,) is at a singular end."""
+    """Whether the largest pressure (m,) is at a singular end.
+
+    >>> place = np.linspace(0.0, 1.0, 20) ** 2
+    >>> is_singular(place, 1.0 - place**2), is_singular(place, np.append(2.0, 1.0 - place[1:]))
+    (False, True)
+    """
     return regular_peak(arc_length, pressure) < float(pressure.max(initial=0.0))
 
 

@@ -114,15 +114,15 @@ def _moved(
     return np.asarray(sum(np.stack(part) for part in parts))
 
 
-def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
-    """Pressures (m,) of a contact with every second candidate only, linear in between: the mean of both
-    choices.
+def halved_state(condensed: Condensed, state: ExactState) -> tuple[FloatArray, FloatArray]:
+    """Motions (k,) and pressures (m,) of a contact with every second candidate only, linear in between: the
+    mean of both choices.
 
     The difference to the full solution measures the error due to spacing and contact edges; averaging removes
     most of the scatter due to the position of an edge relative to the nodes. Raises NumericalError if the
     thinned contact problem has no solution.
     """
-    total = np.zeros(len(condensed.weight))
+    motion, pressure = np.zeros_like(state.motion), np.zeros_like(state.pressure)
     for first in (0, 1):
         kept, joined = [], []
         for pairing in condensed.pairings:
@@ -142,8 +142,9 @@ def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
             slip=_joined(condensed.slip, join),
             balance=_joined(condensed.balance, join),
         )
-        total += join @ solve_exact(thin, state.factors, state.active[rows]).pressure
-    return 0.5 * total
+        found = solve_exact(thin, state.factors, state.active[rows])
+        motion, pressure = motion + 0.5 * found.motion, pressure + 0.5 * (join @ found.pressure)
+    return motion, pressure
 
 
 def l2(arc: FloatArray, values: FloatArray) -> float:

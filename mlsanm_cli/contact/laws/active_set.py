@@ -126,8 +126,7 @@ def _only_moved(
     without a load their ``pressure`` (m,) is round-off of the gaps."""
     if (condensed.balance.constant + condensed.balance.load @ factors).any():
         return False
-    clear = np.finfo(float).eps * np.abs(free_gap).max(initial=0.0)
-    return bool(condensed.largest_compliance * pressure.max(initial=0.0) <= clear)
+    return condensed.elastic_gap(pressure) <= condensed.gap_round_off
 
 
 def _apart(solved: _Solved) -> _Solved:

@@ -66,8 +66,6 @@ def admissible_sets(
         try:
             system, values, slipped = solve(sets)
         except SingularSystemError:
-            if starts:
-                break
             # A contact that slides as a whole may come to rest.
             last, sets = sets, sets.resting(condensed.friction_nodes)
             continue
@@ -213,7 +211,7 @@ def complementary_path(
             values, pressure=values.pressure - values.gap / condensed.own[0], gap=np.zeros_like(values.gap)
         )
     solved = softened or condensed
-    v, system = rules.obeying(sets, values), SetSystem(solved, rules.equations(sets))
+    v, system = rules.obeying(sets, values), SetSystem(solved, rules.equations(sets), force=watch.force)
     rest = _rest(solved, v, values)
     load, way, response = 1.0, -1.0, system.response(*rest)
     for count in range(1, most + 1):
@@ -227,7 +225,7 @@ def complementary_path(
         sets = rules.after(before, event, v)
         v = v.obeying(condensed, rules.equations(sets), rules.reference)
         try:
-            system = SetSystem(solved, rules.equations(sets), system)
+            system = SetSystem(solved, rules.equations(sets), system, watch.force)
         except SingularSystemError:
             # At constant load the new variable of the node increases.
             rates = _by_itself(solved, system, before, sets, event, rules.smooth)
@@ -238,7 +236,7 @@ def complementary_path(
             sets = rules.after(before, event, v)
             v = v.obeying(condensed, rules.equations(sets), rules.reference)
             try:
-                system = SetSystem(solved, rules.equations(sets), system)
+                system = SetSystem(solved, rules.equations(sets), system, watch.force)
             except SingularSystemError:
                 raise NoPathError(sets, count) from None
         response = system.response(*rest)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.laws.loose_bodies import IdleMotions
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import ScaledFactor, SingularSystemError
 
@@ -87,9 +88,16 @@ class ContactSolution:
 
 class SetSystem:
     """The factorised linear equations of one choice of sets; an update of the factors of a system ``near`` if
-    the sets differ in few nodes. Raises SingularSystemError."""
+    the sets differ in few nodes. Motions that no closed node resists and a given ``force`` (k,) does not
+    drive are held. Raises SingularSystemError."""
 
-    def __init__(self, condensed: Condensed, sets: ContactStatus, near: SetSystem | None = None) -> None:
+    def __init__(
+        self,
+        condensed: Condensed,
+        sets: ContactStatus,
+        near: SetSystem | None = None,
+        force: FloatArray | None = None,
+    ) -> None:
         self._condensed = condensed
         m, n = len(sets.closed), len(sets.stuck)
         rows, columns, whole = condensed.scaled
@@ -105,10 +113,22 @@ class SetSystem:
         self._kind = np.concatenate(
             [sets.closed, 2.0 * sets.stuck + sets.slip_sign, np.ones(len(whole) - m - n)]
         )
-        self._update = _Update.of(self, near) if near is not None else None
+        base: SetSystem | None = near and (near._update.base if near._update else near)
+        self.idle: IdleMotions | None = None
+        if base and base.idle and force is not None:
+            self.idle = IdleMotions.of(condensed, sets.closed, force)
+        same = base and (base.idle.same(self.idle) if base.idle else True)
+        self._update: _Update | None = _Update.of(self, base) if base and same else None
         if self._update is None:
-            self._factor = self._factorised(whole)
             self._units: dict[int, FloatArray] = {}
+            try:
+                self._factor = self._factorised(whole)
+            except SingularSystemError:
+                if self.idle is None and force is not None:
+                    self.idle = IdleMotions.of(condensed, sets.closed, force)
+                if self.idle is None:
+                    raise
+                self._factor = self._factorised(whole)
 
     def _factorised(self, whole: FloatArray) -> ScaledFactor | None:
         kept = self._kept
@@ -117,15 +137,21 @@ class SetSystem:
         if len(self._sliding):
             place = np.searchsorted(self._closed, self._under)
             matrix[place] += self._slope[:, None] * whole.take(self._sliding, axis=0).take(kept, axis=1)
+        if self.idle is not None:
+            k = len(self.idle.motions)
+            matrix[-k:, -k:] += self.idle.motions @ self.idle.balances.T
         return ScaledFactor(matrix.T) if len(kept) else None
 
-    def state(self, factors: FloatArray, stick_reference: FloatArray) -> ContactSolution:
-        """The state at load ``factors`` (L,) with sticking nodes at their ``stick_reference`` (n,)."""
+    def state(
+        self, factors: FloatArray, stick_reference: FloatArray, motion: FloatArray | None = None
+    ) -> ContactSolution:
+        """The state at load ``factors`` (L,) with sticking nodes at their ``stick_reference`` (n,), and idle
+        motions as in ``motion`` (k,)."""
         c = self._condensed
         free_gap = c.gap.constant + c.gap.load @ factors
         free_slip = c.slip.constant + c.slip.load @ factors
         imbalance = c.balance.constant + c.balance.load @ factors
-        return self._solve(free_gap, free_slip, imbalance, stick_reference)
+        return self._solve(free_gap, free_slip, imbalance, stick_reference, motion)
 
     def rate(self, change: FloatArray) -> ContactSolution:
         """Rates for a ``change`` (L,) of the load factors."""
@@ -138,11 +164,19 @@ class SetSystem:
         return self._solve(gap, slip, imbalance, np.zeros(len(slip)))
 
     def _solve(
-        self, free_gap: FloatArray, free_slip: FloatArray, imbalance: FloatArray, stick_reference: FloatArray
+        self,
+        free_gap: FloatArray,
+        free_slip: FloatArray,
+        imbalance: FloatArray,
+        stick_reference: FloatArray,
+        motion: FloatArray | None = None,
     ) -> ContactSolution:
         closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
         rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
+        if self.idle is not None and motion is not None:
+            columns, ways = self._columns[m + n :], self.idle.motions
+            unknowns[m + n :] += columns * (ways @ (ways.T @ (motion / columns)))
         caused = self._condensed.blocks @ unknowns
         left, rows = rhs - caused[self._kept], self._rows[self._kept]
         error, size = (float(np.abs(rows * one).max(initial=0.0)) for one in (left, rhs))
@@ -212,9 +246,8 @@ class _Update:
         self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), MIN_RCOND)
 
     @classmethod
-    def of(cls, system: SetSystem, near: SetSystem) -> _Update | None:
+    def of(cls, system: SetSystem, base: SetSystem) -> _Update | None:
         """None if too much has changed, or if the update is ill-conditioned."""
-        base = near if near._update is None else near._update.base
         changed = np.flatnonzero(system._kind != base._kind)
         if len(base._kept) < MIN_EQUATIONS or not 0 < len(changed) <= MAX_CHANGES:
             return None

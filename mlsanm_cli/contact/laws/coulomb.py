@@ -3,18 +3,17 @@ docs/method.md."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, kkt_residual, moving
+from mlsanm_cli.contact.laws.limit_load import supporting
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, kkt_residual
 from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
-
-PRESSURE_TOLERANCE = 1e-10
-"""Pressures below this fraction of those that correspond to the rigid motions are zero."""
+from mlsanm_cli.contact.response.dense import SingularSystemError
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,33 +76,47 @@ def increment(
     number of systems solved.
 
     The search starts from ``guess``, if given. Without ``slipping`` all closed nodes stick. Raises
-    NoStateError; with ``slipping`` FloatingError if surfaces that were apart would touch without pressure.
+    NoStateError.
     """
-    before = state.values.slip
+    before, nodes = state.values.slip, condensed.friction_nodes
     closed = state.sets.closed | (state.values.gap <= EQUAL_GAP * condensed.weight)
-    floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()
-    if floating:
-        closed |= condensed.closest(state.values.gap)
-    stuck = closed[condensed.friction_nodes] & (state.sets.slip_sign == 0.0)
-    slip_sign = np.where(closed[condensed.friction_nodes], state.sets.slip_sign, 0.0)
+    force = condensed.balance.constant + condensed.balance.load @ factors
+    if len(force) and not state.sets.closed.any():
+        closed = _resting(condensed, state, closed, factors, force)
+    stuck = closed[nodes] & (state.sets.slip_sign == 0.0)
+    slip_sign = np.where(closed[nodes], state.sets.slip_sign, 0.0)
     both = np.ones(len(condensed.weight), dtype=bool)
-    watch = AdmissibleChanges(both, both, np.full(len(before), slipping), np.zeros(len(before)))
+    watch = AdmissibleChanges(both, both, np.full(len(before), slipping), np.zeros(len(before)), force)
 
     known = state.system
 
     def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
         nonlocal known
-        known = SetSystem(condensed, sets, known)
-        values = known.state(factors, before)
+        known = SetSystem(condensed, sets, known, force)
+        values = known.state(factors, before, state.values.motion)
         return known, values, values.slip - before
 
     first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
     sets, system, values, count = admissible_sets(condensed, first, watch, solve)
-    pressed = values.pressure.max() > PRESSURE_TOLERANCE * moving(condensed, values.motion)
-    if floating and slipping and not pressed and acts(condensed, factors - state.factors):
-        raise FloatingError
     stick_reference = np.where(sets.stuck, before, values.slip)
     return state.moved(factors, values, sets, stick_reference, system, jumps=True), count
+
+
+def _resting(
+    condensed: Condensed, state: CoulombState, closed: BoolArray, factors: FloatArray, force: FloatArray
+) -> BoolArray:
+    """Closed nodes (m,) that hold floating bodies under a ``force`` (k,) on their motions: ``closed`` ones,
+    more on which they rest like rigid bodies, or the closest ones of all contacts."""
+    for number in range(2):
+        try:
+            SetSystem(
+                condensed, replace(state.sets, closed=closed).resting(condensed.friction_nodes), None, force
+            )
+        except SingularSystemError:
+            gap = condensed.gap.constant + condensed.gap.load @ factors
+            rigid = supporting(condensed, gap, force) if not number else None
+            closed = closed | (condensed.closest(state.values.gap) if rigid is None else rigid)
+    return closed
 
 
 def residual(condensed: Condensed, state: CoulombState) -> float:

@@ -9,6 +9,7 @@ choose.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
 from mlsanm_cli.contact.laws.limit_load import SlidingError, slides_freely
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, FloatingError, NoStateError
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, NoStateError
 from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
 from mlsanm_cli.errors import NumericalError
 
@@ -27,7 +28,13 @@ LIMIT_TOLERANCE = 1e-9
 ROUND_OFF = 50.0 * float(np.finfo(float).eps)
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Finite increments, as fractions of the stage, tried in turn where no rates continue the path."""
+SETTLING = 1e-3
+"""Part of a stage within which a scene begun without contact settles: which of the surfaces drawn touching
+come to carry first depends on the grid, and a path that ends there is begun with a larger increment."""
 STANDSTILL = 1e-13
+NEGLIGIBLE = 1e-3
+"""Part of typical pressures below which those of overlaps as drawn, as of curves through points, may depend
+on how the bodies move apart."""
 OVERLAP = (
     "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move apart"
 )
@@ -57,9 +64,9 @@ class _Course:
     rates: ContactSolution
 
 
-def start(condensed: Condensed, factors: FloatArray) -> Event:
+def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> Event:
     """The state before the first stage; initial overlaps push the surfaces apart. Raises NumericalError if
-    the result is not unique."""
+    the result is not unique, unless its pressures are negligible against ``typical`` ones."""
     state = unloaded(condensed, factors)
     if not condensed.overlap(state.values.gap):
         return Event(0.0, state, 0)
@@ -69,13 +76,12 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
     if parted is not None:
         return Event(0.0, parted, 0)
     # Wedged bodies move straight out without slip as far as possible: friction would admit many positions.
-    try:
-        held, solves = increment(condensed, state, factors, slipping=False)
-    except NoStateError as error:
-        raise NumericalError(OVERLAP, OVERLAP_HINT) from error
-    if not residual(condensed, held) <= LIMIT_TOLERANCE:
-        raise NumericalError(OVERLAP, OVERLAP_HINT)
-    return Event(0.0, held, solves)
+    for slipping, most in ((False, np.inf), (True, NEGLIGIBLE * typical)):
+        with suppress(NoStateError):
+            found, solves = increment(condensed, state, factors, slipping)
+            if residual(condensed, found) <= LIMIT_TOLERANCE and found.values.pressure.max() <= most:
+                return Event(0.0, found, solves)
+    raise NumericalError(OVERLAP, OVERLAP_HINT)
 
 
 def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
@@ -126,18 +132,24 @@ def event_driven_path(
         return
     pending, standing = list(stops), 0
     course: _Course | None = None
+    origin, since = state, fraction
     while pending:
-        touching = bool(state.sets.closed.any())
+        if origin.sets.closed.any() or fraction > since + SETTLING:
+            origin, since = state, fraction
         limits = _limits(condensed, state.values)
         try:
             course, solves = _course(condensed, state, limits, change, course)
             if standing > 4 * len(condensed.weight) + 50:
                 raise NoStateError(sliding=False)
+            if slides_freely(condensed, course.sets, course.rates):
+                if origin is state:
+                    raise SlidingError(fraction)
+                raise NoStateError(sliding=True)
         except NoStateError as error:
             try:
-                state, fraction, solves = _jump(condensed, state, begin, change, fraction, pending[0])
-            except FloatingError:
-                raise
+                state, fraction, solves = _jump(
+                    condensed, origin, begin, change, since, fraction - since, pending[0]
+                )
             except NoStateError as failure:
                 if error.sliding or failure.sliding or slides_freely(condensed, state.sets):
                     raise SlidingError(fraction) from error
@@ -145,11 +157,9 @@ def event_driven_path(
             standing, course = 0, None
             while pending and pending[0] <= fraction:
                 pending.pop(0)
-            yield Event(fraction, state, solves, jumped=touching)
+            yield Event(fraction, state, solves, jumped=bool(origin.sets.closed.any()))
             continue
         sets = course.sets
-        if slides_freely(condensed, sets, course.rates):
-            raise SlidingError(fraction)
         # A node that comes to rest sticks where it is now.
         stick_reference = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.stick_reference)
         step = min(_next_event(condensed, state, limits, course), pending[0] - fraction)
@@ -180,7 +190,7 @@ def _moved(
     straight = state.moved(factors, values, sets, stick_reference, course.system)
     if residual(condensed, straight) <= LIMIT_TOLERANCE:
         return straight
-    solved = course.system.state(factors, stick_reference)
+    solved = course.system.state(factors, stick_reference, state.values.motion)
     anew = state.moved(factors, solved, sets, stick_reference, course.system)
     return min(straight, anew, key=lambda one: residual(condensed, one))
 
@@ -191,7 +201,10 @@ def _limits(condensed: Condensed, values: ContactSolution) -> tuple[float, Float
     force = LIMIT_TOLERANCE * float(values.pressure.max(initial=0.0))
     elastic = condensed.elastic_gap(values.pressure)
     own = force * condensed.own[0]
-    return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), LIMIT_TOLERANCE * elastic)
+    length = np.minimum(np.maximum(own, ROUND_OFF * elastic), LIMIT_TOLERANCE * elastic)
+    if not force:
+        length += ROUND_OFF * float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
+    return force, length
 
 
 def _slack(condensed: Condensed, values: ContactSolution, side: float) -> FloatArray:
@@ -219,7 +232,11 @@ def _course(
     # A node under pressure can only slip towards the side on which friction is exhausted.
     side = np.where(grazing, 0.0, np.where(near[1.0], 1.0, -1.0))
     watch = AdmissibleChanges(
-        bare, v.gap <= length, grazing | near[1.0] | near[-1.0] | (before.slip_sign != 0.0), side
+        bare,
+        v.gap <= length,
+        grazing | near[1.0] | near[-1.0] | (before.slip_sign != 0.0),
+        side,
+        condensed.balance.load @ change,
     )
     watch.side[before.slip_sign != 0.0] = np.where(grazing, 0.0, before.slip_sign)[before.slip_sign != 0.0]
 
@@ -230,7 +247,7 @@ def _course(
         if last is not None and sets.key == last.sets.key:
             return last.system, last.rates, last.rates.slip
         made += 1
-        known = SetSystem(condensed, sets, known)
+        known = SetSystem(condensed, sets, known, watch.force)
         rates = known.rate(change)
         return known, rates, rates.slip
 
@@ -264,50 +281,20 @@ def _jump(
     begin: FloatArray,
     change: FloatArray,
     fraction: float,
+    beyond: float,
     ceiling: float,
 ) -> tuple[CoulombState, float, int]:
-    """The first state found a finite increment ahead, its fraction, and the number of solves. Raises
-    NoStateError; FloatingError if surfaces would touch without pressure, even if sliding states exist farther
-    ahead."""
-    failure: NoStateError | None = None
-    if not state.sets.closed.any():
-        touching = _touch_down(condensed, state, begin, change, fraction, ceiling)
-        if touching is not None:
-            return touching
+    """The first state found by a finite increment of more than ``beyond`` ahead, its fraction, and the number
+    of solves. Raises NoStateError."""
+    failure: NoStateError = NoStateError(sliding=False)
     for size in INCREMENTS:
+        if size <= beyond:
+            continue
         ahead = min(fraction + size, ceiling)
         try:
             found, solves = increment(condensed, state, begin + ahead * change)
         except NoStateError as error:
-            failure = failure if isinstance(failure, FloatingError) else error
+            failure = error
             continue
         return found, ahead, solves
-    assert failure is not None
     raise failure
-
-
-def _touch_down(
-    condensed: Condensed,
-    state: CoulombState,
-    begin: FloatArray,
-    change: FloatArray,
-    fraction: float,
-    ceiling: float,
-) -> tuple[CoulombState, float, int] | None:
-    """The first state in which surfaces touch, its fraction and the number of solves; None if not found soon.
-    The first touching nodes are hard to guess: the search starts from the end of the stage and proceeds
-    backwards with the sets of each state for the next one."""
-    found: tuple[CoulombState, float] | None = None
-    count = 0
-    for ahead in (1.0, *(min(fraction + size, 1.0) for size in reversed(INCREMENTS)), ceiling):
-        if found and found[1] <= ahead:
-            continue
-        guess = found[0].sets if found else None
-        try:
-            one, solves = increment(condensed, state, begin + ahead * change, guess=guess)
-        except NoStateError:
-            if found:
-                return None
-            continue
-        found, count = (one, ahead), count + solves
-    return (*found, count) if found else None

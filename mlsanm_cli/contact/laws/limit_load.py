@@ -9,11 +9,13 @@ Force-controlled motions along slipping contacts that nothing resists are found 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
+from mlsanm_cli.contact.laws.loose_bodies import null_space
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 
@@ -52,40 +54,83 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
     size = max(np.abs(start).max(), np.abs(more).max())
     if not size:
         return None
-    # Forces in units of the loads, so that units do not matter.
-    unit = size / condensed.weight
-    rows = np.hstack([balance.pressure * unit, balance.traction * unit[nodes], balance.motion, more[:, None]])
-    known = np.abs(rows[:, : m + n]).max(axis=1)
-    scale = np.where(known > 0.0, known, size)
-    cone = np.zeros((2, n, m + n + k + 1))
-    each = np.arange(n)
-    for side, sign in enumerate((1.0, -1.0)):
-        cone[side, each, m + each] = sign
-        cone[side, each, nodes] = -condensed.friction
-    from scipy.optimize import linprog  # for few runs
-
-    found = linprog(
-        np.append(np.zeros(m + n + k), -1.0),
-        A_ub=cone.reshape(2 * n, -1) if n else None,
-        b_ub=np.zeros(2 * n) if n else None,
-        A_eq=rows / scale[:, None],
-        b_eq=-start / scale,
-        bounds=[(0.0, None)] * m + [(None, None)] * (n + k) + [(0.0, 1.0)],
-    )
+    forces = _Forces.of(condensed, size)
+    found = forces.balancing(np.append(np.zeros(m + n + k), -1.0), start, more[:, None])
     if found.status != 0 or found.x is None:
         return None
-    forces, part, motion = found.x[: m + n], float(found.x[-1]), found.eqlin.marginals / scale
+    unit, scale = forces.unit, forces.scale
+    carried, part, motion = found.x[: m + n], float(found.x[-1]), found.eqlin.marginals / scale
     work = abs(float(more @ motion)) * part
     across, along = np.abs(condensed.gap.motion @ motion), np.abs(condensed.slip.motion @ motion)
     if work:
-        rubbed = float(np.abs(forces[m:] * unit[nodes] * (balance.traction.T @ motion)).sum()) / work
+        rubbed = float(np.abs(carried[m:] * unit[nodes] * (balance.traction.T @ motion)).sum()) / work
     else:
         # Nothing is carried: the direction of motion decides.
         rubbed = float(along.max(initial=0.0) > across.max(initial=0.0))
-    touching = forces[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
+    touching = carried[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
     most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
     driven = abs(float(more @ motion)) > DRIVEN * most
     return LimitLoad(part, motion, min(rubbed, 1.0), bool(touching.max(initial=0.0) > 1e-9), driven)
+
+
+def supporting(condensed: Condensed, gap: FloatArray, force: FloatArray) -> BoolArray | None:
+    """Mask (m,) of the fewest and closest nodes, by their ``gap`` (m,), on which rigid bodies rest under a
+    ``force`` (k,); None if there are none."""
+    size = np.abs(force).max(initial=0.0)
+    if not size:
+        return None
+    forces = _Forces.of(condensed, float(size))
+    m = len(gap)
+    cost = np.append(gap * condensed.weight * forces.unit, np.zeros(len(condensed.whole) - m))
+    found = forces.balancing(cost / (np.abs(cost).max() or 1.0), force)
+    return found.x[:m] > 0.0 if found.status == 0 and found.x is not None else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Forces:
+    """Balances ``rows`` (k, m + n + k) of pressures, tractions and motions, divided by their ``scale`` (k,),
+    and the ``cone`` (2n, m + n + k) of friction. Pressures are in units ``unit`` (m,) of the loads, so that
+    units do not matter."""
+
+    unit: FloatArray
+    scale: FloatArray
+    rows: FloatArray
+    cone: FloatArray
+
+    @classmethod
+    def of(cls, condensed: Condensed, size: float) -> _Forces:
+        balance, nodes = condensed.balance, condensed.friction_nodes
+        m, n, k = len(condensed.weight), len(nodes), len(balance.constant)
+        unit = size / condensed.weight
+        rows = np.hstack([balance.pressure * unit, balance.traction * unit[nodes], balance.motion])
+        known = np.abs(rows[:, : m + n]).max(axis=1)
+        scale = np.where(known > 0.0, known, size)
+        cone = np.zeros((2, n, m + n + k))
+        each = np.arange(n)
+        for side, sign in enumerate((1.0, -1.0)):
+            cone[side, each, m + each] = sign
+            cone[side, each, nodes] = -condensed.friction
+        return cls(unit, scale, rows / scale[:, None], cone.reshape(2 * n, m + n + k))
+
+    def balancing(self, cost: FloatArray, force: FloatArray, more: FloatArray | None = None) -> Any:
+        """The linear program of least ``cost`` that balances a ``force`` (k,), and a part up to 1 of ``more``
+        (k, 1), its last unknown."""
+        m, n, rows, cone = len(self.unit), len(self.cone) // 2, self.rows, self.cone
+        bounds: list[tuple[float | None, float | None]] = [(0.0, None)] * m
+        bounds += [(None, None)] * (n + len(rows))
+        if more is not None:
+            rows, cone = np.hstack([rows, more / self.scale[:, None]]), np.pad(cone, ((0, 0), (0, 1)))
+            bounds.append((0.0, 1.0))
+        from scipy.optimize import linprog  # for few runs
+
+        return linprog(
+            cost,
+            A_ub=cone if n else None,
+            b_ub=np.zeros(2 * n) if n else None,
+            A_eq=rows,
+            b_eq=-force / self.scale,
+            bounds=bounds,
+        )
 
 
 MAX_NORMAL_SHARE = 0.2
@@ -133,7 +178,7 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: ContactSolut
     tangential = size[condensed.friction_nodes] * condensed.slip.motion[:, free]
     largest = np.sqrt((across**2).sum(axis=0) + (tangential**2).sum(axis=0))
     units = np.diag(1.0 / np.where(largest > 0.0, largest, 1.0))
-    motions = units @ _unmoved(tangential[sets.stuck] @ units)
+    motions = units @ null_space(tangential[sets.stuck] @ units)
     if not motions.size:
         return False
     both = np.vstack([across, tangential[slipping]])
@@ -213,14 +258,3 @@ def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:
         own = np.where(sets.closed[span], root[span], 0.0)
         row[span] = own / (np.linalg.norm(own) or 1.0)
     return rows[:, sets.closed]
-
-
-def _unmoved(rows: FloatArray) -> FloatArray:
-    """Orthonormal null space (k, d) of the ``rows`` (r, k)."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    # The R factor has the same singular values and is much smaller.
-    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    seen = int((values > ROUND_OFF).sum())
-    basis: FloatArray = right[seen:].T
-    return basis

@@ -18,12 +18,14 @@ ROUND_OFF = 1e-10
 @dataclass(frozen=True, eq=False)
 class AdmissibleChanges:
     """The conditions to be enforced: closed nodes that may open (m,), open ones that may close (m,), sticking
-    and closing ones that may slip (n,), and towards which ``side`` (n,): 1, -1, or 0 for both."""
+    and closing ones that may slip (n,), and towards which ``side`` (n,): 1, -1, or 0 for both. Given the
+    ``force`` (k,) on motions, those that it does not drive are held where closed nodes do not resist them."""
 
     opening: BoolArray
     closing: BoolArray
     slipping: BoolArray
     side: FloatArray
+    force: FloatArray | None = None
 
 
 class UnbalancedError(NumericalError):
@@ -56,18 +58,6 @@ class EndlessError(NoStateError):
             f"the active set found no contact state in {passes} passes",
             "the clouds along the contact may be too coarse or too different; at high friction there may "
             "also be no continuous path",
-        )
-        self.sliding = False
-
-
-class FloatingError(NoStateError):
-    """No contact was or is loaded: free motions are undetermined."""
-
-    def __init__(self) -> None:
-        NumericalError.__init__(
-            self,
-            "the position of a body held by contact only is undetermined: no contact is loaded yet",
-            "move it by a force instead of a displacement, or draw the surfaces touching",
         )
         self.sliding = False
 
@@ -143,17 +133,21 @@ def kkt_residual(
     free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
     caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
     gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
+    overlap = np.where(closed, np.abs(gap), -gap)
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)
     force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
     force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
     stuck = np.isfinite(held)
+    # Gaps are known to round-off, and pressures to what it causes.
+    length = condensed.gap_round_off
+    round_off = length / largest_compliance if largest_compliance > 0.0 else 0.0
     parts = (
-        np.abs(gap[closed]).max(initial=0.0) / elastic,
-        max(0.0, -gap[~closed].min(initial=0.0)) / elastic,
-        max(0.0, -pressure.min(initial=0.0)) / typical,
-        np.abs(slip[stuck] - held[stuck]).max(initial=0.0) / elastic,
-        max(0.0, (np.abs(traction) - limit).max(initial=0.0)) / typical,
+        (overlap.max(initial=0.0) - length) / elastic,
+        (-pressure.min(initial=0.0) - round_off) / typical,
+        (np.abs(slip[stuck] - held[stuck]).max(initial=0.0) - length) / elastic,
+        ((np.abs(traction) - limit).max(initial=0.0) - round_off) / typical,
+        0.0,
         (np.abs(imbalance) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
     )
     return float(max(parts))

@@ -141,6 +141,13 @@ class Condensed:
         return largest(self.gap.pressure)
 
     @cached_property
+    def gap_round_off(self) -> float:
+        """Round-off of the gaps, which are differences of coordinates."""
+        lengths = [self.gap.constant, *(pairing.points for pairing in self.pairings)]
+        size = max(float(np.abs(one).max(initial=0.0)) for one in lengths)
+        return 4.0 * float(np.finfo(float).eps) * size
+
+    @cached_property
     def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Row and column scales of :attr:`whole`, and the transpose of the scaled matrix."""
         rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
@@ -185,13 +192,16 @@ class Condensed:
         motions if possible."""
         ordered = {name: np.sort(gap[span]) for name, span in self.spans.items()}
         chosen = np.zeros(len(gap), dtype=bool)
+        held = np.vstack([self.gap.motion, self.slip.motion, self.balance.motion])
+        size = np.abs(held).max(axis=0, initial=0.0)
+        held, still = held / np.where(size > 0.0, size, 1.0), np.ones(held.shape[1], dtype=bool)
+        most = np.linalg.matrix_rank(held, ROUND_OFF)
         for count in 2 ** np.arange(len(gap).bit_length() + 1):
             for name, span in self.spans.items():
                 widest = ordered[name][:count].max(initial=-np.inf)
                 chosen[span] |= gap[span] <= widest + EQUAL_GAP * self.weight[span]
-            held = np.concatenate([self.gap.motion[chosen], self.balance.motion])
-            size = np.abs(held).max(axis=0, initial=0.0)
-            if np.linalg.matrix_rank(held / np.where(size > 0.0, size, 1.0), ROUND_OFF) == held.shape[1]:
+            rows = np.concatenate([chosen, chosen[self.friction_nodes], still])
+            if np.linalg.matrix_rank(held[rows], ROUND_OFF) == most:
                 break
         return chosen
 
