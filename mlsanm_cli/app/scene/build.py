@@ -27,6 +27,7 @@ from mlsanm_cli.contact.laws.set_search import (
     EndlessError,
     NoStateError,
     UnbalancedError,
+    UnresistedError,
 )
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -41,6 +42,8 @@ from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
+MAX_SINGLE_TRIALS = 6
+"""Largest number of motions that are fixed one at a time."""
 MAX_CARRIED = 1e-3
 """Largest force of a fixed motion relative to the contact force; it is not 0, as clouds are not exactly
 symmetric."""
@@ -141,10 +144,31 @@ def condense_scene(
     try:
         return _condensed_scene(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
+        for group in () if isinstance(error, UnresistedError) else _idle_translations(prepared):
+            built = _with_fixed_motions(case, prepared, group, context, before)
+            if built is not None:
+                return built
         hint = pull_hint(case, prepared.pairings)
         if not hint:
             raise
         raise NumericalError(error.message, hint) from error
+
+
+def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
+    """Translations of floating bodies without a load in their direction, one at a time, then all of one
+    direction. Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the
+    motion is then undetermined, and zero by symmetry."""
+    idle = [
+        (constraint.body, motion.component)
+        for constraint in prepared.rigid_constraints
+        if isinstance(constraint, FloatingBody)
+        for motion in constraint.motions
+        if motion.prescribed is None and motion.component != ROTATION and not motion.force.any()
+    ]
+    groups = [[one] for one in idle[:MAX_SINGLE_TRIALS]]
+    groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
+    for group in filter(None, groups):
+        yield {(body, component): {body: np.eye(3)[component]} for body, component in group}
 
 
 def _with_fixed_motions(
