@@ -14,6 +14,7 @@ from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
 from mlsanm_cli.startup import cKDTree
@@ -118,7 +119,8 @@ def check_work(scene: FiniteScene, missing: Mapping[str, float], error: float) -
     worst = max(missing, key=lambda name: abs(missing[name]))
     thin = thin_part(scene.bodies[worst].elastic.model.cloud)
     message = f"the work of stresses in body {worst} differs from that of its forces by {100.0 * error:.2g} %"
-    hint = f"make body.{worst}.spacing smaller, above all {thin or 'where it is held and where it touches'}"
+    where = thin or "where it is held and where it touches"
+    hint = f"{finer_nodes(scene.case, [worst])}, above all {where}"
     return f"{message}: forces may be as far off; {hint}"
 
 

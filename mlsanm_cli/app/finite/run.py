@@ -34,7 +34,7 @@ from mlsanm_cli.app.output.summary import Ending, head, probe_figures
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.case import LoadedCase, finer_nodes
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
@@ -153,9 +153,9 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder, errors: Mapping[str
     for name, error in errors.get("contacts", {}).items():
         if error > ESTIMATE_WARNING:
             sides = next(one for one in scene.contacts if one.name == name).sides
-            hint = " and ".join(f"body.{side.body}.spacing" for side in sides)
             size = f"the force is estimated to be off by {100.0 * error:.2g} %"
-            recorder.warn(f"contact {name}: {size}: make {hint} smaller")
+            hint = finer_nodes(scene.case, [side.body for side in sides])
+            recorder.warn(f"contact {name}: {size}; {hint}")
     for text in recorder.refinement.warnings:
         recorder.warn(text)
     if recorder.last.pressed is not None:
