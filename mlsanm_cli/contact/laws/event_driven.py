@@ -31,6 +31,8 @@ INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 SETTLING = 1e-3
 """Part of a stage within which a scene begun without contact settles: which of the surfaces drawn touching
 come to carry first depends on the grid, and a path that ends there is begun with a larger increment."""
+FEW_PIVOTS = 300
+"""Limit of single exchanges of an increment within which a scene settles, before any number is tried."""
 STANDSTILL, MIN_SPEED = 1e-13, 0.01
 NEGLIGIBLE = 1e-3
 """Part of typical pressures below which those of overlaps as drawn, as of curves through points, may depend
@@ -294,12 +296,13 @@ def _jump(
     """The first state found by a finite increment of more than ``beyond`` ahead, its fraction, and the number
     of solves. Raises NoStateError."""
     failure: NoStateError = NoStateError(sliding=False)
-    for size in INCREMENTS:
+    few = [] if state.sets.closed.any() else [(size, FEW_PIVOTS) for size in INCREMENTS if size <= SETTLING]
+    for size, pivots in [*few, *((size, None) for size in INCREMENTS)]:
         if size <= beyond:
             continue
         ahead = min(fraction + size, ceiling)
         try:
-            found, solves = increment(condensed, state, begin + ahead * change)
+            found, solves = increment(condensed, state, begin + ahead * change, pivots=pivots)
         except NoStateError as error:
             failure = error
             continue
