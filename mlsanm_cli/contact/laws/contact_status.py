@@ -177,13 +177,13 @@ class SetSystem:
         if self.idle is not None and motion is not None:
             columns, ways = self._columns[m + n :], self.idle.motions
             unknowns[m + n :] += columns * (ways @ (ways.T @ (motion / columns)))
-        caused = self._condensed.caused(unknowns)
+        caused = self._condensed.blocks @ unknowns
         left, rows = rhs - caused[self._kept], self._rows[self._kept]
         error, size = (float(np.abs(rows * one).max(initial=0.0)) for one in (left, rhs))
         if error > EXACT * size:
             unknowns += self._spread(left)
         if error > ROUND_OFF * size:
-            caused = self._condensed.caused(unknowns)
+            caused = self._condensed.blocks @ unknowns
         gap, slip = free_gap + caused[:m], free_slip + caused[m : m + n]
         gap[closed], slip[stuck] = 0.0, stick_reference[stuck]
         return ContactSolution(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)

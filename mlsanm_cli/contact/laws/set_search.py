@@ -131,7 +131,7 @@ def kkt_residual(
     m, n = len(pressure), len(traction)
     elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0
     free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
-    caused = condensed.caused(np.concatenate([pressure, traction, motion]))
+    caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
     gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)

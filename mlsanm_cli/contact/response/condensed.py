@@ -37,8 +37,6 @@ from mlsanm_cli.memo import Memo, digest
 EQUAL_GAP = 1e-9
 """Gaps that differ by less than this fraction of the spacing are equal."""
 ROUND_OFF = 1e-9
-MIN_ZERO_RATIO = 6
-"""Unknowns over those that are not zero above which products use these only."""
 MAX_KEPT, MAX_KEPT_UNKNOWNS = 50, 5000
 """Numbers of sets of points for which near fields are kept, and of unknowns of their contacts."""
 
@@ -119,16 +117,6 @@ class Condensed:
         m, n = len(self.gap.constant), len(self.slip.constant)
         tangential = (m + span.start for span in self.tangential.values())
         return Blocks(self.whole, [*(span.start for span in self.spans.values()), *tangential, m, m + n])
-
-    def caused(self, unknowns: FloatArray) -> FloatArray:
-        """Gaps, slips and force imbalance (m + n + k) by pressures, tractions and motions, of which those
-        that are zero cost nothing if they are many."""
-        acting = np.flatnonzero(unknowns)
-        if MIN_ZERO_RATIO * len(acting) > len(unknowns) or compressed(self.gap.pressure) is not None:
-            return self.blocks @ unknowns
-        rows, columns, scaled = self.scaled
-        total: FloatArray = (unknowns[acting] / columns[acting]) @ scaled[acting] / rows
-        return total
 
     @cached_property
     def _elastic(self) -> Multiplier:
