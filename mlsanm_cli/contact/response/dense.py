@@ -38,8 +38,8 @@ class Multiplier(Protocol):
 
 
 class Blocks:
-    """A matrix (r, r) in blocks between ``cuts``. In products zero blocks cost nothing, nor do the unknowns of
-    a block before the first and after the last that are not zero: open nodes beside a contact."""
+    """A matrix (r, r) in blocks between ``cuts``. In products zero blocks cost nothing, nor do unknowns of a
+    block before the first and after the last that are not zero: open nodes beside a contact."""
 
     def __init__(self, matrix: FloatArray, cuts: Sequence[int]) -> None:
         spans = [slice(first, last) for first, last in pairwise(sorted({0, *cuts, len(matrix)}))]
