@@ -49,6 +49,7 @@ def admissible_sets(
     watch: AdmissibleChanges,
     solve: Callable[[ContactStatus], tuple[SetSystem, ContactSolution, FloatArray]],
     softened: Condensed | None = None,
+    pivots: int | None = None,
 ) -> tuple[ContactStatus, SetSystem, ContactSolution, int]:
     """Sets that satisfy all watched conditions, their system and values, and the number of systems solved.
 
@@ -56,7 +57,7 @@ def admissible_sets(
     that friction must oppose, or raises SingularSystemError. All violating nodes are exchanged at once as
     long as that leads to new sets; complementary paths start from the best of these. For regularised laws,
     with gaps everywhere, ``softened`` is the compliance, and open nodes are those without friction and with
-    falling pressure, given as a gap. Raises NoStateError.
+    falling pressure, given as a gap. Raises NoStateError, also after so many ``pivots``, if given.
     """
     sets, last, seen, count = first, first, set[bytes](), 0
     starts = list[tuple[int, ContactStatus, ContactSolution, FloatArray]]()
@@ -77,7 +78,7 @@ def admissible_sets(
     # Starts that stick give way node by node, where those that slide as a whole fail.
     fewest = sorted(starts, key=lambda one: one[0])[:MAX_STARTS]
     tried = [*fewest[:1], *(one for one in starts[:1] if one is not fewest[0]), *fewest[1:]]
-    left = MAX_PIVOTS + PIVOTS_PER_NODE * len(first.closed)
+    left = pivots or MAX_PIVOTS + PIVOTS_PER_NODE * len(first.closed)
     for _, sets, values, slipped in tried:
         try:
             sets, made = complementary_path(condensed, sets, watch, values, slipped, left, softened)

@@ -71,12 +71,13 @@ def increment(
     factors: FloatArray,
     slipping: bool = True,
     guess: ContactStatus | None = None,
+    pivots: int | None = None,
 ) -> tuple[CoulombState, int]:
     """The state after one finite increment to ``factors`` (L,), with return mapping for friction, and the
     number of systems solved.
 
     The search starts from ``guess``, if given. Without ``slipping`` all closed nodes stick. Raises
-    NoStateError.
+    NoStateError, also after so many ``pivots``, if given.
     """
     before, nodes = state.values.slip, condensed.friction_nodes
     closed = state.sets.closed | (state.values.gap <= EQUAL_GAP * condensed.weight)
@@ -97,7 +98,7 @@ def increment(
         return known, values, values.slip - before
 
     first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
-    sets, system, values, count = admissible_sets(condensed, first, watch, solve)
+    sets, system, values, count = admissible_sets(condensed, first, watch, solve, pivots=pivots)
     stick_reference = np.where(sets.stuck, before, values.slip)
     return state.moved(factors, values, sets, stick_reference, system, jumps=True), count
 

@@ -31,7 +31,9 @@ INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 SETTLING = 1e-3
 """Part of a stage within which a scene begun without contact settles: which of the surfaces drawn touching
 come to carry first depends on the grid, and a path that ends there is begun with a larger increment."""
-STANDSTILL = 1e-13
+FEW_PIVOTS = 300
+"""Limit of single exchanges of an increment within which a scene settles, before any number is tried."""
+STANDSTILL, MIN_SPEED = 1e-13, 0.01
 NEGLIGIBLE = 1e-3
 """Part of typical pressures below which those of overlaps as drawn, as of curves through points, may depend
 on how the bodies move apart."""
@@ -142,7 +144,7 @@ def event_driven_path(
             if standing > 4 * len(condensed.weight) + 50:
                 raise NoStateError(sliding=False)
             if slides_freely(condensed, course.sets, course.rates):
-                if origin is state:
+                if origin is state and _loaded(condensed, state.factors, change, course.rates):
                     raise SlidingError(fraction)
                 raise NoStateError(sliding=True)
         except NoStateError as error:
@@ -275,6 +277,13 @@ def _until(value: FloatArray, rate: FloatArray, limit: float | FloatArray, chose
     return float((value[falling] / -rate[falling]).min(initial=np.inf))
 
 
+def _loaded(condensed: Condensed, factors: FloatArray, change: FloatArray, rates: ContactSolution) -> bool:
+    """Whether any load acts on the fastest motions, which otherwise are those of bodies that others graze."""
+    moved = np.abs(rates.motion) / condensed.scaled[1][len(condensed.whole) - len(rates.motion) :]
+    load = np.abs(condensed.balance.load) @ (np.abs(factors) + np.abs(change))
+    return bool(load[moved > MIN_SPEED * moved.max()].any())
+
+
 def _jump(
     condensed: Condensed,
     state: CoulombState,
@@ -287,12 +296,13 @@ def _jump(
     """The first state found by a finite increment of more than ``beyond`` ahead, its fraction, and the number
     of solves. Raises NoStateError."""
     failure: NoStateError = NoStateError(sliding=False)
-    for size in INCREMENTS:
+    few = [] if state.sets.closed.any() else [(size, FEW_PIVOTS) for size in INCREMENTS if size <= SETTLING]
+    for size, pivots in [*few, *((size, None) for size in INCREMENTS)]:
         if size <= beyond:
             continue
         ahead = min(fraction + size, ceiling)
         try:
-            found, solves = increment(condensed, state, begin + ahead * change)
+            found, solves = increment(condensed, state, begin + ahead * change, pivots=pivots)
         except NoStateError as error:
             failure = error
             continue

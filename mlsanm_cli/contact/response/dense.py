@@ -38,26 +38,31 @@ class Multiplier(Protocol):
 
 
 class Blocks:
-    """A matrix (r, r) in blocks between ``cuts``; zero blocks cost nothing in products."""
+    """A matrix (r, r) in blocks between ``cuts``. In products zero blocks cost nothing, nor do unknowns of a
+    block before the first and after the last that are not zero: open nodes beside a contact."""
 
     def __init__(self, matrix: FloatArray, cuts: Sequence[int]) -> None:
         spans = [slice(first, last) for first, last in pairwise(sorted({0, *cuts, len(matrix)}))]
-        self._parts = list[tuple[slice, slice, FloatArray]]()
-        for rows in spans:
-            run: slice | None = None
-            for columns in spans:
-                acts = matrix[rows, columns].any()
-                if acts:
-                    run = slice(run.start if run else columns.start, columns.stop)
-                if run and (not acts or columns is spans[-1]):
-                    self._parts.append((rows, run, matrix[rows, run]))
-                    run = None
-        self._count = len(matrix)
+        self._parts = list[tuple[slice, list[slice]]]()
+        for columns in spans:
+            runs = list[slice]()
+            for rows in spans:
+                if not matrix[rows, columns].any():
+                    continue
+                begun = runs and runs[-1].stop == rows.start
+                runs.append(slice(runs.pop().start if begun else rows.start, rows.stop))
+            self._parts.append((columns, runs))
+        self._matrix = matrix
 
     def __matmul__(self, vector: FloatArray) -> FloatArray:
-        total = np.zeros(self._count)
-        for rows, columns, part in self._parts:
-            total[rows] += part @ vector[columns]
+        total = np.zeros(len(self._matrix))
+        for columns, runs in self._parts:
+            acting = np.flatnonzero(vector[columns]) + columns.start
+            if not len(acting):
+                continue
+            some = slice(acting[0], acting[-1] + 1)
+            for rows in runs:
+                total[rows] += self._matrix[rows, some] @ vector[some]
         return total
 
 
