@@ -43,8 +43,9 @@ class NoStateError(NumericalError):
     def __init__(self, sliding: bool) -> None:
         super().__init__(
             "no contact state balances the loads",
-            "a force-controlled platen may push its body away from the contact, or nothing resists its "
-            "direction; prescribe that direction's displacement instead",
+            "bodies may slide or roll apart: raise friction, or fix them; a force-controlled platen may push "
+            "its body away from the contact, or nothing resists its direction: prescribe that direction's "
+            "displacement instead",
         )
         self.sliding = sliding
 
