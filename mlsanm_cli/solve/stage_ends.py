@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.laws.active_set import FEW_PASSES, ExactState, solve_exact
+from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
@@ -209,21 +209,7 @@ def _incremented(
     if guess is not None:
         with suppress(NoStateError):
             return increment(condensed, state, factors, guess=guess)
-    try:
-        return increment(condensed, state, factors)
-    except NoStateError as lost:
-        # Without friction nearly the same nodes touch, if loads balance without it.
-        try:
-            free = solve_exact(condensed, factors, passes=FEW_PASSES)
-        except NumericalError:
-            raise lost from None
-        closed, none = free.active, np.zeros(len(condensed.friction_nodes))
-        slip = condensed.slip(factors, free.motion, free.pressure, none) - state.values.slip
-        for stuck in (closed[condensed.friction_nodes], np.zeros(len(none), dtype=bool)):
-            slip_sign = np.where(closed[condensed.friction_nodes] & ~stuck, -np.sign(slip), 0.0)
-            with suppress(NoStateError):
-                return increment(condensed, state, factors, guess=ContactStatus(closed, stuck, slip_sign))
-        raise lost from None
+    return increment(condensed, state, factors)
 
 
 def _first_end(scene: Scene, condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:

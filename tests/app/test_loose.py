@@ -105,6 +105,20 @@ def test_a_disk_with_friction_floats_where_it_is_drawn(tmp_path: Path) -> None:
     assert 'law = "exact"' in summary["hint"]
 
 
+def test_an_idle_roller_beside_a_pressed_one_stays(tmp_path: Path) -> None:
+    idle = body("idle", "steel", 0.25, disk([3.0, 0.0], 0.9))
+    beside = (
+        contact(f"idle-{n}", "idle.arc", obstacle=plane([0.0, y], [0.0, -y]))
+        for n, y in (("low", -1.0), ("high", 1.0))
+    )
+    console = Quiet()
+    rough = [*ROUGH, "contact.idle-low.friction=0.2", "contact.idle-high.friction=0.2"]
+    summary = solve(DISK + idle + "".join(beside), tmp_path / "run", *rough, console=console)
+    assert summary["status"] == "done"
+    assert any("no contact loads body idle" in note for note in console.notes)
+    assert np.abs(read_run(tmp_path / "run").states[-1].bodies["idle"]["displacement"]).max() == 0.0
+
+
 def test_a_rolling_disk_turns_with_the_plate(tmp_path: Path) -> None:
     rolling = DISK + '[[load]]\nname = "roll"\nkind = "obstacle"\nobstacle = "top"\nux = 1e-3\n'
     rolling += "[[stage]]\npress = 1.0\n[[stage]]\nroll = 1.0\n"

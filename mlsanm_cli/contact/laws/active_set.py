@@ -28,8 +28,8 @@ from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 ROUND_OFF = 1e-11
 NOISE_FACTOR, MAX_ITERATIVE_PASSES = 1000.0, 300
 """Tolerance over the residual of iterative solutions; and largest number of iterations with these."""
-MAX_PASSES, FEW_PASSES = 50, 1
-"""Largest number of iterations per node; and the same where other methods are available."""
+MAX_PASSES = 50
+"""Largest number of iterations per node."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +57,15 @@ class ExactState:
         return self.factors, self.motion, self.pressure, self.traction
 
 
-def solve_exact(
-    condensed: Condensed, factors: FloatArray, start: BoolArray | None = None, passes: int = MAX_PASSES
-) -> ExactState:
-    """Exact frictionless state at ``factors`` (L,), searched from the set ``start`` (m,) in at most
-    ``passes`` iterations per node. Raises NumericalError if no state balances the loads.
-    """
+def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | None = None) -> ExactState:
+    """Exact frictionless state at ``factors`` (L,), searched from the set ``start`` (m,). Raises
+    NumericalError if no state balances the loads."""
     free_gap = condensed.gap.constant + condensed.gap.load @ factors
     first = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
     try:
-        solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0), passes))
+        solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0)))
     except SingularSystemError:
-        solved = _at_rest(condensed, factors, free_gap, first, passes)
+        solved = _at_rest(condensed, factors, free_gap, first)
     if solved.active.any() and _only_moved(condensed, factors, free_gap, solved.pressure):
         solved = _apart(solved)
     return _state(condensed, factors, free_gap, solved)
@@ -76,11 +73,10 @@ def solve_exact(
 
 @dataclass(frozen=True)
 class _Held:
-    """Springs (k,) on the motions and their rest positions (k,), empty for none; ``passes`` per node."""
+    """Springs (k,) on the motions and their rest positions (k,), empty for none."""
 
     springs: FloatArray
     place: FloatArray
-    passes: int
 
 
 @dataclass(frozen=True)
@@ -93,15 +89,13 @@ class _Solved:
     solves: int
 
 
-def _at_rest(
-    condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray, passes: int
-) -> _Solved:
+def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, active: BoolArray) -> _Solved:
     """The state of floating bodies at rest, searched from the set ``active`` (m,)."""
     stiff, solves = springs(condensed), 0
     place = np.zeros(len(stiff))
     for share in STIFFNESS_SEQUENCE:
         try:
-            solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place, passes))
+            solved = _searched(condensed, factors, free_gap, active, _Held(share * stiff, place))
         except SingularSystemError:
             break
         solves += solved.solves
@@ -143,7 +137,7 @@ def _searched(
     seen: set[bytes] = set()
     many = iterates = compressed(gap_map.pressure) is not None
     roughly, one_by_one = many, False
-    limit = MAX_ITERATIVE_PASSES if many else held.passes * (m + 1)
+    limit = MAX_ITERATIVE_PASSES if many else MAX_PASSES * (m + 1)
     pressure = np.zeros(m)
     for count in range(1, limit + 1):
         closed = _Closed(condensed, free_gap, factors, active, held, iterates)
