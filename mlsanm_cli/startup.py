@@ -6,8 +6,8 @@ and numpy loads a submodule when its name is accessed. That takes longer than im
 packages around its compiled modules take as long again: `scipy.spatial` imports rotations, distances, special
 functions and physical constants, `scipy.sparse.csgraph` the eigenvalue solvers, `scipy.optimize` all
 minimisers, and `scipy.linalg` decorates each of its functions. Within :func:`lean_imports` such packages are
-executed on first access. Neighbour search, triangulation, connected components, BLAS and LAPACK are imported from
-here, and then come from compiled modules without their packages.
+executed on first access. Neighbour search, triangulation, connected components, BLAS and LAPACK are
+imported from here, and then come from compiled modules without their packages.
 """
 
 from __future__ import annotations

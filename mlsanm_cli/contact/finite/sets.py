@@ -206,8 +206,7 @@ def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
     rest = rest + PERTURBATION * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
     if not (rest < 0.0).any():
         return np.zeros(n, dtype=bool)
-    # basic + table @ (rest, of which the last column is the right-hand side) = 0; w, z and the artificial load
-    # have the numbers 0 to n, n to 2n, and 2n.
+    # Columns: all but the basic unknowns, and the right-hand side. w, z and the artificial load are numbered.
     table = np.hstack([-matrix, -np.ones((n, 1)), rest[:, None]])
     basis, others, row, column = np.arange(n), np.arange(n, 2 * n + 1), int(np.argmin(rest)), n
     for _ in range(MAX_PIVOTS * n):
