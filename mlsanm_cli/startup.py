@@ -6,8 +6,8 @@ and numpy loads a submodule when its name is accessed. That takes longer than im
 packages around its compiled modules take as long again: `scipy.spatial` imports rotations, distances, special
 functions and physical constants, `scipy.sparse.csgraph` the eigenvalue solvers, `scipy.optimize` all
 minimisers, and `scipy.linalg` decorates each of its functions. Within :func:`lean_imports` such packages are
-executed on first access. Neighbour search, triangulation, connected components and LAPACK are imported from
-here, and then come from compiled modules without their packages.
+executed on first access. Neighbour search, triangulation, connected components, BLAS and LAPACK are
+imported from here, and then come from compiled modules without their packages.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scipy.linalg.blas import dger
     from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import Delaunay, cKDTree
@@ -39,6 +40,7 @@ __all__ = [
     "connected_components",
     "dgecon",
     "dgeqp3",
+    "dger",
     "dgetrf",
     "dgetrs",
     "dgtsv",
@@ -49,6 +51,7 @@ __all__ = [
 
 _LAPACK = ("scipy.linalg._flapack", "scipy.linalg.lapack")
 _PARTS = {
+    "dger": ("scipy.linalg._fblas", "scipy.linalg.blas"),
     "cKDTree": ("scipy.spatial._ckdtree", "scipy.spatial"),
     "Delaunay": ("scipy.spatial._qhull", "scipy.spatial"),
     "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),

@@ -27,6 +27,9 @@ MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""
 MAX_STALLED = 3
 """Iterations without a smaller update after which an increment is abandoned, once there are twice as many."""
+MAX_UPDATE = 100.0
+"""Updates beyond this many typical displacements abandon an increment: a body whose contacts open by more
+than it may roll at once is held by nothing."""
 REUSE_BELOW, REUSE_RATE = 1e-3, 0.1
 """Derivatives of the bodies are reused after an update below REUSE_BELOW times the typical displacement, as
 long as updates shrink by REUSE_RATE or better."""
@@ -121,7 +124,7 @@ class ExactContact(ContactSystem):
             settled = count > 1 and done.settled and (still or done.sets.same(sets))
             sets = done.sets
             last = float(np.abs(done.du).max()) / self.length
-            if not np.isfinite(last) or _stalls(updates, last):
+            if not part * last <= MAX_UPDATE or _stalls(updates, last):
                 return None
             # Estimated next update, assuming the same rate of convergence.
             left = last * min(1.0, last / updates[-1]) if last else 0.0

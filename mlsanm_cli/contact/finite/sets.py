@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+from mlsanm_cli.startup import dger
 
 MAX_PASSES, MAX_PASSES_AFTER_PIVOTS = 30, 10
 """Passes of the active set, and after pivoting."""
@@ -205,22 +206,25 @@ def _lemke(matrix: FloatArray, rest: FloatArray) -> NDArray[np.bool_] | None:
     rest = rest + PERTURBATION * largest * (1.0 + np.mod(GOLDEN * np.arange(n), 1.0))
     if not (rest < 0.0).any():
         return np.zeros(n, dtype=bool)
-    # Columns: w, z, the artificial load, the right-hand side.
-    table = np.hstack([np.eye(n), -matrix, -np.ones((n, 1)), rest[:, None]])
-    basis, enters, row = np.arange(n), 2 * n, int(np.argmin(rest))
+    # Columns: all but the basic unknowns, and the right-hand side. w, z and the artificial load are numbered.
+    table = np.hstack([-matrix, -np.ones((n, 1)), rest[:, None]])
+    basis, others, row, column = np.arange(n), np.arange(n, 2 * n + 1), int(np.argmin(rest)), n
     for _ in range(MAX_PIVOTS * n):
-        table[row] /= table[row, enters]
-        others = np.arange(n) != row
-        table[others] -= np.outer(table[others, enters], table[row])
-        leaves, basis[row] = int(basis[row]), enters
+        pivot, changes = table[row, column], table[:, column].copy()
+        table[:, column], changes[row] = 0.0, 0.0
+        table[row] /= pivot
+        table[row, column] = 1.0 / pivot
+        dger(-1.0, table[row], changes, a=table.T, overwrite_a=1, overwrite_x=0)
+        leaves = int(basis[row])
+        basis[row], others[column] = others[column], leaves
         if leaves == 2 * n:
             found = np.zeros(n, dtype=bool)
             found[basis[basis >= n] - n] = True
             return found
-        enters = leaves + n if leaves < n else leaves - n
-        column = table[:, enters]
-        up = np.flatnonzero(column > MIN_PIVOT * max(float(np.abs(column).max()), 1.0))
+        column = int(np.flatnonzero(others == (leaves + n if leaves < n else leaves - n))[0])
+        ways = table[:, column]
+        up = np.flatnonzero(ways > MIN_PIVOT * max(float(np.abs(ways).max()), 1.0))
         if not len(up):
             return None
-        row = int(up[np.argmin(np.maximum(table[up, -1], 0.0) / column[up])])
+        row = int(up[np.argmin(np.maximum(table[up, -1], 0.0) / ways[up])])
     return None

@@ -152,19 +152,24 @@ class FiniteBody:
         if self.loads.known is not None:
             return self.loads.known
         found = np.zeros((3 * self.count, self.loads.count))
-        if self.loads.force is not None:
-            for number in range(self.loads.count):
-                found[:, number] = self.elastic.pieces.of_force(self.loads.force[:, :, number])
+        for number, force in self._forces.items():
+            found[:, number] = self.elastic.pieces.of_force(force)
         return found
 
     @cached_property
-    def turning(self) -> list[sparse.csr_array]:
-        """For every load, rows (k, 2N) of the moments over size that its body force gains by displacements;
-        empty without body forces."""
-        force = self.loads.force
-        if force is None:
-            return []
-        return [moments_of_force(self.elastic, self.centers, one) for one in np.moveaxis(force, 2, 0)]
+    def _forces(self) -> dict[int, FloatArray]:
+        """Body forces (n, 2) by number of their loads."""
+        force = np.zeros((0, 2, 0)) if self.loads.force is None else self.loads.force
+        return {number: force[:, :, number] for number in np.flatnonzero(force.any(axis=(0, 1))).tolist()}
+
+    @cached_property
+    def turning(self) -> dict[int, sparse.csr_array]:
+        """By number of the loads with body forces, rows (k, 2N) of the moments over size that these gain by
+        displacements."""
+        return {
+            number: moments_of_force(self.elastic, self.centers, force)
+            for number, force in self._forces.items()
+        }
 
     @cached_property
     def conditions(self) -> list[tuple[str, IntArray, FloatArray, tuple[bool, bool]]]:

@@ -141,7 +141,7 @@ class BodySeries:
         x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
         lack = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
         lack -= self.body.of_force @ self._factors[order]
-        for number, turning in enumerate(self.body.turning):
+        for number, turning in self.body.turning.items():
             for low in range(order + 1):
                 if self._factors[low, number]:
                     lack[2 * count :] -= self._factors[low, number] * (

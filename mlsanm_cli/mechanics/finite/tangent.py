@@ -256,7 +256,7 @@ def _turned(body: FiniteBody, state: BodySeries, factors: FloatArray) -> sparse.
     values = np.concatenate([pull[1] * centers.data, -pull[0] * centers.data]) / size[np.tile(own, 2)]
     entries = (values, (rows, columns))
     turned: sparse.csr_array = sparse.csr_array(entries, shape=(3 * count, 2 * nodes))
-    for factor, turning in zip(factors, body.turning, strict=False):
+    for number, turning in body.turning.items():
         nothing = sparse.csr_array((2 * count, 2 * nodes))
-        turned = turned + sparse.vstack([nothing, factor * turning], format="csr")
+        turned = turned + sparse.vstack([nothing, factors[number] * turning], format="csr")
     return sparse.csr_array(turned)
