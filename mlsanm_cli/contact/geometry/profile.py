@@ -16,9 +16,9 @@ length exceeds."""
 LEAST_POWER, HALVINGS, SINGULAR_REACH = 0.015, 5, 0.05
 """Or if pressures grow towards it by at least this power of the distance at every one of so many halvings
 within this part of the loaded length: at corners of blocks that slide, the power is 0.02 to 0.1."""
-END_JUMP, LEAST_NODES = 1.5, 10
-"""Or if it exceeds that of its neighbour by this factor, on a contact grid of at least so many nodes: such a
-grid resolves regular profiles."""
+END_JUMP, END_SLOPE, LEAST_NODES = 0.01, 3.0, 10
+"""Or if it exceeds that of its neighbour by this part of it, and its slope there the next one by this factor,
+on at least so many nodes: less than 2.8 for a profile that falls with the root of the distance."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -70,13 +70,14 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
     if len(arc_length) < 2 or not (pressure > 0.0).any():
         return float(pressure.max(initial=0.0))
     top = int(pressure.argmax())
-    inside = 0 < top < len(pressure) - 1 and min(pressure[top - 1], pressure[top + 1]) > 0.0
+    if 0 < top < len(pressure) - 1 and min(pressure[top - 1], pressure[top + 1]) > 0.0:
+        return float(pressure[top])
     order = np.argsort(pressure)
     order = order[pressure[order] > 0.0]
     lengths = np.cumsum(np.gradient(arc_length)[order])
     rest = float(pressure[order][np.searchsorted(lengths, (1.0 - PEAK_SHARE) * lengths[-1])])
     singular = pressure[top] > PEAK_RATIO * rest or _grows(arc_length, pressure, top, float(lengths[-1]))
-    return float(pressure[top]) if inside or not singular else rest
+    return rest if singular else float(pressure[top])
 
 
 def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bool:
@@ -84,8 +85,11 @@ def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bo
     jump there."""
     away = np.where(pressure > 0.0, np.abs(arc - arc[top]), np.inf)
     order = np.argsort(away)[: int((pressure > 0.0).sum())]
-    if len(order) >= LEAST_NODES and pressure[top] > END_JUMP * pressure[order[1]]:
-        return True
+    if len(order) >= LEAST_NODES:
+        jump, less = -np.diff(pressure[order[:3]])
+        slope, further = (jump, less) / np.diff(away[order[:3]])
+        if jump > END_JUMP * pressure[order[1]] and slope > END_SLOPE * further:
+            return True
     places = 2.0 * away[order[min(1, len(order) - 1)]] * 2.0 ** np.arange(HALVINGS + 1)
     if places[-1] > SINGULAR_REACH * loaded:
         return False
