@@ -116,6 +116,7 @@ def test_an_idle_roller_beside_a_pressed_one_stays(tmp_path: Path) -> None:
     summary = solve(DISK + idle + "".join(beside), tmp_path / "run", *rough, console=console)
     assert summary["status"] == "done"
     assert any("no contact loads body idle" in note for note in console.notes)
+    assert summary["error_estimate"]["displacement"] is not None
     assert np.abs(read_run(tmp_path / "run").states[-1].bodies["idle"]["displacement"]).max() == 0.0
 
 

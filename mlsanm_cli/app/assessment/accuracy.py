@@ -37,6 +37,8 @@ ROUGH_SHARE = 0.5
 45 nodes it was 0.4 to 1.3 for 16 of 18 pressures, and up to 1.8."""
 LEAST_MOVED = 0.05
 """Probes that move by less than this part of the largest displacement are compared with it."""
+LEAST_PRESSED = 1e-6
+"""Pressures of a contact below this part of the largest of all contacts have no estimate."""
 ROUND_OFF = 1e-9
 """Estimates below this are round-off."""
 
@@ -214,8 +216,9 @@ def _effects(
     for pairing in condensed.pairings:
         force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
+        pressed = state.pressure[span].max(initial=0.0) > LEAST_PRESSED * state.pressure.max(initial=0.0)
         apart = force(*unknowns) - force.constant
-        forces[pairing.name] = float(np.hypot(*apart)) / size if size else 0.0
+        forces[pairing.name] = float(np.hypot(*apart)) / size if pressed else 0.0
     return Effects(total, probes, forces, [state.pressure + moved[1]])
 
 
@@ -283,8 +286,10 @@ def distance(
 ) -> float | None:
     """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
-    size = l2(arc, state.pressure[span])
-    return l2(arc, (pressure - state.pressure)[span]) / size if size > 0.0 else None
+    own = state.pressure[span]
+    if own.max(initial=0.0) <= LEAST_PRESSED * state.pressure.max(initial=0.0):
+        return None
+    return l2(arc, pressure[span] - own) / l2(arc, own)
 
 
 def together(*parts: float | None) -> float | None:

@@ -175,8 +175,8 @@ def frozen_change(
 
     ``closed`` (m,) nodes stay closed unless they would pull, open ones stay open unless they would overlap;
     nodes with friction that are ``stuck`` (n,) keep their slips, the others keep slipping. The change is
-    linear but for the edges of contact, so that the load history need not be repeated. Raises NumericalError
-    if there is no solution.
+    linear but for the edges of contact, so that the load history need not be repeated; motions that no
+    closed node resists are held. Raises NumericalError if there is no solution.
     """
     m, n, nodes, still = len(pressure), len(traction), condensed.friction_nodes, np.zeros(len(by.imbalance))
     least = np.finfo(float).eps ** 0.5 * np.abs(pressure).max(initial=0.0)
@@ -189,9 +189,11 @@ def frozen_change(
         lost = np.concatenate([np.where(closed, 0.0, -pressure), np.where(touching, 0.0, -traction), still])
         caused = condensed.blocks @ lost
         try:
-            system = SetSystem(condensed, ContactStatus(closed, stuck & touching, slides))
+            system = SetSystem(condensed, ContactStatus(closed, stuck & touching, slides), force=still)
         except SingularSystemError as error:
-            raise NumericalError("the contact state is singular") from error
+            raise NumericalError(
+                "the contact state is singular", "hold the bodies with a [[support]]"
+            ) from error
         gap, slip, imbalance = np.split(caused, [m, m + n])
         more = system.response(by.gaps + gaps + gap, by.slips + slip, by.imbalance + imbalance)
         found = replace(more, pressure=more.pressure + lost[:m], traction=more.traction + lost[m : m + n])
