@@ -47,6 +47,11 @@ class MlsanmError(Exception):
         self.message = message
         self.hint = hint
 
+    @property
+    def advice(self) -> str:
+        """The message, followed by the hint if there is one."""
+        return f"{self.message}; {self.hint}" if self.hint else self.message
+
 
 class CaseError(MlsanmError):
     """The case is invalid; ``problems`` are all that were found."""

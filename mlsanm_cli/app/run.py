@@ -174,7 +174,7 @@ def carry_out(
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
         ending = Ending("failed", error.message, error.hint, stability)
-        context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
+        context.console.warning(error.advice)
         recorder.failure(error, adapted.prepared if adapted else prepared, built)
     except KeyboardInterrupt as stop:
         ending = Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(recorder.directory)}")

@@ -129,7 +129,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     try:
         bodies = bodies if blind else corrected_bodies(built, state.unknowns)
     except NumericalError as error:  # the clouds are too small for the next degree
-        missing = f"{error.message}; {error.hint}"
+        missing = error.advice
     if not bodies:
         whole = [condensed.displacement(scene, name, state.unknowns) for name in scene.bodies]
         return Accuracy(None, unknown, unknown, state, largest_of(whole), {}, {}, missing=missing)
@@ -216,9 +216,8 @@ def _effects(
     for pairing in condensed.pairings:
         force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
-        pressed = state.pressure[span].max(initial=0.0) > LEAST_PRESSED * state.pressure.max(initial=0.0)
         apart = force(*unknowns) - force.constant
-        forces[pairing.name] = float(np.hypot(*apart)) / size if pressed else 0.0
+        forces[pairing.name] = float(np.hypot(*apart)) / size if _is_pressed(state, span) else 0.0
     return Effects(total, probes, forces, [state.pressure + moved[1]])
 
 
@@ -286,10 +285,15 @@ def distance(
 ) -> float | None:
     """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
-    own = state.pressure[span]
-    if own.max(initial=0.0) <= LEAST_PRESSED * state.pressure.max(initial=0.0):
+    if not _is_pressed(state, span):
         return None
+    own = state.pressure[span]
     return l2(arc, pressure[span] - own) / l2(arc, own)
+
+
+def _is_pressed(state: ExactState, span: slice) -> bool:
+    """Whether the pressures of a contact are more than round-off of those of others."""
+    return bool(state.pressure[span].max(initial=0.0) > LEAST_PRESSED * state.pressure.max(initial=0.0))
 
 
 def together(*parts: float | None) -> float | None:

@@ -51,7 +51,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         found = effects(built, bodies, last, lambda by: _moved(built, last, by), halved)
         rough = _moved(built, last, roughness_of(condensed, built.scene, bodies))[1]
     except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
-        return replace(accuracy, missing=f"{error.message}; {error.hint}")
+        return replace(accuracy, missing=error.advice)
     smooth = built.case.touching[0].regularization.law != "exact"
     by_law = _smoothed(built, state) if smooth else 0.0
     pressures = pressure_errors(built, last, found.pressures, rough, halved)

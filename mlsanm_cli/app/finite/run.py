@@ -119,7 +119,7 @@ def _ending(
             raise failure
         _check_end(scene, recorder, errors)
     except NumericalError as error:
-        context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
+        context.console.warning(error.advice)
         recorder.failure(error, scene)
         return Ending("failed", error.message, error.hint)
     return Ending("done", "end of the last stage")
