@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, range_of, run_of
+from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, run_of
 from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
@@ -59,7 +59,7 @@ def cuts_of(case: Case, body: Body) -> dict[int, list[float]]:
                 message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
                 raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
             _add_cut(cuts, run, body, at)
-        if range_of(run, place)[1] <= END_TOLERANCE * whole:
+        if run.range_of(place)[1] <= END_TOLERANCE * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:

@@ -116,14 +116,9 @@ def _clear(
     for side in sides:
         off &= side.number == side.number[nearest]
     chosen = [side.stretches[side.number[nearest]] for side in sides]
-    if base.closed and not off.all():
-        # Start the samples where the surfaces do not face each other.
-        turn = int(np.flatnonzero(~off)[0])
-        off, gap, faces = (np.roll(one, -turn) for one in (off, gap, faces))
-        s = np.concatenate([s[turn:], s[:turn] + base.length])
-        nearest = (nearest - turn) % len(s)
-    elif base.closed:
-        turn = int(np.argmax(gap))
+    if base.closed:
+        # Start the samples where the surfaces do not face each other, or are farthest apart.
+        turn = int(np.argmax(gap) if off.all() else np.argmin(off))
         off, gap = np.roll(off, -turn), np.roll(gap, -turn)
         s = np.concatenate([s[turn:], s[:turn] + base.length])
         nearest = (nearest - turn) % len(s)

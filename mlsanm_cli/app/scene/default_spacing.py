@@ -198,9 +198,10 @@ def contact_zone(
     """Zones of a body where its boundary ``own`` is nearest to the ``other`` surface or a rigid ``obstacle``,
     if the ``rest`` of its outline or an end is close; and along conforming surfaces, which need similar
     spacings on both sides."""
-    if isinstance(own, Arc) and isinstance(other, Arc) and _conform(own, other):
-        # Contact and bodies have the same length scale.
-        yield Zone(own, min(own.radius / PER_CONFORMING_RADIUS, others_far), 0.0, GROWTH)
+    if isinstance(own, Arc) and isinstance(other, Arc) and own.sweep * other.sweep < 0.0:
+        small, large = sorted((own.radius, other.radius))
+        if large < CONFORMING_RATIO * small:  # contact and bodies have the same length scale
+            yield Zone(own, min(own.radius / PER_CONFORMING_RADIUS, others_far), 0.0, GROWTH)
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
@@ -225,43 +226,38 @@ def contact_zone(
         yield Zone.around((float(place[0]), float(place[1])), distance / PER_CONTACT_DEPTH, distance, GROWTH)
 
 
-def nodal_zone(own: Curve, far: float) -> Zone:
-    """The zone along a surface with nodal contact pressures."""
-    fine = far / NODAL_RATIO
-    return Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
-
-
 def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zone]:
     """Zones along short faces that form a corner with a surface in contact, or with another of its pieces:
     lips and edges bend."""
     pieces = own.pieces if isinstance(own, Joined) else (own,)
     for number, piece in enumerate(pieces):
-        point, normal = (of(np.array([0.0, piece.length])) for of in (piece.points, piece.normals))
         others = [one for k, one in enumerate(pieces) if abs(k - number) == 1 or (own.closed and k != number)]
-        for curve in [*others, *(rest if number in (0, len(pieces) - 1) else ())]:
-            if curve.length >= PER_ADJACENT_FACE * far:
-                continue
-            ends = np.array([0.0, curve.length])
-            apart = np.hypot(*(curve.points(ends) - point[:, None]).transpose(2, 0, 1))
-            corner = (apart <= FLAT * own.length) & (normal @ curve.normals(ends).T < SMOOTH)
-            if corner.any():
+        for _, curve, cosine in joints(piece, [*others, *(rest if number in (0, len(pieces) - 1) else ())]):
+            if cosine < SMOOTH and curve.length < PER_ADJACENT_FACE * far:
                 yield Zone(curve, curve.length / PER_ADJACENT_FACE, 0.0, GROWTH)
+
+
+def joints(own: Curve, others: Sequence[Curve]) -> Iterator[tuple[FloatArray, Curve, float]]:
+    """The ends of a curve at which one of the ``others`` begins or ends: arc length (1,), the other curve,
+    and the cosine of the angle between the normals."""
+    for at in (np.zeros(1), np.array([own.length])):
+        for curve in others:
+            ends = np.array([0.0, curve.length])
+            apart = np.hypot(*(curve.points(ends) - own.points(at)).T)
+            for cosine in (curve.normals(ends) @ own.normals(at)[0])[apart <= FLAT * own.length].tolist():
+                yield at, curve, cosine
 
 
 def _tip_zones(own: Curve, rest: Sequence[Curve], other: Curve, far: float) -> Iterator[Zone]:
     """Zones where a curved surface that conforms to the ``other`` one ends at a corner."""
-    ends = np.array([0.0, own.length])
-    for point, normal in zip(own.points(ends), own.normals(ends), strict=True):
-        x, y = point.tolist()
-        for curve in rest:
-            both = np.array([0.0, curve.length])
-            apart = np.hypot(*(curve.points(both) - point).T)
-            corner = (apart <= FLAT * own.length) & (curve.normals(both) @ normal < SMOOTH)
-            curved = float(np.abs(own.curvature(_places(own))).max())
-            span = min(own.length, curve.length, 1.0 / curved if curved else np.inf)
-            gap = np.hypot(*(other.points(other.closest(point[None])) - point).T)[0]
-            if curved and corner.any() and gap < TOUCHING * span < TOUCHING * PER_TIP_SPAN * far:
-                yield Zone.around((x, y), span / PER_TIP_SPAN, span / TIP_RADIUS, GROWTH)
+    curved = float(np.abs(own.curvature(_places(own))).max())
+    for at, curve, cosine in joints(own, rest) if curved else ():
+        point = own.points(at)
+        span = min(own.length, curve.length, 1.0 / curved)
+        gap = float(np.hypot(*(other.points(other.closest(point)) - point)[0]))
+        if cosine < SMOOTH and gap < TOUCHING * span < TOUCHING * PER_TIP_SPAN * far:
+            x, y = point[0].tolist()
+            yield Zone.around((x, y), span / PER_TIP_SPAN, span / TIP_RADIUS, GROWTH)
 
 
 def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
@@ -324,12 +320,6 @@ def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zo
     if not curve.closed:
         for x, y in curve.points(np.array([0.0, curve.length])).tolist():
             yield Zone.around((x, y), far / finer, 0.0, growth)
-
-
-def _conform(one: Arc, other: Arc) -> bool:
-    """Whether one arc lies in the other with a similar radius."""
-    unlike = max(one.radius, other.radius) / min(one.radius, other.radius)
-    return one.sweep * other.sweep < 0.0 and unlike < CONFORMING_RATIO
 
 
 def _along(curve: Curve) -> FloatArray:
