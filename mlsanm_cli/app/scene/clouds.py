@@ -107,7 +107,7 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
                 yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
                 continue
             facing = other if len(sides) > 1 else None
-            yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
+            yield from contact_zone(rest, own, facing, obstacle, far)
             yield from crack_zones(sides[0][1], [end for one in bonds for end in bond_ends(case, one)])
             if case.model.strain == "finite":
                 fine = far / NODAL_RATIO

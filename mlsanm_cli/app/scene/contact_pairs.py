@@ -30,7 +30,7 @@ FIT_TOLERANCE = 1e-3
 
 def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     """Slave nodes and their projections for every contact, within its reach. Raises CaseError."""
-    pairings, problems = [], []
+    pairings, problems = list[Pairing](), list[CaseProblem]()
     for contact in case.contact:
         try:
             pairings.append(_paired(case, contact, clouds))
