@@ -113,8 +113,9 @@ class NewtonFollower(Follower):
         """Return the next step, as long as the step length, the levels and convergence allow."""
         length, level = self._step_length, None
         if self._load_control:
-            level = min((v for v in self._targets if (v - here.lam) * along[1] > 0.0), key=self._away(here))
-            room = abs(level - here.lam)
+            ways = {v: abs(v - here.lam) for v in self._targets if (v - here.lam) * along[1] > 0.0}
+            level = min(ways, key=ways.__getitem__)
+            room = ways[level]
             length, level = (room, level) if length >= (1.0 - _NEAR_START) * room else (length, None)
         shortest = self._options.min_length / self._metric.norm(*along)
         while True:
@@ -126,9 +127,6 @@ class NewtonFollower(Follower):
                 if length < shortest:
                     place = f"at load factor {here.lam:.9g}"
                     raise Stopped(failure.reason, f"{failure.message}, and no shorter step {place}") from None
-
-    def _away(self, here: ExpansionPoint) -> Callable[[float], float]:
-        return lambda level: abs(level - here.lam)
 
     def _attempt(
         self, here: ExpansionPoint, along: tuple[FloatArray, float], length: float, level: float | None
@@ -174,8 +172,7 @@ class NewtonFollower(Follower):
             raise _Failed(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}") from None
         if not self._load_control and self._metric.norm(point.x - x, point.lam - lam) > _MAX_DEVIATION * a:
             raise _Failed(StopReason.CORRECTION_FAILED, f"iterations lead to another branch {place}")
-        end = Correction(point.x, point.lam, point.residual, 0, 0, 0)
-        return _Step(self._cubic(here, along, ahead), end, ahead)
+        return _Step(self._cubic(here, along, ahead), point, ahead)
 
     def _cubic(self, here: ExpansionPoint, along: tuple[FloatArray, float], ahead: ExpansionPoint) -> Branch:
         """Return the cubic with the values and tangents of both ends. Raises _Failed."""
@@ -255,4 +252,4 @@ class NewtonFollower(Follower):
         if a > _NEAR_START * leg.piece.length:
             return self._solved(here, along, leg.piece, a)
         residual = float(np.abs(self._problem.residual(x, lam)).max(initial=0.0))
-        return _Step(leg.piece.shortened(a), Correction(x, lam, residual, 0, 0, 0), here)
+        return _Step(leg.piece.shortened(a), Correction(x, lam, residual), here)
