@@ -132,8 +132,7 @@ class Branch:
         slack = _ROUND_OFF * (abs(lam) + float(np.abs(self._weights(self.length)) @ np.abs(terms)))
         if abs(terms[0] - lam) <= slack:
             return 0.0
-        # Zeros in a / length of lam(a) - lam times the denominator. Two crossings next to a fold may be a complex
-        # pair.
+        # Zeros in a / length of lam(a) - lam times the denominator, next to a fold perhaps a complex pair.
         rest = terms * scale
         lower = np.ones(1) if self.denominator is None else self.denominator
         rest[0] = 0.0
