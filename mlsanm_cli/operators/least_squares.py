@@ -33,7 +33,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
-from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.linear.cholesky import factor_definite
+from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
     DIRECTIONS,
@@ -291,7 +292,7 @@ def factorise(
     rows: sparse.csr_array,
     weight: FloatArray,
     points: FloatArray,
-    solver: DirectSolver,
+    solver: LinearSolver,
     strong: Strong | None = None,
 ) -> LeastSquares:
     """Set up and factorise the equations of ``rows`` (e, n), already multiplied by ``weight`` (e,), and of
@@ -299,12 +300,13 @@ def factorise(
     if strong is None:
         strong = Strong.none(rows.shape[1], rows.shape[0])
     if not len(strong.owner):
-        factor = solver.factor_definite(normal_equations(rows), points)
+        factor = factor_definite(normal_equations(rows), points, solver=solver)
         return LeastSquares(rows, weight, strong, factor, Conditions.none(rows.shape[1]))
     # Two vertices of two multipliers each.
     vertices = np.repeat(strong.places, 2, axis=0)
     whole = bordered(rows, strong.rows, strong.owner, len(vertices))
-    factor = solver.factor_definite(whole, np.concatenate([points, vertices]), negative=len(vertices))
+    places = np.concatenate([points, vertices])
+    factor = factor_definite(whole, places, len(vertices), solver=solver)
     alone = Eliminated(factor, rows.shape[1], 2 * len(vertices))
     without = LeastSquares(rows, weight, strong, alone, Conditions.none(rows.shape[1]))
     kept, numbers = independent_sums(strong.rows, strong.sums)
