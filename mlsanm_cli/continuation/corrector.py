@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric
+from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
 
@@ -95,32 +96,21 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
     return replace(found, **asdict(effort))
 
 
-@dataclass(frozen=True, eq=False)
-class NormalPlane:
-    """The plane of updates orthogonal to ``normal`` = ((size,), load factor) in the ``metric``."""
-
-    metric: Metric
-    normal: tuple[FloatArray, float]
-
-    def load_update(self, dx: FloatArray, slope: FloatArray) -> float:
-        """Return the update of the load factor that with dx + update * slope lies in the plane."""
-        return -self.metric.product(dx, 0.0, *self.normal) / self.metric.product(slope, 1.0, *self.normal)
-
-
 @np.errstate(over="ignore", invalid="ignore")
 def iterate(
     problem: Problem,
     x: FloatArray,
     lam: float,
-    plane: NormalPlane | None,
+    load_update: Callable[[FloatArray, FloatArray], float] | None,
     options: PathOptions,
     effort: SolveCounts,
 ) -> Correction:
     """Return the point reached by damped Newton updates from an admissible (x, lam).
 
-    The updates keep the load factor, or lie in ``plane``. They end at ``options.goal``, after
-    ``max_corrections``, or when no part of an update lowers the norm of the residual. Counts are added to
-    ``effort``. Raises SingularTangentError as :func:`expansion_point`.
+    The updates keep the load factor, unless ``load_update`` gives its change from the update at fixed load
+    factor and the slope dx/dlam. They end at ``options.goal``, after ``max_corrections``, or when no part of
+    an update lowers the norm of the residual. Counts are added to ``effort``. Raises SingularTangentError as
+    :func:`expansion_point`.
     """
     point = point_at(problem, np.array(x, dtype=np.float64), lam)
     for _ in range(options.max_corrections):
@@ -132,10 +122,10 @@ def iterate(
         try:
             tangent = problem.tangent(point.x, point.lam)
             dx, along = tangent.solve(-residual), 0.0
-            if plane is not None:
+            if load_update is not None:
                 effort.solves += 1
                 slope = -tangent.solve(problem.load_derivative(point.x, point.lam))
-                along = plane.load_update(dx, slope)
+                along = load_update(dx, slope)
                 dx = dx + along * slope
         except np.linalg.LinAlgError as error:
             raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}") from error

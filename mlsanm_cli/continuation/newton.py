@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, NormalPlane, admissible_part, iterate, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, admissible_part, iterate, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError
@@ -158,12 +158,17 @@ class NewtonFollower(Follower):
         lam = lam if level is None else level
         part = admissible_part(self._problem, (here.x, here.lam), (x - here.x, lam - here.lam))
         x = here.x + part * (x - here.x)
-        plane = None
+        product = self._metric.product
+
+        def in_normal_plane(dx: FloatArray, slope: FloatArray) -> float:
+            return -product(dx, 0.0, *along) / product(slope, 1.0, *along)
+
+        load_update = None
         if not self._load_control and level is None:
-            plane, lam = NormalPlane(self._metric, along), here.lam + part * (lam - here.lam)
+            load_update, lam = in_normal_plane, here.lam + part * (lam - here.lam)
         place = f"near load factor {lam:.9g}"
         try:
-            point = iterate(self._problem, x, lam, plane, self._options, self._effort)
+            point = iterate(self._problem, x, lam, load_update, self._options, self._effort)
             if not point.residual <= self._options.tolerance:
                 message = f"iterations end at a residual of {point.residual:.3g} {place}"
                 raise _Failed(StopReason.CORRECTION_FAILED, message)
