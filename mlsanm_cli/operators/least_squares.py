@@ -47,7 +47,7 @@ from mlsanm_cli.operators.refinement import (
     best_part,
     relative,
 )
-from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.operators.system import Equations, LinearSystem
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Strong:
 
 
 @dataclass(frozen=True)
-class LeastSquares:
+class LeastSquares(LinearSystem):
     """Factorised least-squares problem: ``rows`` (e, n) already multiplied by ``weight`` (e,), and ``strong``
     rows, whose sums are the ``conditions``. Of the r right-hand sides the first e are those of the rows."""
 
@@ -81,7 +81,6 @@ class LeastSquares:
     conditions: Conditions
 
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
-        """Solutions (n, c) for right-hand sides ``sources`` (r, c) in the rows' physical units."""
         scaled = self.scaled(sources)
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
         return self.conditions.met(solution, self._sums(scaled))
@@ -89,8 +88,6 @@ class LeastSquares:
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) for ``sources`` (r, c), from a multiple of ``start`` (n, 1) if given, and the
-        relative change (c,) by the last update."""
         force, misfit = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
         wanted = self._sums(misfit)
         if start is None:
@@ -106,13 +103,10 @@ class LeastSquares:
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
-        """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         scaled = self.scaled(sources)
         return self._solve_once(scaled, self._sums(scaled))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A refinement step of a ``solution`` (n, 1) for ``source`` (r, 1), and the unrefined solution for
-        ``more`` (r, 1): (n, 2)."""
         one, other = self.scaled(source), self.scaled(more)
         wanted = [self._sums(one) - self.conditions.rows @ solution, self._sums(other)]
         return self._solve_once(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
@@ -206,7 +200,6 @@ class LeastSquares:
 
     @property
     def note(self) -> str:
-        """Remark on the factorisation for users; usually ""."""
         return self.factor.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
