@@ -165,7 +165,8 @@ def _type(node: Node) -> str:
             items = least * [items]
         if isinstance(items, list):
             return f"[{', '.join(_type(item) for item in items)}]"
-        return f"list of {_type(items)}" + ("" if least is None else f", {least} or more")
+        kind = "the allowed values" if "enum" in items else _type(items)
+        return f"list of {kind}" + ("" if least is None else f", {least} or more")
     if node.get("type") == "object":
         return "tables of numbers by name"
     return _TYPES.get(node.get("type", ""), "value")
