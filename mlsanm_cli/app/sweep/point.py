@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.app.context import Console
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import MlsanmError
 from mlsanm_cli.memo import Memo
@@ -72,20 +73,5 @@ def _memo(memory: int) -> Memo:
     return Memo(memory)
 
 
-class Silent:
+class Silent(Console):
     """Console without output: warnings are counted and stored in summaries."""
-
-    def phase(self, text: str) -> None:
-        """No output."""
-
-    def step(self, index: int, position: float, residual: float, text: str) -> None:
-        """No output."""
-
-    def note(self, text: str) -> None:
-        """No output."""
-
-    def warning(self, text: str) -> None:
-        """No output."""
-
-    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
-        """No output."""
