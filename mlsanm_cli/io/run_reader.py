@@ -237,8 +237,10 @@ def _run(root: Any, file: Path) -> RunData:
 
 def _path(root: Any) -> PathData:
     """The path, without rows for a run without a first state."""
-    columns = {key: root[f"path/{key}"][...] if "path" in root else np.empty(0, kind) for key, kind in PATH}
-    named = {key: _tree(dict(items_of(root, f"path/{key}"))) for key in NAMED}
+    columns: dict[str, Any] = {
+        key: root[f"path/{key}"][...] if "path" in root else np.empty(0, kind) for key, kind in PATH
+    }
+    named: dict[str, Any] = {key: _tree(dict(items_of(root, f"path/{key}"))) for key in NAMED}
     return PathData(**columns, **named)
 
 

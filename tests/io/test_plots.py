@@ -44,7 +44,7 @@ def two_levels() -> Any:
 def square(count: int = 8) -> CloudBody:
     axis = np.linspace(0.0, 1.0, count)
     points = np.array([(x, y) for x in axis for y in axis])
-    return CloudBody(points, 0.01 * points, points[:, 0], Delaunay(points).simplices)
+    return CloudBody(points, 0.01 * points, points[:, 0], Delaunay(points).simplices.astype(np.int64))
 
 
 def draw(directory: Path, kind: str, suffix: str) -> bytes:
@@ -150,7 +150,7 @@ def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure
     ):
         values = smooth.copy()
         values[: len(extreme)] = extreme
-        body = CloudBody(points, np.zeros((300, 2)), values, Delaunay(points).simplices)
+        body = CloudBody(points, np.zeros((300, 2)), values, Delaunay(points).simplices.astype(np.int64))
         plot_cloud.plot_cloud(Path("a.png"), [body], "von Mises", "s")
         bar = kept[-1].axes[-1]
         assert bar.get_title() == words

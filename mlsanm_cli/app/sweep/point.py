@@ -9,7 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.context import Console
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import MlsanmError
 from mlsanm_cli.memo import Memo
@@ -73,5 +72,10 @@ def _memo(memory: int) -> Memo:
     return Memo(memory)
 
 
-class Silent(Console):
+class Silent:
     """Console without output: warnings are counted and stored in summaries."""
+
+    def phase(self, *given: Any, **named: Any) -> None:
+        """No output."""
+
+    step = note = warning = table = phase

@@ -148,11 +148,11 @@ def spacing_and_outline(body: CloudBody) -> tuple[FloatArray, IntArray]:
 
 def _draw_body(axes: Axes, body: CloudBody, outline: IntArray, scale: float) -> ScalarMappable:
     from matplotlib.collections import LineCollection
+    from matplotlib.tri import Triangulation
 
     deformed = body.points + scale * body.displacement
-    colours = axes.tripcolor(
-        *deformed.T, body.scalar, triangles=body.triangles, shading="gouraud", cmap="viridis", rasterized=True
-    )
+    mesh = Triangulation(deformed[:, 0], deformed[:, 1], body.triangles)
+    colours = axes.tripcolor(mesh, body.scalar, shading="gouraud", cmap="viridis", rasterized=True)
     axes.add_collection(LineCollection(list(body.points[outline]), colors=_OUTLINE_COLOUR, linewidths=0.8))
     axes.add_collection(LineCollection(list(deformed[outline]), colors="black", linewidths=0.5))
     return colours
