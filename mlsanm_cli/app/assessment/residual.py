@@ -15,6 +15,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
@@ -55,12 +56,13 @@ def residual_zones(
     degree = min(body.model.settings.degree for body in built.scene.bodies.values())
     level = _level(np.concatenate(list(levels.values())), np.concatenate(list(ruled.values())), degree)
     zones: list[Zone] = []
+    boundaries = Boundaries.of(built.case)
     for given in built.case.body:
         cloud = built.scene.bodies[given.name].model.cloud
         finer = np.where(ruled[given.name], 1.0, _finer(levels[given.name], level, degree))
         finer, line = _made_symmetric(finer, cloud.mirror)
         wanted = np.where(finer >= MIN_REFINEMENT, cloud.spacing / finer, np.inf)
-        spacing = spacing_of(built.case, given).with_zones((*planned, *zones))
+        spacing = spacing_of(built.case, boundaries, given).with_zones((*planned, *zones))
         zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 

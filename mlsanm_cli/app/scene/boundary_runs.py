@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
 
-from mlsanm_cli.app.scene.outlines import drawn, numbers_of
-from mlsanm_cli.case import Case, Place
+from mlsanm_cli.app.scene.outlines import numbers_of
+from mlsanm_cli.case import Place
 from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import Chain, chains_of, joined, part_of
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -73,9 +73,9 @@ class BoundaryRun:
         return self.around or END_TOLERANCE < at / self.starts[-1] < 1.0 - END_TOLERANCE
 
 
-def run_of(case: Case, place: Place, key: str) -> BoundaryRun:
-    """The pieces of a place in the original outline. Raises CaseError if they do not join."""
-    outline = drawn(next(one.shape for one in case.body if one.name == place.body))
+def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryRun:
+    """The pieces of a place in the outline of its body as drawn. Raises CaseError if they do not join."""
+    outline = outlines[place.body]
     chains = chains_at(outline, place.edges)
     if len(chains) == 1:
         return BoundaryRun(outline, *chains[0])

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_parts import outline_of, with_cuts
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.contact_sides import bond_ends, sides_of
 from mlsanm_cli.app.scene.default_spacing import (
     GROWTH,
     NODAL_BAND,
@@ -31,7 +30,6 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.app.scene.roots import root_zones
-from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case, Contact
 from mlsanm_cli.case.model.shapes import Mesh, Points
@@ -43,9 +41,9 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
 
 
-def spacing_of(case: Case, body: Body) -> Spacing:
+def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
     """The spacing field of a body whose nodes are placed."""
-    outline = drawn(body.shape)
+    outline = boundaries.drawn[body.name]
     far, zones = body.spacing, []
     if isinstance(far, str):
         finer = _finer(case, body)
@@ -55,13 +53,13 @@ def spacing_of(case: Case, body: Body) -> Spacing:
         if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):
             clamped = []  # under a contact the far ends of a bulky body matter little
         finite = case.model.strain == "finite" and not bends(outline)
-        sides = [side for contact in case.contact for side in _sides(case, contact)]
+        sides = [side for contact in case.contact for side in _sides(boundaries, contact)]
         touching = [curve for place, curve, _ in sides if place.body == body.name]
         zones = [
             *arc_zones(outline, far, finer),
             *root_zones(outline, far, GROWTH, None if case.model.strain == "finite" else touching),
             *narrow_zones(outline, far, PER_THICKNESS * finer, GROWTH),
-            *_contact_zones(case, body, far),
+            *_contact_zones(case, boundaries, body, far),
             *load_zones(case, body, far),
             *field_zones(case, body, far),
             *(zone for curve in clamped for zone in clamped_zones(curve, far, finite)),
@@ -88,27 +86,29 @@ def _clamped(case: Case, body: str) -> Iterator[Place]:
             yield place
 
 
-def _sides(case: Case, contact: Contact) -> list[tuple[Place, Curve, tuple[Curve, ...]]]:
+def _sides(boundaries: Boundaries, contact: Contact) -> list[tuple[Place, Curve, tuple[Curve, ...]]]:
     """The slave and, if there is one, the master of a contact: place, curve, and the rest of the outline."""
-    roles = zip(("slave", "master"), sides_of(case, contact), strict=False)
-    return [(place, *curve_at(case, place, f"contact.{contact.name}.{role}")) for role, place in roles]
+    roles = zip(("slave", "master"), boundaries.sides[contact.name], strict=False)
+    return [(place, *boundaries.curve(place, f"contact.{contact.name}.{role}")) for role, place in roles]
 
 
-def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
+def _contact_zones(case: Case, boundaries: Boundaries, body: Body, far: float) -> Iterator[Zone]:
     """Zones of finer nodes where contacts of a body are close to its other boundaries."""
-    bonds = [contact for contact in case.contact if contact.bonded]
+    bonds = (contact.name for contact in case.contact if contact.bonded)
+    bond_ends = [end for name in bonds for end in boundaries.bond_ends(name)]
     for contact in case.contact:
-        sides = _sides(case, contact)
+        sides = _sides(boundaries, contact)
         obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
         for (place, own, rest), (partner, other, _) in zip(sides, sides[::-1], strict=True):
             if place.body != body.name:
                 continue
             if contact.bonded:
-                yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
+                ends = boundaries.bond_ends(contact.name)
+                yield from bond_zones(own, ends, min(far, _far(case, partner.body)))
                 continue
             facing = other if len(sides) > 1 else None
             yield from contact_zone(rest, own, facing, obstacle, far)
-            yield from crack_zones(sides[0][1], [end for one in bonds for end in bond_ends(case, one)])
+            yield from crack_zones(sides[0][1], bond_ends)
             if case.model.strain == "finite":
                 fine = far / NODAL_RATIO
                 yield Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
@@ -135,15 +135,15 @@ def clouds(
 ) -> dict[str, Cloud]:
     """Node clouds of all bodies, refined in ``zones`` in addition to the case, and symmetric about ``line``
     where outline and spacing are."""
-    placed = {}
+    placed, boundaries = {}, Boundaries.of(case)
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            cloud = with_cuts(case, body, imported_geometry(body.shape).cloud)
+            cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
             placed[body.name] = (mirrored(cloud, line) if line is not None else None) or cloud
         else:
-            spacing = spacing_of(case, body).with_zones(zones)
+            spacing = spacing_of(case, boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]
             placed[body.name] = build_cloud(
-                outline_of(case, body), spacing, body.seed, memo=memo, line=line, wanted=wanted
+                boundaries.outline(body.name), spacing, body.seed, memo=memo, line=line, wanted=wanted
             )
     return placed

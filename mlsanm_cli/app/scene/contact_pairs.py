@@ -8,11 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.causes import no_opposite_surface_hint
-from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import AmountField
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.surfaces import surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
@@ -28,12 +27,12 @@ FIT_TOLERANCE = 1e-3
 """Largest initial gap of a press fit, in spacings."""
 
 
-def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
+def pair(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     """Slave nodes and their projections for every contact, within its reach. Raises CaseError."""
     pairings, problems = list[Pairing](), list[CaseProblem]()
     for contact in case.contact:
         try:
-            pairings.append(_paired(case, contact, clouds))
+            pairings.append(_paired(case, boundaries, contact, clouds))
         except CaseError as error:
             problems += error.problems
     if problems:
@@ -41,11 +40,11 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     return pairings
 
 
-def _paired(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    pairing, key = _facing(case, contact, clouds), f"contact.{contact.name}"
+def _paired(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
+    pairing, key = _facing(case, boundaries, contact, clouds), f"contact.{contact.name}"
     if not len(pairing.position):
         slave, other = (*contact.names, "the obstacle")[:2]
-        hint = no_opposite_surface_hint(case, contact, clouds)
+        hint = no_opposite_surface_hint(boundaries, contact, clouds)
         raise CaseError((CaseProblem(key, f"no node of {slave} faces {other}", hint=hint),))
     if contact.bonded:
         return _bonded(pairing)
@@ -67,13 +66,13 @@ def profile_of(contact: Contact) -> AmountField | None:
     return AmountField(f"contact.{contact.name}.gap", contact.gap) if contact.gap else None
 
 
-def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    places = list(zip(sides_of(case, contact), ("slave", "master"), strict=False))
+def _facing(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
+    places = list(zip(boundaries.sides[contact.name], ("slave", "master"), strict=False))
     exchanged = case.model.strain == "finite" and _stiff_slave(case, [place for place, _ in places])
     if exchanged:
         places.reverse()
     (body, slave), *others = [
-        (place.body, surface_at(case, clouds[place.body], place, f"contact.{contact.name}.{key}"))
+        (place.body, boundaries.surface(clouds[place.body], place, f"contact.{contact.name}.{key}"))
         for place, key in places
     ]
     if contact.obstacle is not None:
