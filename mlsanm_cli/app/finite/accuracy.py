@@ -55,9 +55,8 @@ def missed_in_contact(
     for name, projector in pressing.projectors.items():
         better, own = _next(projector.body), pressing.columns[name]
         here = slice(pressing.firsts[name], pressing.firsts[name] + projector.body.unknowns)
-        series = BodySeries(better, 0)
-        series.put(0, now.displacement[here], np.concatenate([factors, now.traction[own]]))
-        left[name] = series.rows(0)
+        acting = np.concatenate([factors, now.traction[own]])
+        left[name] = BodySeries.at(better, now.displacement[here], acting).rows(0)
         change = _of_tractions(undeformed[name], better, upright[own])
         known[own] = change[pressing.numbers[own] - here.start]
     # What fields in closed form replace is not missing.
@@ -102,9 +101,8 @@ def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray
 def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatArray) -> Missing:
     """Of the ``displacement`` (2N,) of a body without contact at load ``factors`` (L,). Raises NumericalError
     or LinAlgError."""
-    series, none = BodySeries(_next(projector.body), 0), np.zeros(0)
-    series.put(0, displacement, factors)
-    left = projector.scaled(series.rows(0))
+    left, none = BodySeries.at(_next(projector.body), displacement, factors).rows(0), np.zeros(0)
+    left = projector.scaled(left)
     return Missing(-projector.factorised(displacement, factors).solve(left), none, none)
 
 

@@ -124,9 +124,8 @@ class _Path:
             count = body.loads.count - scene.stages.shape[1]
             for factors in scene.stages[1:]:
                 if factors.any():
-                    series = BodySeries(body, 0)
-                    series.put(0, still, np.append(factors, np.zeros(count)))
-                    found.append(float(np.abs(projector.displaced(series.rows(0))).max()))
+                    left = BodySeries.at(body, still, np.append(factors, np.zeros(count))).rows(0)
+                    found.append(float(np.abs(projector.displaced(left)).max()))
         return min(max(found), scene.size)
 
     def _answers(self) -> tuple[Answer, ...]:

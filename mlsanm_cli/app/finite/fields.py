@@ -22,7 +22,7 @@ from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
-from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, stretches
+from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
 
 CONTACT_PREFIX = "contact "
@@ -75,10 +75,7 @@ def fields_at(scene: FiniteScene, state: FiniteState, name: str, points: FloatAr
 def fields_by(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
     """Fields from ``derivatives`` (e, 3, 2) of the displacement (value, d/dx, d/dy) and the thermal
     ``stretch`` (e,)."""
-    gradient = np.stack(
-        [derivatives[:, 1, 0], derivatives[:, 2, 0], derivatives[:, 1, 1], derivatives[:, 2, 1]]
-    )
-    return FiniteFields.of(law, derivatives[:, 0], gradient, stretch)
+    return FiniteFields.of(law, derivatives[:, 0], gradient_of(derivatives), stretch)
 
 
 def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeRecord]:

@@ -70,7 +70,7 @@ def _first_problem(scene: FiniteScene) -> FiniteProblem:
     (name, body), stages = scene.alone, scene.stages
     still = np.zeros(body.unknowns)
     projector = scene.projector(name, still, stages[0])
-    problem = FiniteProblem(body, projector, stages[0], stages[0], 1.0)
+    problem = FiniteProblem(projector, stages[0], stages[0], 1.0)
     size = scene.size
     moved = [
         float(np.abs(replace(problem, end=factors).load_derivative(still, 0.0)).max())
@@ -168,7 +168,7 @@ class _Stage:
         if lam == 1.0:
             return False
         if self._renewals is None:
-            return far_from(self.problem.body, x, self._base_state)
+            return far_from(self.problem.projector.body, x, self._base_state)
         if not self._renewals or abs(lam - self._renewal_level()[0]) > SAME_LEVEL:
             return False
         # A path that turns back passes a load factor more than once.

@@ -31,7 +31,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, Warming
-from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
+from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import DirectSolver
@@ -125,17 +125,17 @@ class FiniteScene:
         return {name: np.concatenate(some) for name, some in found.items()}
 
     @cached_property
-    def weights(self) -> Mapping[str, Weights]:
-        """Weights of the equations of the bodies, constant over the path."""
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Weights (r,) of the equations of the bodies, constant over the path."""
         found = {}
         for name, body in self.bodies.items():
             sides = [side for contact in self.contacts for side in contact.sides if side.body == name]
             rows = [side.corner_rows(body.elastic) for side in sides]
-            found[name] = Weights.of(body, np.concatenate([NO_ROWS, *rows]))
+            found[name] = weights_of(body, np.concatenate([NO_ROWS, *rows]))
             for side in self.upright.get(name, ()):
                 number = np.arange(side.count)
                 ends = number[np.minimum(number, side.count - 1 - number) < END_NODES]
-                found[name].nodes[side.traction_rows(body.elastic, ends)] *= END_WEIGHT
+                found[name][side.traction_rows(body.elastic, ends)] *= END_WEIGHT
         return found
 
     @cached_property

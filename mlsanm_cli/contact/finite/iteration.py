@@ -160,8 +160,7 @@ class Iteration:
             here, answer = self._here(one.body), answers[one.body]
             body = pressing.projectors[one.body].body
             whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
-            series = BodySeries(body, 0)
-            series.put(0, u[here], whole)
+            series = BodySeries.at(body, u[here], whole)
             (sums, moving), rows = one.sums(body, series, u[here]), answer.moves[: one.count]
             moved = sums @ derivative_pieces(body, u[here], whole) + moving
             lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
