@@ -95,16 +95,16 @@ class _Path:
     def __init__(self, scene: FiniteScene) -> None:
         self._scene = scene
         still = np.zeros(scene.unknowns)
-        none = np.zeros(len(scene.contacts) and sum(one.slave.count for one in scene.contacts))
-        count = sum(side.count for one in scene.contacts for side in one.sides)
-        acting = scene.acting(np.append(scene.stages[0], np.zeros(scene.free)), np.zeros(2 * count))
+        none, contacts = np.zeros(scene.contacts.count), scene.contacts
+        factors = np.append(scene.stages[0], np.zeros(contacts.free))
+        acting = scene.acting(factors, np.zeros(contacts.size))
         parts = scene.parts(still)
         self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
         self._acting, self._undeformed = acting, dict(self._projectors)
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
-        self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
+        self.now = unpressed(scene.unknowns, contacts)
         self._slip, self._work = none, none
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
@@ -115,7 +115,7 @@ class _Path:
     def _typical(self) -> float:
         """Typical displacement: the largest prescribed one, or response of a body to the loads."""
         scene, found = self._scene, [1e-3 * self._scene.size]
-        for contact in scene.contacts:
+        for contact in scene.contacts.pairs:
             if isinstance(contact, RigidContact):
                 given = contact.motion[:, : scene.stages.shape[1]]
                 found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
@@ -131,8 +131,8 @@ class _Path:
     def _answers(self) -> tuple[Answer, ...]:
         """Responses of the sides to their own tractions in the undeformed state."""
         scene, found = self._scene, []
-        first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.free)
-        for side in (one for contact in scene.contacts for one in contact.sides):
+        first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.contacts.free)
+        for side, _ in scene.contacts.sides:
             cloud = scene.bodies[side.body].elastic.model.cloud
             centers = void_center(cloud, as_complex(side.places), -as_complex(side.outward))
             args = (side, self._projectors[side.body], first[side.body])
@@ -237,8 +237,8 @@ class _Path:
 
     def _system(self) -> ExactContact:
         scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
-        return ExactContact(dict(self._projectors), *args, self._sides)
+        args = (scene.contacts, self._length, self._stiffness, self._sides)
+        return ExactContact(dict(self._projectors), *args)
 
     def missed(self, state: FiniteState) -> Missed:
         """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
@@ -247,7 +247,7 @@ class _Path:
         )
 
     def _failed(self, position: float, found: Pressed | None) -> None:
-        where, first = f"the path stopped at position {position:.6g}", 0
+        where = f"the path stopped at position {position:.6g}"
         if found is not None:
             most, name, node = self._stretched(found)
             if most > MAX_STRETCH:
@@ -256,13 +256,11 @@ class _Path:
                     f"{where}: {there} would be stretched by a factor of {most:.3g} at once",
                     "use finer nodes there, round corners that are crushed, or use smaller loads",
                 )
-        for contact in self._scene.contacts:
+        for contact, here, _ in self._scene.contacts.each:
             slave = contact.slave
-            here = slice(first, first + slave.count)
             # A fixed node in contact would be pressed in the next increment.
             touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.weight
             gripped = slave.held & (touching | self.now.sets.closed[here])
-            first += slave.count
             if gripped.any() and not any(axis is not None for axis in slave.mirrors):
                 x, y = slave.places[int(np.argmax(gripped))]
                 raise NumericalError(
@@ -304,28 +302,24 @@ class _Path:
 
     def _kept(self, traction: FloatArray) -> float:
         """Work of the ``traction`` (2s,) on the displacements that would remove the kept residuals."""
-        sides = [side for contact in self._scene.contacts for side in contact.sides]
         moved = {
             name: one.displaced(one.rest).reshape(-1, 2)
             for name, one in self._projectors.items()
             if one.rest.any()
         }
-        total, first = 0.0, 0
-        for side in sides:
-            own = traction[first : first + 2 * side.count].reshape(-1, 2)
-            first += 2 * side.count
-            if side.body in moved:
-                total += float(side.weight @ (own * moved[side.body][side.nodes]).sum(axis=1))
-        return total
+        return sum(
+            float(side.weight @ (traction[here].reshape(-1, 2) * moved[side.body][side.nodes]).sum(axis=1))
+            for side, here in self._scene.contacts.sides
+            if side.body in moved
+        )
 
     def _repinned(self) -> FloatArray:
         """Free motions (d,) with the current rotation of the pins."""
-        free, first, parts = self.now.free.copy(), 0, self._scene.parts(self.now.displacement)
-        for one in self._scene.loose:
+        free, parts = self.now.free.copy(), self._scene.parts(self.now.displacement)
+        for one in self._scene.contacts.loose:
             body = self._projectors[one.body].body
             if body.pins:
-                free[first : first + one.count] = one.factors(body, parts[one.body])
-            first += one.count
+                free[one.numbers] = one.factors(body, parts[one.body])
         return free
 
     def state(self, position: float, found: Pressed) -> FiniteState:

@@ -100,8 +100,8 @@ class SceneForces:
         """Forces of a state."""
         acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
         bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
-        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.free)
-        for contact in scene.contacts:
+        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
+        for contact in scene.contacts.pairs:
             forces = []
             for side in contact.sides:
                 begin = first[side.body]
@@ -154,14 +154,11 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
 
 def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, ContactRecord]:
     """Pressures and tractions per deformed length, gaps and slips of every contact."""
-    records, first = {}, 0
+    records, pressed = {}, state.pressed
     parts = scene.parts(state.displacement)
-    for contact in scene.contacts:
+    for contact, here, _ in scene.contacts.each:
         slave = contact.slave
-        here = slice(first, first + slave.count)
-        first = here.stop
         stretch = stretch_along(scene, slave, parts[slave.body])
-        pressed = state.pressed
         assert pressed is not None
         gap = np.where(pressed.gap[here] < NO_GAP, pressed.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
@@ -187,29 +184,21 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
     """Summary of every contact; the half-width is measured along the undeformed side."""
     records = contact_records(scene, state)
     found: dict[str, dict[str, Any]] = {}
-    first = 0
-    for contact in scene.contacts:
+    for contact, _, there in scene.contacts.each:
         record, pressed = records[contact.name], forces.contacts[contact.name]
         arc, pressure = contact.slave.arc, record.pressure
         if contact.slave.around is not None:
             order, arc = unrolled(arc, contact.slave.around, pressure)
             pressure = pressure[order]
         found[contact.name] = record_summary(record, arc, pressure, pressed[0])
-        found[contact.name]["max_cone_ratio"] = _cone(record, contact.friction) if contact.friction else None
+        limit = contact.friction * record.pressure
+        ratio = np.abs(record.traction[limit > 0.0]) / limit[limit > 0.0]
+        found[contact.name]["max_cone_ratio"] = float(ratio.max(initial=0.0)) if contact.friction else None
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
-        count = 2 * sum(side.count for side in contact.sides)
         if isinstance(contact, RigidContact) and contact.rotation.any():
-            found[contact.name]["moment"] = _moment(contact, state, slice(first, first + count))
-        first += count
+            found[contact.name]["moment"] = _moment(contact, state, there)
     return found
-
-
-def _cone(record: ContactRecord, friction: float) -> float:
-    """The largest |q| / (mu p) of closed nodes."""
-    closed = record.pressure > 0.0
-    ratio = np.abs(record.traction[closed]) / (friction * record.pressure[closed])
-    return float(ratio.max(initial=0.0))
 
 
 def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
@@ -225,11 +214,11 @@ def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
 def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
     """Displacement (2,) of every platen and obstacle, by the name of the load that moves it."""
     moved = {}
-    rigid = {one.name: one for one in scene.contacts if isinstance(one, RigidContact)}
+    rigid = {one.name: one for one in scene.contacts.pairs if isinstance(one, RigidContact)}
     for load in scene.case.load:
         if isinstance(load, ObstacleMotion):
             moved[load.name] = rigid[load.obstacle].motion @ state.whole
-    for plate in scene.plates:
+    for plate in scene.contacts.plates:
         for number in plate.loads:
             moved[scene.case.load[number].name] = plate.motion[:2] @ state.whole
     return moved
@@ -239,7 +228,7 @@ def plates_turned(scene: FiniteScene, state: FiniteState) -> dict[str, dict[str,
     """Rotation of every plate that rotates, and moment about its hinge."""
     acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
     found = {}
-    for plate in (one for one in scene.plates if one.motion[2].any()):
+    for plate in (one for one in scene.contacts.plates if one.motion[2].any()):
         moments = [plate.pulled(scene.bodies[k], k, parts[k], acting[k])[0][2] for k in plate.surfaces]
         rotation = float(plate.motion[2] @ state.whole)
         found[plate.name] = {"rotation": rotation, "moment": float(sum(moments))}

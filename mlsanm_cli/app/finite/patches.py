@@ -73,11 +73,9 @@ class Touched:
         for state in {one.position: one for one in (*wanted, step.state)}.values():
             if state.pressed is None:
                 continue
-            known, first = any(one is state for one in wanted), 0
+            known = any(one is state for one in wanted)
             forces = SceneForces.of(scene, state).contacts if known else {}
-            for contact in scene.contacts:
-                here = slice(first, first + contact.slave.count)
-                first = here.stop
+            for contact, here, _ in scene.contacts.each:
                 if known:
                     force = forces[contact.name][0].tolist()
                     self.forces.setdefault(contact.name, {})[repr(float(state.position))] = force

@@ -103,7 +103,7 @@ class FiniteRecorder(RunWriter):
             for name, body in scene.bodies.items():
                 model = body.elastic.model
                 datasets |= body_datasets(name, model.cloud, model.settings.degree)
-            for contact in scene.contacts:
+            for contact in scene.contacts.pairs:
                 slave = contact.slave
                 geometry = {
                     "points": slave.places,
@@ -258,11 +258,9 @@ def contact_lines(
 ) -> dict[str, VtuPart]:
     """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
     records, parts = contact_records(scene, state), scene.parts(state.displacement)
-    lines, first = {}, 0
-    for contact in scene.contacts:
+    lines = {}
+    for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
-        here = slice(first, first + 2 * side.count)
-        first += 2 * sum(one.count for one in contact.sides)
         data: dict[str, NDArray[Any]] = {
             "pressure": record.pressure,
             "traction": record.traction,
@@ -277,7 +275,7 @@ def contact_lines(
         sign = -1.0 if exchanged(contact) else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)
         stretch = stretch_along(scene, side, parts[side.body])
-        stress = sign * state.traction[here].reshape(-1, 2) / stretch[:, None]
+        stress = sign * state.traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
         edges = edges if side.around is not None else edges[:-1]
@@ -291,7 +289,7 @@ def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, VtuPart]
     points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
     drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
     lines = {}
-    for contact in scene.contacts:
+    for contact in scene.contacts.pairs:
         if isinstance(contact, RigidContact):
             places, edges = drawn[contact.name]
             turned = (places - contact.pivot) @ contact.turn(state.whole).T

@@ -142,7 +142,7 @@ def _alike(scene: FiniteScene, finer: SceneModel) -> bool:
 
 def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
     """Segments and spacings (z, 5) required by the contacts, empty if all have enough nodes."""
-    own = [contact for contact in scene.contacts if is_automatic(scene.case, contact)]
+    own = [contact for contact in scene.contacts.pairs if is_automatic(scene.case, contact)]
     if not any(contact.name in touched.coarse for contact in own):
         return NO_ZONES
     rows: list[FloatArray] = []

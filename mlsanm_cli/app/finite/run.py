@@ -152,7 +152,7 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder, errors: Mapping[str
         recorder.warn(text)
     for name, error in errors.get("contacts", {}).items():
         if error > ESTIMATE_WARNING:
-            sides = next(one for one in scene.contacts if one.name == name).sides
+            sides = next(one for one in scene.contacts.pairs if one.name == name).sides
             size = f"the force is estimated to be off by {100.0 * error:.2g} %"
             hint = finer_nodes(scene.case, [side.body for side in sides])
             recorder.warn(f"contact {name}: {size}; {hint}")
@@ -220,7 +220,7 @@ def _summary(
         "error_estimate": ESTIMATE_WARNING,
         "estimates": {
             "energy": ESTIMATE_WARNING,
-            "contacts": dict.fromkeys((one.name for one in scene.contacts), ESTIMATE_WARNING),
+            "contacts": dict.fromkeys((one.name for one in scene.contacts.pairs), ESTIMATE_WARNING),
         },
     }
     if "stability" in summary:
@@ -246,10 +246,8 @@ RESOLVED_NODES = 20
 
 def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
     """Warnings of contacts with too few nodes, or that may touch between nodes."""
-    first = 0
-    for contact in scene.contacts:
-        side, here = contact.slave, slice(first, first + contact.slave.count)
-        first = here.stop
+    for contact, here, _ in scene.contacts.each:
+        side = contact.slave
         name = f"{side.body}.{side.members[0][0].partition('/')[0]}"
         closed, gap = pressed.sets.closed[here], pressed.gap[here]
         near = int(np.argmin(gap))

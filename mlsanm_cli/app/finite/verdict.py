@@ -143,7 +143,7 @@ def _obstacles(
     scene: FiniteScene, bodies: dict[str, _Body], factors: FloatArray
 ) -> Iterator[tuple[float, tuple[float, float], str, str]]:
     """The same for rigid obstacles and the surfaces that have no contact with one."""
-    rigid = [one for one in scene.contacts if isinstance(one, RigidContact)]
+    rigid = [one for one in scene.contacts.pairs if isinstance(one, RigidContact)]
     taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.members}
     for contact in rigid:
         body = bodies[contact.slave.body]

@@ -86,21 +86,18 @@ class Closer:
     @classmethod
     def of(
         cls,
-        sides: Sequence[ContactSide],
+        sides: Sequence[tuple[ContactSide, slice]],
         answers: Sequence[Answer],
         displacement: FloatArray,
         traction: FloatArray,
     ) -> Closer:
-        """From the sides' corrections, the cloud's ``displacement`` (2s,) of their nodes and their
-        ``traction``."""
+        """From the sides and their ranges, their corrections, the cloud's ``displacement`` (2s,) of their
+        nodes, and their ``traction``."""
         fits = [one.fit for one in answers] or [np.zeros((0, 0))]
         smooth = sparse.csr_array(sparse.block_diag(fits, format="csr"))
         surface = smooth @ displacement
         by_traction, by_turning = (np.zeros((len(surface),) * 2) for _ in range(2))
-        first = 0
-        for side, answer in zip(sides, answers, strict=True):
-            here = slice(first, first + 2 * side.count)
-            first = here.stop
+        for (side, here), answer in zip(sides, answers, strict=True):
             turn, angles = side.turned(surface[here].reshape(-1, 2))
             whole = by_traction[here, here] = _turned(answer.missing, turn)
             own, pulled = (_across(one) for one in (whole @ traction[here], traction[here]))

@@ -24,20 +24,27 @@ from mlsanm_cli.mechanics.rigid import ROTATION
 
 @dataclass(frozen=True)
 class LooseMotions:
-    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``). ``anchors`` are
-    the (node, component) pairs held by supports; ``moves`` (p, d) are the displacements of its pins per free
-    motion."""
+    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``), the unknowns from
+    ``number`` on. ``anchors`` are the (node, component) pairs held by supports, ``pins`` (p) those that hold
+    the body, ``moves`` (p, d) their displacements per free motion."""
 
     body: str
     components: tuple[int, ...]
+    number: int
     size: float
     anchors: tuple[tuple[int, int], ...]
+    pins: tuple[tuple[int, int], ...]
     moves: FloatArray
 
     @property
     def count(self) -> int:
         """Number of free motions (d)."""
         return len(self.components)
+
+    @property
+    def numbers(self) -> IntArray:
+        """Its unknowns (d,)."""
+        return self.number + np.arange(self.count)
 
     def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
         """Free motions (d,) for which the pins match the body's ``displacement`` (2N,)."""
