@@ -14,6 +14,7 @@ from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.exact import Pressed
+from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.update import AnyContact
@@ -162,10 +163,7 @@ def _faced(side: ContactSide, places: FloatArray, width: float) -> BoolArray:
     """Mask (c,) of the nodes of a master within the arc lengths ``places`` that a patch of a ``width``
     faces, and the adjacent ones."""
     middle = float(places[len(places) // 2])
-    away, reach = side.arc - middle, places - middle
-    if side.around is not None:
-        half = 0.5 * side.around
-        away, reach = (np.mod(one + half, side.around) - half for one in (away, reach))
+    away, reach = (wrapped(one - middle, side.around) for one in (side.arc, places))
     more = width / len(places)
     inside = np.flatnonzero((away >= reach.min() - more) & (away <= reach.max() + more))
     return _widened(side, inside if len(inside) else np.array([int(np.argmin(np.abs(away)))]))

@@ -10,10 +10,10 @@ import numpy as np
 
 from mlsanm_cli.app.finite.free_motions import plated, unknown_motions
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
 from mlsanm_cli.app.scene.direct_solver import direct_solver
-from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.case.checks.finite import pivot_of
@@ -114,8 +114,13 @@ class FiniteScene:
         """Weights (r,) of the equations of the bodies, constant over the path."""
         found = {}
         for name, body in self.bodies.items():
-            rows = [side.corner_rows(body.elastic) for side, _ in self.contacts.sides if side.body == name]
-            found[name] = weights_of(body, np.concatenate([NO_ROWS, *rows]))
+            left_out = [NO_ROWS]
+            for side in (one for one, _ in self.contacts.sides if one.body == name):
+                # The other side of a corner has another traction, and no finite stress matches both.
+                ends = zip((0, side.count - 1), side.wedges, strict=True)
+                corners = [end for end, wedge in ends if wedge is not None]
+                left_out.append(side.traction_rows(body.elastic, corners))
+            found[name] = weights_of(body, np.concatenate(left_out))
             for side in self.upright.get(name, ()):
                 number = np.arange(side.count)
                 ends = number[np.minimum(number, side.count - 1 - number) < END_NODES]
@@ -175,7 +180,8 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             loads.sources[np.ix_(rows, len(case.moved) + own.numbers)] = own.moves
         law, loads = law_of(case, name), with_sides(loads, elastic, sides)
         bodies[name] = FiniteBody(elastic, law, loads, turning)
-    return FiniteScene(case, bodies, stage_factors(case), _supports(case), prepared.probes, solver, contacts)
+    supports = _supports(case, prepared.boundaries)
+    return FiniteScene(case, bodies, stage_factors(case), supports, prepared.probes, solver, contacts)
 
 
 def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -> AnyContact:
@@ -227,7 +233,7 @@ def law_of(case: Case, body: str) -> Law:
     return Law.isotropic(material.law, material.E, material.nu, case.model.plane)
 
 
-def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
+def _supports(case: Case, boundaries: Boundaries) -> dict[str, tuple[tuple[str, str], ...]]:
     """Bodies and surfaces by the label of a support or the name of a load that prescribes displacements."""
     found: dict[str, tuple[Place, ...]] = {
         s.place.label: (s.place,) for s in case.support if s.place is not None
@@ -235,7 +241,7 @@ def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
     found |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
     found |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
     return {
-        label: tuple((place.body, name) for place in places for name in surfaces_at(case, place))
+        label: tuple((place.body, name) for place in places for name in boundaries.names(place))
         for label, places in found.items()
     }
 
