@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,14 +43,14 @@ class FiniteFields:
     volume_ratio: FloatArray
 
     @classmethod
-    def of(
-        cls, law: Law, displacement: FloatArray, gradient: FloatArray, stretch: FloatArray | None
-    ) -> FiniteFields:
-        """From ``displacement`` (n, 2), its ``gradient`` (4, n) and the thermal ``stretch`` (n,)."""
+    def of(cls, law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
+        """From ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and the thermal
+        ``stretch`` (n,)."""
+        gradient = gradient_of(derivatives)
         stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
         volume = (1.0 + determinant(gradient)) * law.across(gradient, stretch)
         mises = von_mises(stress, across)
-        return cls(displacement, stress, across, mises, stretches(gradient).T, volume)
+        return cls(derivatives[:, 0], stress, across, mises, stretches(gradient).T, volume)
 
 
 def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
@@ -58,31 +58,20 @@ def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]
     found, shown = {}, scene.parts(state.shown(scene))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
-        warm = body.stretch(state.factors)
-        found[name] = FiniteFields.of(body.law, shown[name].reshape(-1, 2), body.gradient(own), warm)
+        derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
+        fields = FiniteFields.of(body.law, derivatives, body.stretch(state.factors))
+        found[name] = replace(fields, displacement=shown[name].reshape(-1, 2))
     return found
-
-
-def fields_at(scene: FiniteScene, state: FiniteState, name: str, points: FloatArray) -> FiniteFields:
-    """Fields at ``points`` (e, 2) of the undeformed body."""
-    body, own = scene.bodies[name], scene.parts(state.displacement)[name]
-    model = body.elastic.model
-    stencils = build_stencils(model.nodes, model.tree, points, 1, model.settings, model.cloud.sight)
-    warm = body.stretch_at(points, state.factors)
-    return fields_by(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
-
-
-def fields_by(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
-    """Fields from ``derivatives`` (e, 3, 2) of the displacement (value, d/dx, d/dy) and the thermal
-    ``stretch`` (e,)."""
-    return FiniteFields.of(law, derivatives[:, 0], gradient_of(derivatives), stretch)
 
 
 def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeRecord]:
     """Values at the probes of the case."""
     records = {}
     for probe in scene.probes:
-        seen = fields_at(scene, state, probe.body, probe.point)
+        body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
+        model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
+        stencils = build_stencils(model.nodes, model.tree, probe.point, 1, model.settings, model.cloud.sight)
+        seen = FiniteFields.of(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
         records[probe.name] = ProbeRecord(seen.displacement[0], seen.stress[0], float(seen.von_mises[0]))
     return records
 
@@ -124,10 +113,6 @@ class SceneForces:
         """The force (2,) of a load."""
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
-    def of_held(self, places: Iterable[tuple[str, str]]) -> FloatArray:
-        """The resultant (2,) on held surfaces of bodies."""
-        return np.asarray(sum((self.bodies[body].held([name]) for body, name in places), np.zeros(2)))
-
     @property
     def apart(self) -> float:
         """Largest difference of the forces of a contact on its two sides, over the largest force."""
@@ -142,7 +127,11 @@ def exchanged(contact: AnyContact) -> bool:
 
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
     """The force (2,) of every load and support on its body, and of every contact on its slave."""
-    held = {name: forces.of_held(places) for name, places in scene.supports.items()}
+    nothing = np.zeros(2)
+    held = {
+        label: sum((forces.bodies[body].reactions.get(name, nothing) for body, name in places), nothing)
+        for label, places in scene.supports.items()
+    }
     pressed = {name: found[0] for name, found in forces.contacts.items()}
     loads = {
         load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.of_load(number)

@@ -14,6 +14,7 @@ from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteSt
 from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
+from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
@@ -139,7 +140,8 @@ class _Stage:
             moved = 0
             for step in follower.steps():
                 moved += 1
-                self._check(step)
+                factors = self.problem.factors(step.lam)
+                check_deformation(self._scene, self._stage + step.lam, factors, step.x)
                 finished = self._finished(step)
                 self.x, self._lam, self._previous = step.x, step.lam, step.branch
                 if self._is_left(step.x, step.lam):
@@ -174,10 +176,6 @@ class _Stage:
         # A path that turns back passes a load factor more than once.
         apart = np.abs(x - self._renewals[0].displacement).max()
         return bool(apart <= SAME_STATE * self.problem.length)
-
-    def _check(self, step: Step) -> None:
-        position = self._stage + step.lam
-        check_deformation(self._scene, position, self.problem.factors(step.lam), step.x)
 
     def _checkpoint(self, finished: FiniteStep, step: Step) -> FiniteCheckpoint:
         branch, levels = step.branch, np.array(self._levels)
@@ -261,10 +259,6 @@ def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
     slope = branch.derivative_weights(a) @ branch.terms[1]
     found = []
     for k in np.flatnonzero(slope[:-1] * slope[1:] < 0.0):
-        low, high = a[k], a[k + 1]
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            here = float((branch.derivative_weights(np.array([middle])) @ branch.terms[1])[0])
-            low, high = (middle, high) if here * slope[k] > 0.0 else (low, middle)
-        found.append(Turn(stage + branch.load_factor(0.5 * (low + high)), bool(slope[k] > 0.0)))
+        at = root(lambda x: float(branch.derivative_weights(np.array([x])) @ branch.terms[1]), a[k], a[k + 1])
+        found.append(Turn(stage + branch.load_factor(at), bool(slope[k] > 0.0)))
     return tuple(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,10 +29,6 @@ class Forces:
         loads, reactions = _of_loads(body, displacement, factors), _reactions(body, series)
         sizes = [float(np.hypot(*force).sum()) for force in series.outline_forces()]
         return cls(loads, reactions, max([*sizes, *np.hypot(*loads.T).tolist()], default=0.0))
-
-    def held(self, surfaces: Iterable[str]) -> FloatArray:
-        """Total force (2,) of some surfaces."""
-        return np.asarray(sum((self.reactions.get(name, np.zeros(2)) for name in surfaces), np.zeros(2)))
 
     @property
     def total(self) -> FloatArray:
