@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import NoReturn
 
 import numpy as np
 
@@ -52,7 +53,8 @@ def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None)
     wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
     steps, size, position = 0, FIRST_INCREMENT, 0.0
     if checkpoint is None:
-        first = path.state(0.0, path.start())
+        path.start()
+        first = path.state(0.0)
         saved = (first,) if 0.0 in wanted else ()
         yield FiniteStep(first, saved, factorizations=path.spent, checkpoint=path.checkpoint(first, size))
     else:
@@ -67,7 +69,7 @@ def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None)
                 raise NumericalError(
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
-            state = path.state(reached, path.now)
+            state = path.state(reached)
             check_deformation(scene, reached, state.factors, state.displacement)
             check_overlaps(scene, reached, state.whole, state.shown(scene))
             _check_stability(reached, path.now.stability)
@@ -161,14 +163,12 @@ class _Path:
             state, base_state, np.concatenate(list(self._acting.values())), size, keeps=keeps
         )
 
-    def start(self) -> Pressed:
-        """State before loading. NumericalError if its iterations do not converge."""
+    def start(self) -> None:
+        """Solve for the state before loading. NumericalError if the iterations do not converge."""
         found = self._solved(0.0)
         if found is None:
             self._failed(0.0, None)
-        assert found is not None
-        self._settled = True
-        return found
+        self.now, self._settled = found, True
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
@@ -177,7 +177,8 @@ class _Path:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            far = 0.0 if found is None else self._far(position, reached, found)
+            args = (self._scene, self.now, found)
+            far = 0.0 if found is None else max(slid(*args), strode(*args, position, reached))
             if found is not None and far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
                 self._add_slip(found)
                 self._before, self.now = self.now.place, found
@@ -188,11 +189,6 @@ class _Path:
                 size = whole
             if size < MIN_INCREMENT:
                 self._failed(position, found)
-
-    def _far(self, position: float, reached: float, found: Pressed) -> float:
-        """How far an increment goes over its largest length."""
-        args = (self._scene, self.now, found)
-        return max(slid(*args), strode(*args, position, reached))
 
     def _keep(self) -> bool:
         """Whether there are new equations that did not keep what their rows were left with; they do now."""
@@ -246,7 +242,8 @@ class _Path:
             missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.whole
         )
 
-    def _failed(self, position: float, found: Pressed | None) -> None:
+    def _failed(self, position: float, found: Pressed | None) -> NoReturn:
+        """Raise the error of an increment that fails, ``found`` but too long or not."""
         where = f"the path stopped at position {position:.6g}"
         if found is not None:
             most, name, node = self._stretched(found)
@@ -322,12 +319,10 @@ class _Path:
                 free[one.numbers] = one.factors(body, parts[one.body])
         return free
 
-    def state(self, position: float, found: Pressed) -> FiniteState:
-        """The solution as a state of the path."""
-        factors: FloatArray = factors_at(self._scene.stages, position)
-        self.now = found
-        args = (found.residual, found, self._slip, self._work)
-        return FiniteState(position, factors, found.displacement, *args)
+    def state(self, position: float) -> FiniteState:
+        """The present solution as a state of the path."""
+        factors, now = factors_at(self._scene.stages, position), self.now
+        return FiniteState(position, factors, now.displacement, now.residual, now, self._slip, self._work)
 
 
 def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:

@@ -122,7 +122,8 @@ def refined(
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
-        if _alike(scene, finer):
+        before = ((scene.bodies[name].elastic.model.nodes, one.nodes) for name, one in finer.models.items())
+        if all(np.array_equal(*nodes) for nodes in before):
             return None
         if count <= MAX_NODES:
             return found, finer
@@ -130,14 +131,6 @@ def refined(
             return None
         zones, fewer = zones * [1.0, 1.0, 1.0, 1.0, COARSENING], True
     return None
-
-
-def _alike(scene: FiniteScene, finer: SceneModel) -> bool:
-    """Whether clouds have the nodes of the last run again."""
-    return all(
-        np.array_equal(scene.bodies[name].elastic.model.nodes, model.nodes)
-        for name, model in finer.models.items()
-    )
 
 
 def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:

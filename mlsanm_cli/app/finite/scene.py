@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, Warming
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
-from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.solve.condensed_scene import stage_factors
@@ -145,9 +144,9 @@ class FiniteScene:
     def projector(
         self, name: str, displacement: FloatArray, factors: FloatArray, keeps: bool = False
     ) -> Projector:
-        """A body's equations by the rows of a state of it, its pins turned as it is there. If they are told
-        so, and always for bodies that friction holds up to corners, they keep what their rows are left with
-        there, so that no new equations move the body."""
+        """A body's equations by the rows of a state, its pins rotated with it. With ``keeps``, and always for
+        bodies that friction holds up to corners, the equations keep the residual of that state, so that new
+        equations do not move the body."""
         body = self.bodies[name]
         if body.pins:
             body = replace(body, angle=body.turn(displacement))
@@ -267,32 +266,16 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
         if load.between is not None:
             shape = (*load.between.shape, count)
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
-    force = _force(prepared, name, len(body.model.cloud.points), count)
+    acting = [one for one in prepared.acting.body_forces if one.body == name]
+    force = np.zeros((len(body.model.cloud.points), 2, count)) if acting else None
     if force is not None:
+        for one in acting:
+            force[:, :, one.number] += one.values
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
-    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming_of(case, prepared, name))
-
-
-def warming_of(case: Case, prepared: SceneModel, name: str) -> tuple[Warming, ...]:
-    """Thermal strains of a body."""
     alpha = material_of(case, name).alpha
-    return tuple(
-        Warming(one.number, float(alpha) * one.values, partial(_expansion, float(alpha), one.field))
-        for one in prepared.acting.heatings
-        if one.body == name and isinstance(alpha, float)
+    warming = tuple(
+        Warming(heat.number, alpha * heat.values, alpha, heat.field)
+        for heat in prepared.acting.heatings
+        if heat.body == name and isinstance(alpha, float)
     )
-
-
-def _expansion(alpha: float, field: Field, points: FloatArray) -> FloatArray:
-    return np.asarray(alpha * field.at(points))
-
-
-def _force(prepared: SceneModel, name: str, nodes: int, count: int) -> FloatArray | None:
-    """Body force (n, 2, L) per volume, if there is any."""
-    own = [load for load in prepared.acting.body_forces if load.body == name]
-    if not own:
-        return None
-    force = np.zeros((nodes, 2, count))
-    for load in own:
-        force[:, :, load.number] += load.values
-    return force
+    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming)

@@ -40,10 +40,10 @@ def check_deformation(
         waves = body.ellipticity(own, factors)
         node = int(np.argmin(waves))
         if waves[node] <= 0.0:
+            place, kind = place_of(scene, name, node), body.law.kind
             raise NumericalError(
-                f"{place_of(scene, name, node)}: {body.law.kind} has lost ellipticity at position "
-                f"{position:.6g} (acoustic tensor {waves[node]:.3g} of the shear modulus): the state is not "
-                "unique",
+                f"{place}: {kind} has lost ellipticity at position {position:.6g} (acoustic tensor "
+                f"{waves[node]:.3g} of the shear modulus): the state is not unique",
                 _LAWS,
             )
 

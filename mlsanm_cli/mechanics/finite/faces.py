@@ -74,7 +74,7 @@ def inner_points(body: ElasticBody) -> FacePoints:
     return FacePoints(edges.points, edges.normals, stencils, both, owner, sign, kept)
 
 
-def outline_points(body: ElasticBody, kept: Mapping[str, Sequence[float]], rule: Rule) -> FacePoints:
+def outline_points(body: ElasticBody, kept: Mapping[str, Sequence[bool]], rule: Rule) -> FacePoints:
     """Points of sides, by name with the components of forces that are ``kept`` there."""
     cloud, labels, model = body.model.cloud, body.pieces.labels, body.model
     places, normals, owner, every = [np.zeros((0, 2))], [np.zeros((0, 2))], [labels[:0]], [np.zeros((0, 2))]

@@ -4,7 +4,7 @@ current length along the current normal: its nominal traction is - p cof(F) N, l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +13,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.faces import FacePoints, outline_points
+from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.springs import FREE
 
 
@@ -29,12 +30,17 @@ class FollowerPressure:
 
 @dataclass(frozen=True)
 class Warming:
-    """Thermal stretch beyond 1 for load ``number`` at factor 1: ``nodal`` (n,) at the cloud's points, and
-    ``at`` other points (e, 2)."""
+    """Thermal stretch beyond 1 for load ``number`` at factor 1, the ``expansion`` coefficient times a
+    temperature ``field``: ``nodal`` (n,) at the cloud's points."""
 
     number: int
     nodal: FloatArray
-    at: Callable[[FloatArray], FloatArray]
+    expansion: float
+    field: Field
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """The same (e,) at ``points`` (e, 2)."""
+        return np.asarray(self.expansion * self.field.at(points))
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,7 @@ class Applied:
     def on(cls, body: ElasticBody, loads: Loads) -> Applied:
         """Locate the points and evaluate the loads there."""
         surfaces = dict.fromkeys([*loads.surfaces, *body.soft_springs])
-        kept = {name: 1.0 - np.array(body.gripped.get(name, FREE), dtype=float) for name in surfaces}
+        kept = {name: [not one for one in body.gripped.get(name, FREE)] for name in surfaces}
         points = outline_points(body, kept, FINE)
         dead = np.zeros((2, points.count, loads.count))
         pressure = np.zeros((points.count, loads.count))
