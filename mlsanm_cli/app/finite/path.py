@@ -259,6 +259,6 @@ def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
     slope = branch.derivative_weights(a) @ branch.terms[1]
     found = []
     for k in np.flatnonzero(slope[:-1] * slope[1:] < 0.0):
-        at = root(lambda x: float(branch.derivative_weights(np.array([x])) @ branch.terms[1]), a[k], a[k + 1])
+        at = root(lambda x: branch.derivative_weights(np.array([x]))[0] @ branch.terms[1], a[k], a[k + 1])
         found.append(Turn(stage + branch.load_factor(at), bool(slope[k] > 0.0)))
     return tuple(found)
