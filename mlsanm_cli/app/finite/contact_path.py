@@ -177,13 +177,14 @@ class _Path:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            args = (self._scene, self.now, found)
-            far = 0.0 if found is None else max(slid(*args), strode(*args, position, reached))
-            if found is not None and far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
-                self._add_slip(found)
-                self._before, self.now = self.now.place, found
-                longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
-                return reached, size * min(longer, 0.9 / far if far else longer)
+            if found is not None:
+                args = (self._scene, self.now, found)
+                far = max(slid(*args), strode(*args, position, reached))
+                if far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
+                    self._add_slip(found)
+                    self._before, self.now = self.now.place, found
+                    longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
+                    return reached, size * min(longer, 0.9 / far if far else longer)
             size, failed = 0.5 * (reached - position), failed + 1
             if failed == MAX_FAILED and self._keep():
                 size = whole

@@ -121,9 +121,8 @@ class FiniteScene:
                 left_out.append(side.traction_rows(body.elastic, corners))
             found[name] = weights_of(body, np.concatenate(left_out))
             for side in self.upright.get(name, ()):
-                number = np.arange(side.count)
-                ends = number[np.minimum(number, side.count - 1 - number) < END_NODES]
-                found[name][side.traction_rows(body.elastic, ends)] *= END_WEIGHT
+                near = [*range(END_NODES), *range(side.count - END_NODES, side.count)]
+                found[name][side.traction_rows(body.elastic, near)] *= END_WEIGHT
         return found
 
     @cached_property

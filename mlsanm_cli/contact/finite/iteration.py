@@ -178,7 +178,8 @@ class Iteration:
     def _driven(self, driven: DrivenObstacle) -> IntArray:
         """The tractions of all sides that act on an obstacle along its motion."""
         contact, _, there = self.pressing.contacts.each[driven.contact]
-        return there.start + 2 * np.arange(contact.slave.count) + driven.component
+        first = there.start + driven.component
+        return np.arange(first, first + 2 * contact.slave.count, 2)
 
     def _settled(
         self,
