@@ -36,7 +36,7 @@ from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
 from mlsanm_cli.mechanics.springs import gripped, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
-from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.settings import MlsSettings
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -207,7 +207,7 @@ def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:
 def assemble_bodies(
     case: Case,
     prepared: SceneModel,
-    solver: DirectSolver,
+    solver: LinearSolver,
     timed: Timed = nullcontext,
     memo: Memo = NO_CACHE,
     before: Mapping[str, ElasticBody] = NOTHING,
@@ -236,7 +236,7 @@ def assemble_bodies(
             continue
         body = memo.value(
             "body",
-            digest(model.content, *conditions[name], solver.name),
+            digest(model.content, *conditions[name], solver),
             partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
         )
         bodies[name] = replace(body, timed=timed)
