@@ -13,6 +13,7 @@ from mlsanm_cli.app.finite import scene
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.projector import weights_of
+from tests.app.finite_scenes import neo_hookean, rubber
 from tests.app.scenes import solve
 from tests.case_text import body, box, contact, disk, head, load, material, plane, pushed, support
 
@@ -23,8 +24,7 @@ extrapolated from 24 x 24 and 40 x 40 (1.5475, 1.5266), good to 1 %."""
 
 def block(spacing: float | None) -> str:
     return (
-        head("strain", strain="finite")
-        + material("rubber", E=1.0, nu=0.44, law="neo-hookean")
+        rubber(1.0, 0.44)
         + body("pad", "rubber", spacing, box([0.0, 2.0], [0.0, 1.0]))
         + support("pad.bottom", ux=0.0, uy=0.0)
         + load("press", "pad.top", "displacement", displacement=[0.0, -0.3])
@@ -47,7 +47,7 @@ def ring(spacing: float) -> str:
     shape = {"kind": "sector", "center": [0.0, 0.0], "radii": [0.85, 1.0], "angles": [0.0, 90.0]}
     return (
         head("strain", strain="finite")
-        + material("steel", E=1000.0, nu=0.3, law="neo-hookean")
+        + neo_hookean("steel", 1000.0, 0.3)
         + body("ring", "steel", spacing, shape)
         + support("ring.start", uy=0.0)
         + support("ring.end", ux=0.0)

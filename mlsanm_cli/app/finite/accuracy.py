@@ -65,7 +65,7 @@ def missed_in_contact(
         known[here] *= answer.missing.any()
     known = as_real(as_complex(known.reshape(-1, 2)) * turn).ravel()
     met = pressing.meet(surface - closer.smooth @ known, factors, before, now.sets.closed)
-    step = Iteration(pressing, factors, before, closer, left=left)
+    step = Iteration(pressing, factors, closer, left=left)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     done = step.taken(*state, first=False)
     pressure = np.where(now.sets.closed | done.sets.closed, done.dp, 0.0)

@@ -14,10 +14,8 @@ from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.contact.finite.meeting import NO_GAP
-from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
-from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -96,7 +94,7 @@ class SceneForces:
                 begin = first[side.body]
                 first[side.body] += 2 * side.count
                 forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
-            found[contact.name] = tuple(forces[::-1] if exchanged(contact) else forces)
+            found[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
         return cls(bodies, found)
 
     @property
@@ -118,11 +116,6 @@ class SceneForces:
         """Largest difference of the forces of a contact on its two sides, over the largest force."""
         found = [float(np.abs(sum(forces)).max()) for forces in self.contacts.values() if len(forces) == 2]
         return max(found, default=0.0) / self.size if self.size else 0.0
-
-
-def exchanged(contact: AnyContact) -> bool:
-    """Whether slave and master of a contact are exchanged relative to the case."""
-    return isinstance(contact, BodyContact) and contact.exchanged
 
 
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:

@@ -66,20 +66,18 @@ class Touched:
 
     def add(self, scene: FiniteScene, step: FiniteStep) -> None:
         """Add the patches of a finished step."""
-        wanted = list(step.saved)
-        if step.state.position == round(step.state.position):
-            wanted.append(step.state)
+        ends = [step.state] if step.state.position.is_integer() else []
         # Before loading there are no patches.
-        wanted = [state for state in wanted if state.position > 0.0]
-        for state in {one.position: one for one in (*wanted, step.state)}.values():
+        wanted = {one.position: one for one in (*step.saved, *ends) if one.position > 0.0}
+        for position, state in {**wanted, step.state.position: step.state}.items():
             if state.pressed is None:
                 continue
-            known = any(one is state for one in wanted)
+            known = position in wanted
             forces = SceneForces.of(scene, state).contacts if known else {}
             for contact, here, _ in scene.contacts.each:
                 if known:
                     force = forces[contact.name][0].tolist()
-                    self.forces.setdefault(contact.name, {})[repr(float(state.position))] = force
+                    self.forces.setdefault(contact.name, {})[repr(float(position))] = force
                 for patch in patches(contact, state.pressed, here):
                     self._take(scene.case, contact, patch, state.pressed.place[here], known)
 

@@ -17,7 +17,6 @@ from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
     contact_records,
-    exchanged,
     fields_of,
     platen_displacements,
     probe_records,
@@ -87,7 +86,7 @@ class FiniteRecorder(RunWriter):
                 model = body.elastic.model
                 datasets |= body_datasets(name, model.cloud, model.settings.degree)
             for contact in scene.contacts.pairs:
-                slave, sign = contact.slave, -1.0 if exchanged(contact) else 1.0
+                slave, sign = contact.slave, -1.0 if contact.exchanged else 1.0
                 normal = sign * contact.start(scene.stages[0])
                 datasets |= contact_datasets(contact.name, slave.places, normal, slave.arc, slave.weight)
             self._file.confirm(datasets)
@@ -225,7 +224,7 @@ def contact_lines(
         record, side = records[contact.name], contact.slave
         moved = fields[side.body].displacement[side.nodes]
         turn, _ = side.turned(moved)
-        sign = -1.0 if exchanged(contact) else 1.0
+        sign = -1.0 if contact.exchanged else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)
         stretch = stretch_along(scene, side, parts[side.body])
         stress = sign * state.traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]

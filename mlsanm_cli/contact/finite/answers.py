@@ -23,6 +23,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.contact.finite.meeting import vectors_along
 from mlsanm_cli.contact.finite.near_field import exact_compliance
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.mechanics.finite.body import FiniteBody
@@ -142,10 +143,7 @@ def _turned(part: FloatArray, turn: ComplexArray) -> FloatArray:
 
 def _across(values: FloatArray) -> sparse.csr_array:
     """Derivative (2c, c) of vectors (2c,) by their rotation angles."""
-    x, y = values[::2], values[1::2]
-    lines, columns = np.arange(len(values)), np.repeat(np.arange(len(x)), 2)
-    entries = (np.stack([-y, x], axis=1).ravel(), (lines, columns))
-    return sparse.csr_array(entries, shape=(len(values), len(x)))
+    return vectors_along(np.stack([-values[1::2], values[::2]], axis=1))
 
 
 def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatArray:

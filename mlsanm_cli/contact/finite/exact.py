@@ -107,7 +107,7 @@ class ExactContact(ContactSystem):
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
             close = used if updates[-1] <= REUSE_BELOW and not slow else None
-            done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
+            done = Iteration(self, factors, closer, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
             solves, used = solves + done.solves, done.used
             part = self._until_touch(met, done)

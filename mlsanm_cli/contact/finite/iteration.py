@@ -31,13 +31,11 @@ factor of five only, and increments became eight times shorter."""
 
 @dataclass(frozen=True)
 class Iteration:
-    """Newton steps at load ``factors`` (L,), with slips relative to the places ``before`` (c,); derivatives
-    of the bodies ``used`` before are reused if given. ``left`` (r,) are the residuals of bodies, by name, if
-    they are not to be those of their equations."""
+    """Newton steps at load ``factors`` (L,); derivatives of the bodies ``used`` before are reused if given.
+    ``left`` (r,) are the residuals of bodies, by name, if they are not to be those of their equations."""
 
     pressing: ContactSystem
     factors: FloatArray
-    before: FloatArray | None
     closer: Closer
     used: Used | None = None
     left: Mapping[str, FloatArray] = field(default_factory=dict)

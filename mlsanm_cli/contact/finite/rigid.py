@@ -8,6 +8,7 @@ stretch appears in the equations, and p_j w_j dg_j is work.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sparse
@@ -36,6 +37,7 @@ class RigidContact:
     friction: float
     rotation: FloatArray
     pivot: FloatArray
+    exchanged: ClassVar[bool] = False
 
     @property
     def sides(self) -> tuple[ContactSide, ...]:
