@@ -205,13 +205,13 @@ class Iteration:
         shifted = closer.changed(shifted)
         for driven in contacts.driven:
             shifted[self._driven(driven), driven.number] -= 1.0
-        turning = _diagonal(
-            [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
-        )[touched]
-        push = _diagonal([one.columns(one.normal) for one in met])[touched][:, chosen].toarray()
-        friction_slope = _diagonal([one.columns(one.tangent) for one in met])[touched][:, chosen].toarray()
-        d_gap = _diagonal([one.d_gap for one in met])[chosen]
-        d_slip = _diagonal([one.d_slip for one in met])[chosen]
+        turns = [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
+        turning = _diagonal(turns)[touched]
+        push, friction_slope = (
+            _diagonal([one.columns(getattr(one, key)) for one in met])[touched][:, chosen].toarray()
+            for key in ("normal", "tangent")
+        )
+        d_gap, d_slip = (_diagonal([getattr(one, k) for one in met])[chosen] for k in ("d_gap", "d_slip"))
         surface = closer.changed(z[numbers]) + closer.by_traction @ jump
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
         loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
@@ -245,18 +245,15 @@ class Iteration:
         change, found, settled = linear.settled(guess)
         dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
         tractions = follow + loads @ change
-        du = z.copy()
-        moving = jump.copy()
+        du, moving = z.copy(), jump.copy()
         moving[touched] += tractions
         for name, answer in answers.items():
-            du[pressing.bodies[name]] += (
-                answer.by_traction @ tractions[answer.own] + answer.by_motion @ free[answer.moves]
-            )
+            du[pressing.bodies[name]] += answer.by_traction @ tractions[answer.own]
+            du[pressing.bodies[name]] += answer.by_motion @ free[answer.moves]
         whole_p, whole_q = -p, -q
         whole_p[chosen], whole_q[chosen] = dp, dq
         status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
         status[chosen], slip_sign[chosen] = found.status, found.slip_sign
-        solves = len(answers) + len(touched)
         compliance = d_gap @ (seen @ push)
         stuck = np.flatnonzero((found.status == STICK) & (mu > 0.0))
         if len(stuck):
@@ -264,9 +261,8 @@ class Iteration:
             slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
         unbalanced = lack.by_traction[: sum(one.count for one in contacts.loose)] @ push
-        sets = NodeSets(status, slip_sign)
-        args = (chosen, compliance, unbalanced, solves, settled, used)
-        return Done(du, whole_p, whole_q, free, moving, sets, *args)
+        args = (chosen, compliance, unbalanced, len(answers) + len(touched), settled, used)
+        return Done(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

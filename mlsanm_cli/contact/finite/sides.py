@@ -93,6 +93,11 @@ class ContactSide:
         """Number of nodes (c)."""
         return len(self.nodes)
 
+    @property
+    def name(self) -> str:
+        """Its first surface, as in the case."""
+        return f"{self.body}.{self.members[0][0].partition('/')[0]}"
+
     def traction_rows(self, body: ElasticBody, some: Sequence[int] | IntArray) -> IntArray:
         """Rows (m,) of the tractions of ``some`` of the side's nodes, by index."""
         rows = [
