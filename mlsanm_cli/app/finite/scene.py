@@ -90,15 +90,6 @@ class FiniteScene:
         ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
 
-    def shown(self, displacement: FloatArray, surface: FloatArray) -> FloatArray:
-        """Displacements (2N,) of all bodies with those of the ``surface`` (2s,) at the nodes of sides in
-        contact: clouds by themselves represent tractions that alternate from node to node wrongly."""
-        found = displacement.copy()
-        own = self.parts(found)
-        for side, here in self.contacts.sides:
-            own[side.body].reshape(-1, 2)[side.nodes] = surface[here].reshape(-1, 2)
-        return found
-
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
         """Factors of all loads by body: ``factors`` (L + d,) of the case and of the free motions, then the
         body's part of the ``traction`` (2s,) at the nodes of all sides in contact."""

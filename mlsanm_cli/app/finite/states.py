@@ -43,8 +43,13 @@ class FiniteState:
         return np.inf if self.pressed is None else self.pressed.stability
 
     def shown(self, scene: FiniteScene) -> FloatArray:
-        """Displacements (2N,) for output."""
-        return scene.shown(self.displacement, self.pressed.surface) if self.pressed else self.displacement
+        """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the surfaces: clouds
+        by themselves represent tractions that alternate from node to node wrongly."""
+        found = self.displacement.copy()
+        own = scene.parts(found)
+        for side, here in scene.contacts.sides if self.pressed else ():
+            own[side.body].reshape(-1, 2)[side.nodes] = self.pressed.surface[here].reshape(-1, 2)
+        return found
 
     @property
     def whole(self) -> FloatArray:

@@ -161,25 +161,20 @@ def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatA
 def _fit(side: ContactSide) -> FloatArray:
     """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry."""
     count, number = side.count, np.arange(side.count)
-    arc, node, sign = side.arc, number, np.ones((count, 2))
+    copies = [(side.arc, number, np.ones(2))]
     if side.around is not None:
-        arc = np.concatenate([arc - side.around, arc, arc + side.around])
-        node, sign, first = np.tile(number, 3), np.ones((3 * count, 2)), count
-    else:
-        first = 0
-        for end, axis in enumerate(side.mirrors):
-            if axis is None:
-                continue
-            behind = number[1:][::-1] if end == 0 else number[:-1][::-1]
-            image = np.tile(1.0 - 2.0 * np.eye(2)[axis], (count - 1, 1))
-            other = 2.0 * side.arc[-end] - side.arc[behind]
-            one = slice(None, None, 1 - 2 * end)
-            arc = np.concatenate((other, arc)[one])
-            node, sign = np.concatenate((behind, node)[one]), np.concatenate((image, sign)[one])
-            first += (count - 1) * (end == 0)
+        copies += [(side.arc + turn, number, np.ones(2)) for turn in (-side.around, side.around)]
+    for end, axis in enumerate(side.mirrors):
+        if axis is not None:
+            behind = np.delete(number, -end)
+            copies.append((2.0 * side.arc[-end] - side.arc[behind], behind, 1.0 - 2.0 * np.eye(2)[axis]))
+    arc, node = (np.concatenate(one) for one in list(zip(*copies, strict=True))[:2])
+    sign = np.concatenate([np.tile(one, (len(nodes), 1)) for _, nodes, one in copies])
+    order = np.argsort(arc)
+    arc, node, sign, own = arc[order], node[order], sign[order], np.argsort(order)
     fit = np.zeros((count, 2, count, 2))
     for i in number:
-        here = first + int(i)
+        here = int(own[i])
         low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
         x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
         weight = np.exp(-((away / HALF_WINDOW) ** 2.0))

@@ -252,19 +252,18 @@ def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntAr
     knots = curve.knots
     if curve.around is not None:
         knots = np.concatenate([curve.arc + turn * curve.around for turn in (-1.0, 0.0, 1.0, 2.0)])
-    number, low, high = [], [], []
-    for k, (a, b) in enumerate(zip(start, end, strict=True)):
-        between = knots[
-            np.searchsorted(knots, min(a, b), "right") : np.searchsorted(knots, max(a, b), "left")
-        ]
-        cuts = np.sort((between - a) / (b - a)) if len(between) else between
-        ends = np.concatenate([[0.0], cuts, [1.0]])
-        number.append(np.full(len(ends) - 1, k))
-        low.append(ends[:-1])
-        high.append(ends[1:])
-    if not number:
-        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
-    return np.concatenate(number), np.concatenate(low), np.concatenate(high)
+    first = np.searchsorted(knots, np.minimum(start, end), "right")
+    count = np.maximum(np.searchsorted(knots, np.maximum(start, end), "left") - first, 0)
+    every = np.arange(len(start))
+    number = np.repeat(every, count)
+    cut = knots[np.arange(len(number)) + (first - np.cumsum(count) + count)[number]]
+    inner = (cut - start[number]) / (end - start)[number]
+    part = np.concatenate([np.zeros(len(every)), inner, np.ones(len(every))])
+    owner = np.concatenate([every, number, every])
+    order = np.lexsort((part, owner))
+    part, owner = part[order], owner[order]
+    same = owner[1:] == owner[:-1]
+    return owner[1:][same], part[:-1][same], part[1:][same]
 
 
 def _hats(curve: NodeCurve, at: FloatArray, count: int) -> tuple[sparse.csr_array, sparse.csr_array]:
