@@ -13,7 +13,7 @@ from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.obstacles import Round
-from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+from mlsanm_cli.contact.laws.contact_status import STICK
 
 NO_PLANE = (None, None)
 
@@ -131,21 +131,6 @@ def test_a_parabola_of_pressures_arrives_without_smoothing() -> None:
     met = BodyContact("c", above, below).meet(np.zeros((30, 2)), np.zeros(1), None)
     arrived = met.tractions(1.0 - (x - 1.0) ** 2, np.zeros(15))[15:, 1]
     np.testing.assert_allclose(arrived[2:-2], ((x - 1.0) ** 2 - 1.0)[2:-2], atol=1e-12)
-
-
-def test_sets_settle_by_what_nodes_may_do() -> None:
-    """Three nodes pressed by known gaps: one opens, one sticks, one slips; as if each stood alone."""
-    count = 3
-    by_gap, by_slip = np.hstack([np.eye(3), np.zeros((3, 3))]), np.hstack([np.zeros((3, 3)), np.eye(3)])
-    gap, slip = np.array([0.5, -1.0, -1.0]), np.array([0.0, -0.1, 2.0])
-    none = np.zeros(count)
-    linear = Linearised(np.full(count, 0.3), none, none, gap, slip, by_gap, by_slip)
-    start = NodeSets(np.full(count, STICK, dtype=np.int8), none)
-    change, sets, settled = linear.settled(start)
-    assert settled
-    assert sets.status.tolist() == [OPEN, STICK, SLIP]
-    np.testing.assert_allclose(change[:3], [0.0, 1.0, 1.0])
-    np.testing.assert_allclose(change[3:], [0.0, 0.1, -0.3])
 
 
 @pytest.mark.parametrize("seed", [1632, 2015, 2023])

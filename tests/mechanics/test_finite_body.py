@@ -13,7 +13,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, cofactor_normal
+from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads
 from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from tests.mechanics.bodies import jittered_square, with_body_force
@@ -194,11 +194,3 @@ def test_renewed_equations_are_solved_next_to_the_old_ones() -> None:
     # At its own base state the derivative of the residual is one.
     step = np.random.default_rng(0).normal(size=body.unknowns)
     np.testing.assert_allclose(again.tangent(x, 1.0).solve(step), step, atol=1e-9)
-
-
-def test_normals_of_pressures_turn_with_the_body() -> None:
-    """Nanson's formula: n da = det(F) F^-T N dA, for any normal."""
-    f, angle = np.array([[1.3, 0.4], [-0.2, 0.7]]), 0.7
-    normal = np.array([[np.cos(angle), np.sin(angle)]])
-    expected = np.linalg.det(f) * np.linalg.inv(f).T @ normal[0]
-    np.testing.assert_allclose(cofactor_normal(f.reshape(4, 1), normal)[:, 0], expected, rtol=1e-13)

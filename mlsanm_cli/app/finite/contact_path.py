@@ -10,14 +10,14 @@ from typing import NoReturn
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_in_contact
-from mlsanm_cli.app.finite.limits import slid, strode
+from mlsanm_cli.app.finite.limits import motion_ratio, slip_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteStep, Missed
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
-from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, unpressed
+from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
@@ -102,11 +102,11 @@ class _Path:
         acting = scene.acting(factors, np.zeros(contacts.size))
         parts = scene.parts(still)
         self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
-        self._acting, self._undeformed = acting, dict(self._projectors)
+        self._undeformed = dict(self._projectors)
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
-        self.now = unpressed(scene.unknowns, contacts)
+        self.now = undeformed(scene.unknowns, contacts)
         self._slip, self._work = none, none
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
@@ -153,15 +153,15 @@ class _Path:
         for (name, own), factors in zip(scene.parts(checkpoint.base_state).items(), acting, strict=True):
             if not np.array_equal(own, self._projectors[name].base_state):
                 self._projectors[name] = scene.projector(name, own, factors, name in kept)
-        self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
+        self.spent = 0
 
     def checkpoint(self, state: FiniteState, size: float) -> FiniteCheckpoint:
         """Checkpoint at a ``state`` with the ``size`` of the next increment."""
-        base_state = np.concatenate([one.base_state for one in self._projectors.values()])
-        keeps = np.array([bool(one.rest.any()) for one in self._projectors.values()])
-        return FiniteCheckpoint(
-            state, base_state, np.concatenate(list(self._acting.values())), size, keeps=keeps
-        )
+        every = self._projectors.values()
+        base_state = np.concatenate([one.base_state for one in every])
+        acting = np.concatenate([one.factors for one in every])
+        keeps = np.array([bool(one.rest.any()) for one in every])
+        return FiniteCheckpoint(state, base_state, acting, size, keeps=keeps)
 
     def start(self) -> None:
         """Solve for the state before loading. NumericalError if the iterations do not converge."""
@@ -179,7 +179,7 @@ class _Path:
             found = self._solved(reached)
             if found is not None:
                 args = (self._scene, self.now, found)
-                far = max(slid(*args), strode(*args, position, reached))
+                far = max(slip_ratio(*args), motion_ratio(*args, position, reached))
                 if far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
                     self._add_slip(found)
                     self._before, self.now = self.now.place, found
@@ -195,8 +195,8 @@ class _Path:
         """Whether there are new equations that did not keep what their rows were left with; they do now."""
         fresh, self._fresh = self._fresh, frozenset()
         for name in fresh:
-            args = (name, self._projectors[name].base_state, self._acting[name])
-            self._projectors[name] = self._scene.projector(*args, keeps=True)
+            old = self._projectors[name]
+            self._projectors[name] = self._scene.projector(name, old.base_state, old.factors, keeps=True)
             self.spent += 1
         return bool(fresh)
 
@@ -258,9 +258,9 @@ class _Path:
             slave = contact.slave
             # A fixed node in contact would be pressed in the next increment.
             touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.weight
-            gripped = slave.held & (touching | self.now.sets.closed[here])
-            if gripped.any() and not any(axis is not None for axis in slave.mirrors):
-                x, y = slave.places[int(np.argmax(gripped))]
+            clamped = slave.held & (touching | self.now.sets.closed[here])
+            if clamped.any() and not any(axis is not None for axis in slave.mirrors):
+                x, y = slave.places[int(np.argmax(clamped))]
                 raise NumericalError(
                     f"{where}: in contact {contact.name} the node of {slave.body} at ({x:.6g}, {y:.6g}) is "
                     "fixed by a support and pressed at the same time",
@@ -288,7 +288,6 @@ class _Path:
             else:
                 continue
             self._projectors[name] = self._scene.projector(name, base_state, acting[name])
-            self._acting[name] = acting[name]
             self.spent += 1
             renewed = True
         if renewed:

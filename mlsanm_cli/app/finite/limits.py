@@ -21,19 +21,19 @@ MAX_APPROACH = 0.5
 body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 
 
-def slid(scene: FiniteScene, now: Pressed, found: Pressed) -> float:
+def slip_ratio(scene: FiniteScene, now: Pressed, found: Pressed) -> float:
     """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
     largest = 0.0
     for contact, here, _ in scene.contacts.each:
         closed = found.sets.closed[here] | now.sets.closed[here]
         if contact.friction and closed.any() and not _slides(now, found, here):
             width = float(contact.slave.weight[closed].sum())
-            slid = float(np.abs(found.slip[here][closed]).max())
-            largest = max(largest, slid / (MAX_SLIP * width))
+            slip = float(np.abs(found.slip[here][closed]).max())
+            largest = max(largest, slip / (MAX_SLIP * width))
     return largest
 
 
-def strode(scene: FiniteScene, now: Pressed, found: Pressed, position: float, reached: float) -> float:
+def motion_ratio(scene: FiniteScene, now: Pressed, found: Pressed, position: float, reached: float) -> float:
     """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
     sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
     moved = np.abs(found.displacement - now.displacement).max()

@@ -112,14 +112,13 @@ class _Stage:
         )
         self.x = np.zeros(0)
         self._lam = 0.0
-        self._base_state, self._acting = problem.projector.base_state, problem.start
         self._previous: Branch | None = None
         self._spent = 0
 
     def take_up(self, checkpoint: FiniteCheckpoint) -> None:
         """Continue from a checkpoint."""
         self.x, self._lam, self._previous = checkpoint.state.displacement, checkpoint.lam, checkpoint.branch
-        self._acting, self._levels = checkpoint.acting, checkpoint.levels.tolist()
+        self._levels = checkpoint.levels.tolist()
         if checkpoint.renewed:
             self._renew()
 
@@ -154,7 +153,7 @@ class _Stage:
             if outcome.reached:
                 return
             if outcome.reason.value != "stopped by caller":
-                if (fresh and not moved) or np.array_equal(self._base_state, self.x):
+                if (fresh and not moved) or np.array_equal(self.problem.projector.base_state, self.x):
                     where = (self._stage + self._lam, self.problem.factors(self._lam))
                     raise path_failure(self._scene, *where, self.x, outcome)
                 fresh = True
@@ -170,7 +169,7 @@ class _Stage:
         if lam == 1.0:
             return False
         if self._renewals is None:
-            return far_from(self.problem.projector.body, x, self._base_state)
+            return far_from(self.problem.projector.body, x, self.problem.projector.base_state)
         if not self._renewals or abs(lam - self._renewal_level()[0]) > SAME_LEVEL:
             return False
         # A path that turns back passes a load factor more than once.
@@ -181,13 +180,13 @@ class _Stage:
         branch, levels = step.branch, np.array(self._levels)
         direction = np.append(branch.x[1], branch.lam[1])
         place = (self._stage, step.lam, direction, levels, finished.renewed)
-        return FiniteCheckpoint(finished.state, self._base_state, self._acting, branch.length, *place)
+        base = self.problem.projector
+        return FiniteCheckpoint(finished.state, base.base_state, base.factors, branch.length, *place)
 
     def _renew(self) -> None:
         """Renew the equations at the current state, and correct the state. Next to crushed corners the
         correction may fail: then the equations keep the residual of their rows, which the state solves."""
         factors = self.problem.factors(self._lam)
-        self._base_state, self._acting = self.x, factors
         name = self._scene.alone[0]
         for keeps in (False, True):
             projector = self._scene.projector(name, self.x, factors, keeps)

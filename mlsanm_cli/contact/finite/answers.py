@@ -58,7 +58,7 @@ class Answer:
         share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
         still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
         columns = load_columns(projector.body, still, none, slice(first, first + 2 * side.count))
-        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled_columns(columns))
+        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
         both = np.repeat(share, 2)
         fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
         own = fit @ moved[(2 * side.nodes[:, None] + np.arange(2)).ravel()]

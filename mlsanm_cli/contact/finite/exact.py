@@ -183,7 +183,7 @@ def _stalls(updates: Sequence[float], last: float) -> bool:
     )
 
 
-def unpressed(unknowns: int, contacts: Contacts) -> Pressed:
+def undeformed(unknowns: int, contacts: Contacts) -> Pressed:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
     none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
     sets = NodeSets(none.astype(np.int8), none)

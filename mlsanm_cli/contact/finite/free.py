@@ -67,14 +67,14 @@ class LooseMotions:
         turned = [-arm[1], arm[0], pieces.size / self.size * ones]
         every = [np.concatenate(row) for row in ([ones, none, none], [none, ones, none], turned)]
         rows = sparse.csr_array(np.array([every[component] for component in self.components]))
-        lack = series.rows(0)[-3 * count :].reshape(3, count)[:2] / self.size
+        imbalance = series.rows(0)[-3 * count :].reshape(3, count)[:2] / self.size
         moving = np.zeros((len(self.components), len(displacement)))
         if ROTATION in self.components:
-            own, pull = moving[self.components.index(ROTATION)], lack @ body.centers
+            own, pull = moving[self.components.index(ROTATION)], imbalance @ body.centers
             own[::2], own[1::2] = pull[1], -pull[0]
             for node, component in self.anchors:
                 sign = 1.0 if component == 0 else -1.0
-                own[2 * node + 1 - component] += sign * lack[component].sum()
+                own[2 * node + 1 - component] += sign * imbalance[component].sum()
         return rows, sparse.csr_array(moving)
 
 

@@ -76,8 +76,8 @@ class Iteration:
         else:
             answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
         used = Used(factorised, touched, answers)
-        lack = self._balanced(u, applied, touched, answers, z)
-        return self._settled(p, q, sets, met, z, jump, chosen, used, lack, first)
+        imbalance = self._balanced(u, applied, touched, answers, z)
+        return self._settled(p, q, sets, met, z, jump, chosen, used, imbalance, first)
 
     def _chosen(self, z: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
         """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
@@ -117,7 +117,7 @@ class Iteration:
         whole = np.append(self.factors, none)
         columns = load_columns(projector.body, u[pressing.bodies[name]], whole, slice(known, None))
         some = sparse.csr_array(columns[:, np.concatenate([free + place[own], moves])])
-        found = -factorised.solve_unrefined(projector.scaled_columns(some))
+        found = -factorised.solve_unrefined(projector.scaled(some.toarray()))
         pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
         return Responses(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
 
@@ -133,7 +133,7 @@ class Iteration:
         and free motions."""
         pressing, contacts = self.pressing, self.pressing.contacts
         free = contacts.free
-        lack = Imbalance(np.zeros(free), np.zeros((free, len(touched))), np.zeros((free, free)))
+        imbalance = Imbalance(np.zeros(free), np.zeros((free, len(touched))), np.zeros((free, free)))
         for one in (some for some in contacts.loose if some.count):
             here, answer, rows = pressing.bodies[one.body], answers[one.body], one.numbers
             body = pressing.projectors[one.body].body
@@ -141,37 +141,37 @@ class Iteration:
             series = BodySeries.at(body, u[here], whole)
             sums, moving = one.sums(body, series, u[here])
             moved = sums @ derivative_pieces(body, u[here], whole) + moving
-            lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
+            imbalance.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
             by_pieces = (sums @ answer.pieces).toarray()
-            lack.by_traction[np.ix_(rows, answer.own)] = (
+            imbalance.by_traction[np.ix_(rows, answer.own)] = (
                 by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
             )
-            lack.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
-            lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
+            imbalance.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
+            imbalance.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
-            lack.now[rows] -= plate.given(self.factors[:known])
+            imbalance.now[rows] -= plate.given(self.factors[:known])
             for name in plate.surfaces:
                 here, answer = pressing.bodies[name], answers[name]
                 body = pressing.projectors[name].body
                 whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
                 pull, by_moving = plate.pulled(body, name, u[here], whole)
                 moved = plate.unknown(by_moving.toarray())
-                lack.now[rows] += plate.unknown(pull) + moved @ z[here]
-                lack.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
-                lack.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
-                lack.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
-                lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
+                imbalance.now[rows] += plate.unknown(pull) + moved @ z[here]
+                imbalance.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
+                imbalance.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
+                imbalance.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
+                imbalance.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
         for driven in contacts.driven:
             number, contact = driven.number, contacts.pairs[driven.contact]
             weight = np.zeros(len(applied))
             weight[self._driven(driven)] = contact.slave.weight
             force = driven.force @ self.factors[: len(driven.force)]
-            lack.now[number] = weight @ applied - force
-            lack.by_traction[number] = weight[touched]
+            imbalance.now[number] = weight @ applied - force
+            imbalance.by_traction[number] = weight[touched]
             modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
-            lack.by_motion[number, number] = DAMPING * modulus
-        return lack
+            imbalance.by_motion[number, number] = DAMPING * modulus
+        return imbalance
 
     def _driven(self, driven: DrivenObstacle) -> IntArray:
         """The tractions of all sides that act on an obstacle along its motion."""
@@ -189,7 +189,7 @@ class Iteration:
         jump: FloatArray,
         chosen: IntArray,
         used: Used,
-        lack: Imbalance,
+        imbalance: Imbalance,
         first: bool,
     ) -> Done:
         pressing, touched, answers = self.pressing, used.touched, used.answers
@@ -222,8 +222,8 @@ class Iteration:
         )
         by_all = seen @ loads
         by_all[:, 2 * len(chosen) :] += shifted
-        by_balance = lack.by_traction @ loads
-        by_balance[:, 2 * len(chosen) :] += lack.by_motion
+        by_balance = imbalance.by_traction @ loads
+        by_balance[:, 2 * len(chosen) :] += imbalance.by_motion
         linear = Linearised(
             mu,
             p[chosen],
@@ -232,7 +232,7 @@ class Iteration:
             slip + d_slip @ moved,
             d_gap @ by_all,
             d_slip @ by_all,
-            lack.now + lack.by_traction @ follow,
+            imbalance.now + imbalance.by_traction @ follow,
             by_balance,
             pressing.nothing,
         )
@@ -260,7 +260,7 @@ class Iteration:
             # Sticking nodes are fixed along the surface too.
             slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
-        unbalanced = lack.by_traction[: sum(one.count for one in contacts.loose)] @ push
+        unbalanced = imbalance.by_traction[: sum(one.count for one in contacts.loose)] @ push
         args = (chosen, compliance, unbalanced, len(answers) + len(touched), settled, used)
         return Done(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 

@@ -238,13 +238,12 @@ def moments_of_force(body: ElasticBody, centers: sparse.csr_array, force: FloatA
 
 
 MAX_STRETCH = 1.25
-"""The equations are renewed after a step at whose end some node is stretched by more than this, or less than
-its inverse, relative to the base state. Block of 289 nodes, 40 % down between sticking platens: with those of
-the reference throughout 24 steps, at degree 4 onto another branch; renewed, two steps, with 1.15 and with 1.5
-alike."""
+"""Equations are renewed after a step at whose end some node is stretched by more than this, or less than its
+inverse, relative to the base state: a block 40 % down between sticking platens took two steps instead of 24,
+and at degree 4 the equations of the reference led onto another branch."""
 MAX_ROTATION = 1.2
-"""Or rotated by more than this angle: J_0^T W^2 J(u) becomes indefinite for rotations beyond a right angle. A
-column buckled to an end rotation of 100 degrees met spurious limit points and returned to negative loads."""
+"""Or rotated by more than this angle: J_0^T W^2 J(u) becomes indefinite for rotations beyond a right angle,
+and has limit points that the body does not have."""
 
 
 def far_from(body: FiniteBody, displacement: FloatArray, base_state: FloatArray) -> bool:

@@ -126,15 +126,15 @@ class BodySeries:
         back = force[::-1]
         moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
         x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
-        lack = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
-        lack -= self.body.of_force @ self._factors[order]
+        imbalance = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
+        imbalance -= self.body.of_force @ self._factors[order]
         for number, turning in self.body.turning.items():
             for low in range(order + 1):
                 if self._factors[low, number]:
-                    lack[2 * count :] -= self._factors[low, number] * (
+                    imbalance[2 * count :] -= self._factors[low, number] * (
                         turning @ self._displacement[order - low]
                     )
-        return lack
+        return imbalance
 
     def outline_forces(self) -> tuple[FloatArray, FloatArray]:
         """Forces (2, g), at order 0, at the points of held sides and of those with prescribed tractions."""

@@ -11,13 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS, Halves, Rule
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_gradients
 
@@ -48,18 +46,6 @@ class FacePoints:
     def seen(self, displacement: FloatArray) -> FloatArray:
         """Value, d/dX, d/dY (q, 3, 2) of nodal ``displacement`` (2N,)."""
         return self.stencils.derivatives(displacement.reshape(-1, 2)).reshape(-1, 3, 2)
-
-    def weights(self, point: int) -> FloatArray:
-        """Weights (nnz, 3) of value, d/dX and d/dY at point number ``point`` of every fit."""
-        return self.stencils.weights[:, 3 * point : 3 * point + 3]
-
-    def entries(self) -> IntArray:
-        """Fit (nnz,) of each stencil entry."""
-        return np.repeat(np.arange(len(self.places)), np.diff(self.stencils.indptr))
-
-    def rows(self, values: FloatArray) -> sparse.csr_array:
-        """Rows (e, 2N) with ``values`` (nnz, 2)."""
-        return pair_rows(self.stencils, values)
 
 
 def inner_points(body: ElasticBody) -> FacePoints:

@@ -80,11 +80,6 @@ class Loads:
     warming: Sequence[Warming] = ()
     turning: Sequence[Turning] = ()
 
-    @property
-    def surfaces(self) -> tuple[str, ...]:
-        """The surfaces with prescribed tractions."""
-        return tuple(dict.fromkeys([*self.tractions, *(one.surface for one in self.pressing)]))
-
 
 @dataclass(frozen=True)
 class Applied:
@@ -101,7 +96,8 @@ class Applied:
     @classmethod
     def on(cls, body: ElasticBody, loads: Loads) -> Applied:
         """Locate the points and evaluate the loads there."""
-        surfaces = dict.fromkeys([*loads.surfaces, *body.soft_springs])
+        pressed_on = (one.surface for one in loads.pressing)
+        surfaces = dict.fromkeys([*loads.tractions, *pressed_on, *body.soft_springs])
         kept = {name: [not one for one in body.gripped.get(name, FREE)] for name in surfaces}
         points = outline_points(body, kept, FINE)
         dead = np.zeros((2, points.count, loads.count))

@@ -56,13 +56,14 @@ def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
 
 @dataclass(frozen=True)
 class Projector:
-    """The rows at a ``base_state`` (2N,), a displacement, times ``weights`` (r,), with their factorised least
-    squares. The equations are for the residual minus ``rest`` (r,), which is 0 unless the base state is to be
-    a solution itself."""
+    """The rows at a ``base_state`` (2N,), a displacement, and load ``factors`` (L,) there, times ``weights``
+    (r,), with their factorised least squares. The equations are for the residual minus ``rest`` (r,), which
+    is 0 unless the base state is to be a solution itself."""
 
     body: FiniteBody
     weights: FloatArray
     base_state: FloatArray
+    factors: FloatArray
     system: LeastSquares
     rest: FloatArray
 
@@ -88,7 +89,7 @@ class Projector:
         rest = np.zeros(body.elastic.rows)
         if keeps:
             rest[:split] = BodySeries.at(body, displacement, factors).rows(0)[:split]
-        return cls(body, weights, displacement, system, rest)
+        return cls(body, weights, displacement, factors, system, rest)
 
     def left(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Residual (r,) of the equations at ``displacement`` (2N,) and load ``factors`` (L,)."""
@@ -99,8 +100,8 @@ class Projector:
         return self.system.solve(sparse.csc_array(left[:, None]))[:, 0]
 
     def scaled(self, left: FloatArray) -> FloatArray:
-        """Weighted residual (r,)."""
-        return np.asarray(left * self.weights)
+        """Weighted residual, one (r,) or several (r, c)."""
+        return np.asarray((left.T * self.weights).T)
 
     def image(self, displacement: FloatArray) -> FloatArray:
         """The base state's weighted rows (r,) applied to a ``displacement`` (2N,)."""
@@ -113,10 +114,6 @@ class Projector:
     def gathered(self, scaled: FloatArray) -> FloatArray:
         """Right-hand side (2N,) of the equations for weighted rows (r,), without those of the pieces."""
         return np.asarray(self._turned @ scaled[: self.body.node_rows])
-
-    def scaled_columns(self, left: sparse.csr_array) -> FloatArray:
-        """The same for several columns (r, c), as an array."""
-        return np.asarray((sparse.diags_array(self.weights) @ left).toarray())
 
     def factorised(self, displacement: FloatArray, factors: FloatArray) -> Factorised:
         """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,). Raises

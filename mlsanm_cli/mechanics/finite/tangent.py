@@ -138,10 +138,11 @@ def _by_fit(
     """Rows (3e, 2N) of the derivatives of forces x, forces y and moments of fits about their own centres, and
     these (2, e); ``moduli`` (2, 2, 2, e, t), ``force`` and ``place`` (2, q) are those of the points."""
     force, place = (one.reshape(2, *points.places.shape[:2]) for one in (force, place))
-    entry, center = points.entries(), place.mean(axis=2)
+    stencils, center = points.stencils, place.mean(axis=2)
+    entry = np.repeat(np.arange(len(points.places)), np.diff(stencils.indptr))
     x, y, moment = (np.zeros((len(entry), 2)) for _ in range(3))
     for point in range(place.shape[2]):
-        weights = points.weights(point)
+        weights = stencils.weights[:, 3 * point : 3 * point + 3]
         own = moduli[..., point][..., entry]
         d_x = weights[:, 1, None] * own[0, 0].T + weights[:, 2, None] * own[0, 1].T
         d_y = weights[:, 1, None] * own[1, 0].T + weights[:, 2, None] * own[1, 1].T
@@ -155,7 +156,9 @@ def _by_fit(
         moment += arm[0][:, None] * d_y - arm[1][:, None] * d_x
         pull = force[:, :, point][:, entry]
         moment += weights[:, :1] * np.stack([pull[1], -pull[0]], axis=1)
-    return sparse.csr_array(sparse.vstack([points.rows(one) for one in (x, y, moment)], format="csr")), center
+    return sparse.csr_array(
+        sparse.vstack([pair_rows(stencils, one) for one in (x, y, moment)], format="csr")
+    ), center
 
 
 def _onto(
