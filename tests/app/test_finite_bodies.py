@@ -214,7 +214,7 @@ def test_a_side_of_several_pieces(tmp_path: Path) -> None:
     corners = [[-2.0, 2.0], [-2.0, 0.0], [2.0, 0.0], [2.0, 2.0]]
     one_piece = polygon(corners, "left bottom right top")
     two_pieces = polygon([*corners, [0.0, 2.0]], "left bottom right east west")
-    forces = []
+    forces: list[list[float]] = []
     for shape, side in ((one_piece, "block.top"), (two_pieces, ["block.east", "block.west"])):
         parts = HEAD + body("block", "rubber", 0.4, shape, refine=fine)
         parts += support("block.bottom", ux=0.0, uy=0.0)

@@ -46,9 +46,10 @@ class FiniteState:
         """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the surfaces: clouds
         by themselves represent tractions that alternate from node to node wrongly."""
         found = self.displacement.copy()
-        own = scene.parts(found)
-        for side, here in scene.contacts.sides if self.pressed else ():
-            own[side.body].reshape(-1, 2)[side.nodes] = self.pressed.surface[here].reshape(-1, 2)
+        if self.pressed is not None:
+            own = scene.parts(found)
+            for side, here in scene.contacts.sides:
+                own[side.body].reshape(-1, 2)[side.nodes] = self.pressed.surface[here].reshape(-1, 2)
         return found
 
     @property
