@@ -174,7 +174,9 @@ class Hats:
 
 def logarithm(distance: FloatArray) -> FloatArray:
     """ln|distance|, 0 at zero distance."""
-    return np.asarray(np.log(np.where(distance == 0.0, 1.0, np.abs(distance))))
+    size = np.abs(distance)
+    size[size == 0.0] = 1.0
+    return np.asarray(np.log(size, out=size))
 
 
 def _gauss(start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
