@@ -17,7 +17,7 @@ from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.contact.response.drivers import spans
-from mlsanm_cli.contact.response.functionals import changes, reaction_rows
+from mlsanm_cli.contact.response.functionals import changes
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
@@ -80,7 +80,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
         if isinstance(constraint, Platen) and not motion.alone:
             for owner, surface in constraint.held:
                 body, corrected = scene.bodies[owner], bodies[owner]
-                carried = reaction_rows(body, surface, constraint.center) @ corrected.change
+                carried = body.reaction_rows(surface, constraint.center) @ corrected.change
                 fx, fy, moment = corrected.defect.reactions[surface]
                 x, y = constraint.center
                 carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
