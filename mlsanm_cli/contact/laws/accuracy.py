@@ -147,12 +147,6 @@ def halved_state(condensed: Condensed, state: ExactState) -> tuple[FloatArray, F
     return motion, pressure
 
 
-def l2(arc: FloatArray, values: FloatArray) -> float:
-    """L2 norm over the surface of piecewise linear ``values`` (m,) at ``arc`` (m,)."""
-    a, b = values[:-1], values[1:]
-    return float(np.sqrt((np.diff(arc) * (a * a + a * b + b * b) / 3.0).sum()))
-
-
 def _shifted(linear: LinearMap, change: FloatArray) -> LinearMap:
     return replace(linear, constant=linear.constant + change)
 

@@ -25,7 +25,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.coupling import Local, row_scales, slip_places
+from mlsanm_cli.contact.laws.coupling import Coupling, Local, row_scales, slip_places
 from mlsanm_cli.contact.laws.scales import Regularization
 from mlsanm_cli.contact.monolithic.elimination import Elimination, plan_elimination
 from mlsanm_cli.contact.response.balance import CondensedForces, balance_of_constraints
@@ -44,49 +44,31 @@ UPDATE_TOLERANCE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class SparseCoupling:
-    """Gaps, slips, balances and residuals of the bodies' equations for y = (p, t, q, u). ``contact`` (m + n +
-    k, r) are the rows of the first three, ``gaps`` (m, r) and ``slips`` (n, r) parts of them; ``scale`` (2N,)
-    are divisors of the bodies' equations."""
+class SparseCoupling(Coupling):
+    """Gaps, slips, balances and residuals of the bodies' equations for y = (p, t, q, u). ``matrix`` (m + n +
+    k, r) are the rows of the first three; ``scale`` (2N,) are divisors of the bodies' equations."""
 
-    condensed: Condensed
-    law: Regularization
+    matrix: sparse.csr_array
     scene: Scene
-    constant: FloatArray
-    load: FloatArray
-    motion: FloatArray
-    contact: sparse.csr_array
-    gaps: sparse.csr_array
-    slips: sparse.csr_array
     scale: FloatArray
     elimination: Elimination
-
-    def with_thresholds(self, threshold: FloatArray) -> SparseCoupling:
-        """The same with friction thresholds (n,) of the law replaced."""
-        return replace(self, law=replace(self.law, threshold=threshold))
 
     def with_stick_compliance(self) -> SparseCoupling:
         """The same with the asperities' compliance added to the slips."""
         places, added = slip_places(self.condensed), self.law.stick_compliance / self.law.slip
-        contact = self.contact + _entries(places, places, added, self.contact.shape)
+        matrix = self.matrix + _entries(places, places, added, self.matrix.shape)
         square = _entries(places, places, added, (len(self.constant),) * 2)
-        elimination = self.elimination.with_added(square)
-        return replace(self, contact=contact, slips=contact[places], elimination=elimination)
-
-    def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Split all motions (..., k + 2N) into rigid motions and displacements u."""
-        count = len(self.law.motion)
-        return motion[..., :count], motion[..., count:]
+        return replace(self, matrix=matrix, elimination=self.elimination.with_added(square))
 
     def __call__(self, f: FloatArray, y: FloatArray) -> FloatArray:
         """All rows (r,) in one state."""
-        top = len(self.contact.indptr) - 1
-        known = self.constant[:top] + self.load[:top] @ f + self.contact @ y
+        top = len(self.matrix.indptr) - 1
+        known = self.constant[:top] + self.load[:top] @ f + self.matrix @ y
         return np.concatenate([known, self._excess(f, y)])
 
     def times(self, y: FloatArray) -> FloatArray:
         """The rows (r,) for y alone, without loads."""
-        return np.concatenate([self.contact @ y, self._excess(np.zeros(self.load.shape[1]), y)])
+        return np.concatenate([self.matrix @ y, self._excess(np.zeros(self.load.shape[1]), y)])
 
     def _excess(self, f: FloatArray, y: FloatArray) -> FloatArray:
         """Residuals (2N,) of the bodies' equations."""
@@ -158,13 +140,11 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
     return SparseCoupling(
         condensed=condensed,
         law=law,
-        scene=scene,
+        motion=motion,
         constant=np.concatenate([constant, np.zeros(total)]),
         load=np.concatenate([load, loads / scale[:, None]]),
-        motion=motion,
-        contact=contact,
-        gaps=contact[:m],
-        slips=contact[m : m + n],
+        matrix=contact,
+        scene=scene,
         scale=scale,
         elimination=plan_elimination(scene, contact, equations, scale, unknowns),
     )

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.pairing import Pairing, facing_spacing
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
@@ -146,7 +146,9 @@ def bind(
 def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:
     """Hat functions (m, c) between knots for a bond's pressures and tractions."""
     chosen = pairing.candidate
-    spacing = np.maximum(pairing.spacing[chosen], _facing_spacing(pairing, scene))
+    assert pairing.master_body is not None, "nothing is bonded to an obstacle"
+    facing = facing_spacing(pairing, scene.bodies[pairing.master_body].model.cloud)
+    spacing = np.maximum(pairing.spacing[chosen], facing)
     arc = pairing.arc[chosen]
     angle = np.unwrap(np.arctan2(*pairing.slave.curve.normals(arc).T))
     if pairing.all_around:
@@ -159,17 +161,6 @@ def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:
     parts = zip(*(np.split(one, cuts) for one in (arc, spacing, angle)), strict=True)
     hats = [_hats(own, _knots(own, *of_nodes)) for own, *of_nodes in parts]
     return np.asarray(sparse.block_diag(hats).toarray())
-
-
-def _facing_spacing(pairing: Pairing, scene: Scene) -> FloatArray:
-    """Spacings (m,) of the master opposite the candidates."""
-    master, body = pairing.master, pairing.master_body
-    assert master is not None, "nothing is bonded to an obstacle"
-    assert body is not None
-    cloud = scene.bodies[body].model.cloud
-    around = master.curve.length if master.curve.closed else None
-    place = master.curve.closest(pairing.partner[pairing.candidate])
-    return np.asarray(np.interp(place, master.arc_length, cloud.spacing[master.index], period=around))
 
 
 def _knots(arc: FloatArray, spacing: FloatArray, angle: FloatArray, least: int = 1) -> FloatArray:
