@@ -21,7 +21,6 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import rigid_pattern
-from mlsanm_cli.operators.stencils import build_stencils
 
 RANK_TOLERANCE = 1e-13
 """Rigid motions with a mean square below this fraction of a unit motion's are undetermined (round-off)."""
@@ -180,10 +179,8 @@ def _beyond_linear(
     total, areas = 0.0, _areas(cloud, own)
     for share, weight in zip(shares, weights, strict=True):
         points = np.einsum("k,tkc->tc", share, cloud.points[own])
-        fits = build_stencils(
-            model.nodes, model.tree, points, 1, model.settings, cloud.sight, tips=model.tips
-        )
-        here = stress_of(fits.derivatives(displacement), c) + np.einsum("k,tkc->tc", share, linear[own])
+        fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c)
+        here = fitted + np.einsum("k,tkc->tc", share, linear[own])
         total += weight * float(areas @ ((here @ compliance) * here).sum(axis=1))
     values = stress[own]
     products, sums = (values @ compliance * values).sum(axis=(1, 2)), values.sum(axis=1)

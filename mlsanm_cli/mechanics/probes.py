@@ -33,8 +33,7 @@ def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
     """Rows (5e, 2N) of u_x, u_y, sigma_xx, sigma_yy, sigma_xy at ``points`` (e, 2), quantity by quantity.
     Value and derivatives of the local polynomial at the point itself, as at nodes."""
     cloud, settings = model.cloud, model.settings
-    stencils = build_stencils(model.nodes, model.tree, points, 1, settings, cloud.sight, tips=model.tips)
-    among = stencils
+    among = stencils = model.stencils_at(points, 1)
     if settings.scheme == "ghost" and model.material.nearly_incompressible:
         among = build_stencils(cloud.points, cloud.tree, points, 0, settings, cloud.sight)
     return point_rows(stencils, model.material, among, lambda: model.stencils)
