@@ -16,7 +16,7 @@ intensity factors undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) ->
     factor = np.ones(len(cloud.points))
     if settings.narrows:
         nodes = cloud.boundary_nodes
-        sharp = [node for node, turn in _corners(cloud) if abs(turn) > SMOOTH_TURN]
+        sharp = [node for node, turn, _ in _corners(cloud) if abs(turn) > SMOOTH_TURN]
         away = corner[nodes] ** (1.0 / POWER)
         if len(sharp):
             distance = nearest(cKDTree(cloud.points[sharp]), cloud.points[nodes])[0]
@@ -113,32 +113,28 @@ def singular_changes(cloud: Cloud, grips: Held, springs: Springs, touching: Coll
         for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
     }
     found = set()
-    for name, one in cloud.surfaces.items():
-        for other_name, other in cloud.surfaces.items():
-            if one.curve.closed or one.index[-1] != other.index[0] or held[name] == held[other_name]:
-                continue
-            (x, y), (u, v) = one.normal[-1], other.normal[0]
-            clamped = {sum(grips.get(each, FREE)) for each in (name, other_name)} == {0, 2}
-            wide = np.arctan2(x * v - y * u, x * u + y * v) < MAX_MIXED_ANGLE
-            if clamped or (wide and not {name, other_name} & set(touching)):
-                found.add(int(other.index[0]))
+    for node, turn, both in _corners(cloud):
+        if held[both[0]] != held[both[1]]:
+            clamped = {sum(grips.get(each, FREE)) for each in both} == {0, 2}
+            if clamped or (turn < MAX_MIXED_ANGLE and not {*both} & set(touching)):
+                found.add(node)
     return np.array(sorted(found), dtype=np.int64)
 
 
 def reentrant_corners(cloud: Cloud) -> IntArray:
     """Nodes where two surfaces meet at a sharp reentrant corner."""
-    return np.array([node for node, turn in _corners(cloud) if turn < -SMOOTH_TURN], dtype=np.int64)
+    return np.array([node for node, turn, _ in _corners(cloud) if turn < -SMOOTH_TURN], dtype=np.int64)
 
 
-def _corners(cloud: Cloud) -> list[tuple[int, float]]:
-    """Nodes where two surfaces meet, and the angle by which the outline turns there to the left."""
-    found = []
-    for one in cloud.surfaces.values():
-        for other in cloud.surfaces.values():
+def _corners(cloud: Cloud) -> Iterator[tuple[int, float, tuple[str, str]]]:
+    """Nodes where two surfaces meet, the angle by which the outline turns there to the left, and the surfaces
+    before and after."""
+    for name, one in cloud.surfaces.items():
+        for other_name, other in cloud.surfaces.items():
             if not one.curve.closed and one.index[-1] == other.index[0]:
                 (x, y), (u, v) = one.normal[-1], other.normal[0]
-                found.append((int(other.index[0]), float(np.arctan2(x * v - y * u, x * u + y * v))))
-    return found
+                turn = float(np.arctan2(x * v - y * u, x * u + y * v))
+                yield int(other.index[0]), turn, (name, other_name)
 
 
 def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:

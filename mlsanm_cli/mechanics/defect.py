@@ -120,7 +120,10 @@ def correct(
     estimates the error of unrefined solutions: it is largest for smooth ones like this. Raises NumericalError
     as :func:`defect_of`.
     """
-    better = memo.value("next degree", body.model.content, partial(NextDegree.of, body.model, memo.keeps))
+    keep = memo.keeps and len(body.model.nodes) <= MAX_KEPT_NODES
+    better = memo.value(
+        "next degree", body.model.content, lambda: NextDegree(body.model, {} if keep else None)
+    )
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
@@ -164,14 +167,14 @@ def defect_of(
             f"use mls.degree {DEGREES[0]} to {DEGREES[-1]}",
         )
     better = better or NextDegree(model)
-    derivatives = better.of_displacement(displacement)
+    derivatives = better.at_nodes(displacement)
     less = model.stencils.derivatives(displacement) - derivatives
     lost, divergence, mean = stress_of(less, stiffness), model.divergence_of(less), None
     if model.material.nearly_incompressible:
         # The defect of the area change times the bulk modulus is large and not smooth. It enters by the
         # body's own fits, as in its rows; the next degree is compared on the mean stress, which is smooth.
         smooth = model.mean_stress(displacement)
-        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.of_stress(smooth))
+        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.at_nodes(smooth))
         mean = stress_of(less, model.material.bulk_part) + smooth, smooth
     source = np.zeros(body.rows)
     source[: 2 * len(less)] = divergence.T.ravel()
@@ -220,22 +223,10 @@ class NextDegree:
     model: BodyModel
     kept: dict[tuple[MlsSettings, int, bytes], Stencils] | None = field(default=None, compare=False)
 
-    @classmethod
-    def of(cls, model: BodyModel, keep: bool) -> NextDegree:
-        """Fits that are to be kept, unless that takes much memory."""
-        return cls(model, {} if keep and len(model.nodes) <= MAX_KEPT_NODES else None)
-
-    def of_displacement(self, displacement: FloatArray) -> FloatArray:
-        """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        return self._derivatives(
-            displacement, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
-        )
-
-    def of_stress(self, stress: FloatArray) -> FloatArray:
-        """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
-        return self._derivatives(
-            stress, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
-        )
+    def at_nodes(self, values: FloatArray) -> FloatArray:
+        """Derivatives (n, 6, c) at the cloud's points of displacements (N, 2) or stresses (n, 3)."""
+        settings = next_degree(self.model.settings, self.model.material)
+        return self._derivatives(values, self.model.cloud.points, settings)
 
     def stress_around(
         self,
@@ -253,9 +244,9 @@ class NextDegree:
         settings = replace(model.settings, narrow=False)
         fits = settings, next_degree(settings, model.material)
         own, better = (self._derivatives(displacement, places, some) for some in fits)
-        less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
-        near = [less[:, :, 0], less[:, :, 1] + x * less[:, :, 3] + y * less[:, :, 4]]
-        near.append(less[:, :, 2] + x * less[:, :, 4] + y * less[:, :, 5])
+        value, d_x, d_y, d_xx, d_xy, d_yy = np.moveaxis((own - better)[:, None], 2, 0)
+        x, y = np.moveaxis(points - places[:, None], 2, 0)[..., None]
+        near = value, d_x + x * d_xx + y * d_xy, d_y + x * d_xy + y * d_yy
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
         if mean is None:
             return stress_of(whole, c).reshape(*points.shape[:2], 3)

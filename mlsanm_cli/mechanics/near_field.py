@@ -211,16 +211,11 @@ class SurfaceForces:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
-        w = z[:, None] - self.place
-        if self.center is None:
-            return self.kernel.displacement(w, np.broadcast_to(self.inward, w.shape))
-        other = np.broadcast_to((z - self.center)[:, None], w.shape)
-        return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
+        return self.displacement_of_each(z[:, None])
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, k, 3, 2) at points ``z`` (e,)."""
-        own = self.kernel.stress(z[:, None] - self.place)
-        return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
+        return self.stress_of_each(z[:, None])
 
     def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
         """Displacements (2, e, 2k) at points ``z`` (e,) by forces x, then y, without pairs in ``left_out``
@@ -242,15 +237,15 @@ class SurfaceForces:
         return np.array([] if self.center is None else [self.center.real, self.center.imag])
 
     def displacement_of_each(self, z: ComplexArray) -> FloatArray:
-        """Displacements (k, 2, 2) by each force at its own point ``z`` (k,)."""
+        """Displacements (..., k, 2, 2) by each force at its own point ``z`` (..., k or 1)."""
         w = z - self.place
         if self.center is None:
-            return self.kernel.displacement(w, self.inward)
-        other = z - self.center
+            return self.kernel.displacement(w, np.broadcast_to(self.inward, w.shape))
+        other = np.broadcast_to(z - self.center, w.shape)
         return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
 
     def stress_of_each(self, z: ComplexArray) -> FloatArray:
-        """Stresses (k, 3, 2) by each force at its own point ``z`` (k,)."""
+        """Stresses (..., k, 3, 2) by each force at its own point ``z`` (..., k or 1)."""
         own = self.kernel.stress(z - self.place)
         return own if self.center is None else own - self.kernel.stress(z - self.center)
 

@@ -10,9 +10,9 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows, value_rows
+from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.operators.rows import scalar_rows
+from mlsanm_cli.operators.rows import scalar_rows, vector_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 
@@ -47,7 +47,8 @@ def point_rows(
     points on its nodes."""
     hidden = material.nearly_incompressible
     even = material.bulk_part if hidden else np.zeros((3, 3))
-    blocks = [value_rows(stencils, component) for component in (0, 1)]
+    value = stencils.weights[:, 0]
+    blocks = [vector_rows(stencils, value, None), vector_rows(stencils, None, value)]
     blocks += [stress_rows(stencils, material.stiffness - even, part) for part in (XX, YY, XY)]
     if hidden:
         mean = scalar_rows(among, among.weights[:, 0]) @ stress_rows(nodal(), even, XX)
@@ -57,5 +58,4 @@ def point_rows(
 
 def stress_of_expansion(material: PlaneMaterial) -> FloatArray:
     """Stress (3,) that corresponds to free thermal expansion by one degree, to be subtracted."""
-    result: FloatArray = material.stiffness @ material.expansion
-    return result
+    return np.asarray(material.stiffness @ material.expansion)
