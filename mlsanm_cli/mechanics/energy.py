@@ -20,7 +20,7 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.rigid import rigid_pattern
+from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes
 
 RANK_TOLERANCE = 1e-13
 """Rigid motions with a mean square below this fraction of a unit motion's are undetermined (round-off)."""
@@ -194,8 +194,8 @@ def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArr
     size = float(np.ptp(cloud.points, axis=0).max())
     middle = cloud.areas @ cloud.points / cloud.areas.sum()
     center = (float(middle[0]), float(middle[1]))
-    patterns = np.stack([rigid_pattern(cloud.points, center, axis).ravel() for axis in range(3)], axis=1)
-    patterns[:, 2] /= size
+    patterns = RigidBodyModes(center, (0, 1, ROTATION)).patterns(cloud.points)
+    patterns[:, ROTATION] /= size
     chosen, free = np.zeros(3), np.eye(3)
     for one in [*levels, np.repeat(cloud.areas[:, None], 2, axis=1)]:
         weight = one.ravel() / max(float(one.sum()), np.finfo(float).tiny)

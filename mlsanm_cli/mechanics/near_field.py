@@ -139,9 +139,7 @@ def kernel_of(material: PlaneMaterial) -> PointForceField:
     even = np.array([[first + 2.0 * shear, first, 0.0], [first, first + 2.0 * shear, 0.0], [0.0, 0.0, shear]])
     if np.abs(c - even).max() <= ISOTROPY_TOLERANCE * np.abs(c).max():
         return Isotropic(float(shear), float((first + 3.0 * shear) / (first + shear)))
-    a = np.linalg.inv(c)
-    found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
-    roots = np.asarray(found[found.imag > 0.0], dtype=np.complex128)
+    a, roots = np.linalg.inv(c), material.roots
     p = a[0, 0] * roots**2 + a[0, 1] - a[0, 2] * roots
     q = a[0, 1] * roots + a[1, 1] / roots - a[1, 2]
     return Anisotropic(roots, p, q)

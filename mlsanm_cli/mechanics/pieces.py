@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, corner_moments, measure
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Measures, Rule, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
@@ -117,10 +117,8 @@ class Pieces:
         total = np.zeros(3 * self.count)
         for matrix, middle, points, normals in self._faces(held, np.ones(self.count, dtype=bool), GAUSS[2]):
             force = traction_of(stress(middle, points).reshape(-1, 3), normals.reshape(-1, 2))
-            (x, y), (a, b) = (
-                force.T.reshape(2, *points.shape[:2]),
-                np.moveaxis(points - middle[:, None], 2, 0),
-            )
+            x, y = force.T.reshape(2, *points.shape[:2])
+            a, b = np.moveaxis(points - middle[:, None], 2, 0)
             total += matrix @ np.concatenate([x.sum(axis=1), y.sum(axis=1), (a * y - b * x).sum(axis=1)])
         return total
 
@@ -131,7 +129,8 @@ class Pieces:
         from forces and moments about centres (e, 2) to minus those that leave the pieces, the centres,
         quadrature points (e, t, 2), and normals times weights (e, t, 2)."""
         for level in self.levels:
-            edges = self._edges(level, wanted, rule)
+            faces, chosen = self.cloud.faces.between(level), np.append(wanted, False)
+            edges = faces.select(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
             out, into = (self._spread(level[at], edges.middle) for at in (edges.one, edges.other))
             yield sparse.csr_array(into - out), edges.middle, edges.points, edges.normals
         for name, components in held.items():
@@ -143,12 +142,6 @@ class Pieces:
                 parts = (self._spread(level[surface.index[halves.own]], points) for level in self.levels)
                 spread = sum(parts, sparse.csr_array((3 * self.count, 3 * len(points))))
                 yield sparse.csr_array(-spread @ kept), points, points[:, None], normals[:, None]
-
-    def _edges(self, level: IntArray, wanted: BoolArray, rule: Rule) -> Edges:
-        """Boundaries between ``wanted`` pieces (k,) of one level and the rest of the body."""
-        faces = self.cloud.faces.between(level)
-        chosen = np.append(wanted, False)
-        return faces.select(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
 
     def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
         """Matrix (3k, 3e) from forces x, y and moments about ``center`` (e, 2) to those on pieces ``owner``
