@@ -29,7 +29,7 @@ import mlsanm_cli as mlsanm
 
 CASES = Path(__file__).parent.parent / "cases"
 TIP, FORCE = 0.8253, 0.7012 / 2.0
-"""Deflection over the length, and the force on half of the cylinder: docs/method.md."""
+"""Deflection over the length, and the force on half of the cylinder: docs/results.md."""
 KNOWN = 1e-4
 """References are good to so much."""
 REPEATS, TOLERANCE, MOST = 3, 1e-8, 25

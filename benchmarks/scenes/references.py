@@ -29,7 +29,7 @@ from benchmarks.scenes.every import SCENES
 from benchmarks.scenes.judge import REFERENCE
 from benchmarks.scenes.scene import Array, Scene, Table
 from benchmarks.scenes.signorini import Model, Zones, turned
-from mlsanm_cli.app.scene.clouds import outline_of
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case.reading.read import load_case
 from mlsanm_cli.cloud.curves import Outline
@@ -163,7 +163,8 @@ def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
             write(folder / name, lambda places: places)
         (folder / "case.toml").write_text(tomli_w.dumps(scene.case))
         case = load_case(folder / "case.toml", inspector=geometry_inspector).case
-        outlines = {body.name: outline_of(case, body) for body in case.body}
+        boundaries = Boundaries.of(case)
+        outlines = {body.name: boundaries.outline(body.name) for body in case.body}
     given = {**scene.case, "support": [*scene.case.get("support", []), *scene.supports]}
     began = time.process_time()
     zones = joined(corners(given, outlines, 0.1), first_touches(given, outlines))

@@ -32,7 +32,7 @@ from mlsanm_cli.mechanics.springs import Held, Springs, gripped
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
@@ -45,7 +45,7 @@ def assemble(
     model: BodyModel,
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
-    solver: DirectSolver,
+    solver: LinearSolver,
     springs: Springs = MappingProxyType({}),
     touching: Collection[str] = (),
     unloaded: int = 0,
@@ -85,7 +85,7 @@ def assemble(
     # Digest of the input of the rows, which are many times as large. The weights and the points halfway
     # between nodes capture what nodes and normals do not tell of the curves.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
-    chosen = [held, held_nodes, springs, solver.name, sorted(touching), unloaded]
+    chosen = [held, held_nodes, springs, solver, sorted(touching), unloaded]
     content = digest(model.rows_content, weight, curves, chosen)
     equations = BodyEquations(content, factorise)
     body = ElasticBody(
@@ -126,7 +126,7 @@ def _least_squares(
     strong: Callable[[], tuple[sparse.csr_array, sparse.csr_array, FloatArray]],
     sums: sparse.csr_array,
     pieces: Pieces,
-    solver: DirectSolver,
+    solver: LinearSolver,
 ) -> LinearSystem:
     """Factorise; the ``rows`` are weighted in place."""
     lines, loads, scale = strong()

@@ -16,8 +16,8 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.search import in_batches, nearest
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
@@ -26,7 +26,6 @@ from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, tra
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.memo import NO_CACHE, Memo
-from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE, MAX_UPDATES, STALL_RATIO
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
@@ -264,10 +263,15 @@ class NextDegree:
             (model.nodes, model.tree, model.tips) if moved else (cloud.points, cloud.tree, None)
         )
         at_nodes = places is cloud.points and len(nodes) == len(model.nodes)
-        near = model.near if at_nodes else None
+
+        def fits(some: IntArray) -> Stencils:
+            near = model.near[some] if at_nodes else None
+            return build_stencils(nodes, tree, places[some], 2, settings, cloud.sight, near, tips)
+
+        numbers = np.arange(len(places))
         if self.kept is None:
-            return fitted_derivatives(nodes, tree, places, settings, values, cloud.sight, near, tips)
+            return in_batches(lambda some: fits(some).derivatives(values), numbers)
         key = (settings, values.shape[1], places.tobytes())
         if key not in self.kept:
-            self.kept[key] = build_stencils(nodes, tree, places, 2, settings, cloud.sight, near, tips)
+            self.kept[key] = fits(numbers)
         return self.kept[key].derivatives(values)

@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.scene.assemble import prepare
-from mlsanm_cli.app.scene.boundary_parts import outline_of
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
@@ -341,7 +341,7 @@ def test_a_part_of_a_mesh_ends_at_nodes(tmp_path: Path) -> None:
     text = PULLED.replace(load, f"{load}\nfrom = [5.0, -2.0]\nto = [5.0, 2.0]")
     (tmp_path / "case.toml").write_text(text)
     loaded = load_with_files(tmp_path / "case.toml")
-    outline = outline_of(loaded.case, loaded.case.body[0])
+    outline = Boundaries.of(loaded.case).outline(loaded.case.body[0].name)
     assert {"right/1", "right/2", "right/3"} <= set(outline.names)
     middle = outline.curves[outline.names.index("right/2")]
     found = solve(text, tmp_path / "part")
@@ -460,10 +460,10 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
         + contact("tip", slave=["wedge.other", "wedge.one"], master="block.top")
     ).case
     if not sharp:
-        check_tips(case, tuple(pair(case, clouds(case))))
+        check_tips(case, tuple(pair(case, Boundaries.of(case), clouds(case))))
         return
     with pytest.raises(CaseError) as refused:
-        check_tips(case, tuple(pair(case, clouds(case))))
+        check_tips(case, tuple(pair(case, Boundaries.of(case), clouds(case))))
     (problem,) = refused.value.problems
     assert "sharp corner at (0, 0)" in problem.message
     assert "contact.tip.slave" in problem.hint

@@ -136,7 +136,7 @@ def test_loads_and_reactions_balance_in_force_and_moment() -> None:
 @pytest.mark.parametrize(("kind", "amplitude"), [("neo-hookean", 0.15), ("saint-venant-kirchhoff", 0.05)])
 @pytest.mark.parametrize(("degree", "bar"), [(2, 4e-3), (4, 1.5e-4)])
 def test_manufactured_solution(kind: Kind, amplitude: float, degree: int, bar: float) -> None:
-    """u = A (sin, sin), two sides held: at 17 x 17 nodes; 65 x 65 are in docs/method.md."""
+    """u = A (sin, sin), two sides held: at 17 x 17 nodes; 65 x 65 are in docs/results.md."""
     cloud = jittered_square(17, 0.2)
     waves, phase = np.array([[2.0, 1.5], [1.5, -2.0]]), np.array([0.3, 1.1])
 

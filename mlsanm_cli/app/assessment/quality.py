@@ -12,9 +12,9 @@ import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.causes import distance_warnings
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
-from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction
 from mlsanm_cli.case.model.case import finer_nodes
@@ -120,7 +120,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
             "mls.degree = 1 is for comparisons only, its error hardly decreases with the spacing; use 2"
         )
     warnings += distance_warnings(prepared.pairings, clouds)
-    warnings += load_warnings(case, clouds)
+    warnings += load_warnings(case, prepared.boundaries, clouds)
     warnings += [motion.warning for motion in prepared.weak if motion.idle is None]
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
     return Quality(
@@ -290,9 +290,9 @@ def _reverses(case: Case, load: str) -> bool:
     return max(changes) > 0.0 > min(changes)
 
 
-def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
+def load_warnings(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Iterator[str]:
     """Warnings of loads that the nodes do not resolve, and of loaded parts with another length."""
-    yield from _part_warnings(case, clouds)
+    yield from _part_warnings(case, boundaries, clouds)
     for load in case.load:
         if isinstance(load, Temperature | BodyForce):
             amounts = [load.temperature] if isinstance(load, Temperature) else list(load.body_force)
@@ -302,7 +302,7 @@ def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
             given = [load.pressure] if isinstance(load, Pressure) else list(load.traction or ())
             amounts = [0.0 if one is None else one for one in given]
             cloud = clouds[load.owner]
-            indices = [cloud.surfaces[name].index for name in surfaces_at(case, load.place)]
+            indices = [cloud.surfaces[name].index for name in boundaries.names(load.place)]
             # Only inside of surfaces: tractions may be discontinuous at their ends.
             spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
         else:
@@ -312,13 +312,13 @@ def load_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
             yield from _warning(load.name, load.owner, varying, cloud, np.concatenate(spans))
 
 
-def _part_warnings(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
+def _part_warnings(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Iterator[str]:
     """Warnings of loaded parts with another length than given, as the nodes are from a file."""
     for load in case.load:
         if not isinstance(load, Pressure | Traction) or load.ends is None:
             continue
         surfaces = clouds[load.owner].surfaces
-        found = sum(surfaces[name].curve.length for name in surfaces_at(case, load.place))
+        found = sum(surfaces[name].curve.length for name in boundaries.names(load.place))
         body = next(one for one in case.body if one.name == load.owner)
         wanted = sum(curve.length for _, _, curve in runs_of(body.shape, load.place))
         if abs(found - wanted) > LENGTH_TOLERANCE * wanted:

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
@@ -53,12 +54,13 @@ def residual_zones(
     degree = min(body.model.settings.degree for body in built.scene.bodies.values())
     level = _level(np.concatenate(list(levels.values())), np.concatenate(list(ruled.values())), degree)
     zones: list[Zone] = []
+    boundaries = Boundaries.of(built.case)
     for body in built.case.body:
         cloud = built.scene.bodies[body.name].model.cloud
         finer = np.where(ruled[body.name], 1.0, _finer(levels[body.name], level, degree))
         finer, line = _made_symmetric(finer, cloud.mirror)
         wanted = np.where(finer >= MIN_REFINEMENT, cloud.spacing / finer, np.inf)
-        spacing = spacing_of(built.case, body).with_zones((*planned, *zones))
+        spacing = spacing_of(built.case, boundaries, body).with_zones((*planned, *zones))
         zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 

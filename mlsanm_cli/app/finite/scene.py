@@ -10,10 +10,9 @@ import numpy as np
 
 from mlsanm_cli.app.finite.free_motions import driving, free_motions_of, pins_of, plated
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
-from mlsanm_cli.app.scene.direct_solver import direct_solver
-from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.case.checks.finite import pivot_of
@@ -34,7 +33,7 @@ from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, Warming
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.solve.condensed_scene import stage_factors
 
 TOUCH_TOLERANCE = 0.01
@@ -60,7 +59,7 @@ class FiniteScene:
     stages: FloatArray
     supports: Mapping[str, tuple[tuple[str, str], ...]]
     probes: tuple[Probe, ...]
-    solver: DirectSolver
+    solver: LinearSolver
     contacts: tuple[AnyContact, ...] = ()
     loose: tuple[LooseMotions, ...] = ()
     driven: tuple[DrivenObstacle, ...] = ()
@@ -168,7 +167,7 @@ class FiniteScene:
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Assemble a checked scene at finite strain."""
-    solver = direct_solver(case)
+    solver = case.solver.linear
     loose, driven, plates = free_motions_of(case, prepared)
     free = sum(one.count for one in loose) + len(driven) + sum(len(one.components) for one in plates)
     contacts = tuple(_contact(case, prepared, one, free) for one in prepared.pairings)
@@ -191,7 +190,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             first += moves.shape[1]
         law, loads = law_of(case, name), with_sides(loads, elastic, sides)
         bodies[name] = FiniteBody(elastic, law, loads, turning)
-    supports = _supports(case)
+    supports = _supports(case, prepared.boundaries)
     args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
     return FiniteScene(case, bodies, *args, plates)
 
@@ -241,7 +240,7 @@ def law_of(case: Case, body: str) -> Law:
     return Law.isotropic(material.law, material.E, material.nu, case.model.plane)
 
 
-def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
+def _supports(case: Case, boundaries: Boundaries) -> dict[str, tuple[tuple[str, str], ...]]:
     """Bodies and surfaces by the label of a support or the name of a load that prescribes displacements."""
     found: dict[str, tuple[Place, ...]] = {
         s.place.label: (s.place,) for s in case.support if s.place is not None
@@ -249,7 +248,7 @@ def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
     found |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
     found |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
     return {
-        label: tuple((place.body, name) for place in places for name in surfaces_at(case, place))
+        label: tuple((place.body, name) for place in places for name in boundaries.names(place))
         for label, places in found.items()
     }
 

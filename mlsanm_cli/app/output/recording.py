@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.app.output.writer import body_datasets
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.boundary_parts import outline_of
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -76,14 +76,14 @@ class Views:
     def of(cls, built: CondensedScene, memo: Memo = NO_CACHE) -> Views:
         """Finer points for the bodies whose clouds are too coarse for their contact patches at the ends of
         stages. Scenes with the same patches share them by the ``memo``."""
-        clouds, finer = {}, {}
+        clouds, finer, boundaries = {}, {}, Boundaries.of(built.case)
         for body in built.case.body:
             model = built.scene.bodies[body.name].model
             clouds[body.name] = model.cloud
             zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
             if zones:
-                spacing = spacing_of(built.case, body).with_zones(zones)
-                cloud = build_cloud(outline_of(built.case, body), spacing, body.seed, memo=memo)
+                spacing = spacing_of(built.case, boundaries, body).with_zones(zones)
+                cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
                 view = memo.value("view", digest(model.content, cloud.content), partial(View, model, cloud))
                 clouds[body.name], finer[body.name] = view.cloud, view
         return cls(clouds, finer)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.conflicts import refuse_conflicts
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
@@ -18,7 +19,6 @@ from mlsanm_cli.app.scene.free_motions import WeakMotion, constrain_free_rigid_m
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
-from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.app.scene.tips import check_tips
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Body, Case, Displacement, Place, Platen
@@ -35,7 +35,7 @@ from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
 from mlsanm_cli.mechanics.springs import gripped, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
-from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.settings import MlsSettings
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -56,13 +56,14 @@ MAX_SUPPORT_OFFSET = 1e-3
 class SceneModel:
     """A scene before its linear systems are assembled and factorised.
 
-    ``held[body][surface]`` are the fixed components, ``held_nodes[body]`` the fixed (node, component) pairs
-    of single nodes, ``acting`` the loads, ``rigid_constraints`` platens, obstacles and floating bodies,
-    ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the contacts that may have
-    contact grids. ``held_motions`` are the free rigid modes fixed at zero, ``loose_motions`` those of
-    floating bodies only, and ``weak`` those with very little resistance.
+    ``boundaries`` are those of the case, ``held[body][surface]`` the fixed components, ``held_nodes[body]``
+    the fixed (node, component) pairs of single nodes, ``acting`` the loads, ``rigid_constraints`` platens,
+    obstacles and floating bodies, ``probes`` the observed points, ``notes`` messages to the user, ``ranges``
+    the contacts that may have contact grids. ``held_motions`` are the free rigid modes fixed at zero,
+    ``loose_motions`` those of floating bodies only, and ``weak`` those with very little resistance.
     """
 
+    boundaries: Boundaries
     models: Mapping[str, BodyModel]
     pairings: tuple[Pairing, ...]
     held: Mapping[str, Mapping[str, tuple[bool, bool]]]
@@ -109,10 +110,11 @@ def prepare(
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
     """
-    refuse_conflicts(case)
+    boundaries = Boundaries.of(case)
+    refuse_conflicts(case, boundaries)
     stiffness = materials(case)
-    loads = acting(case, clouds)
-    held = {body.name: _held_surfaces(case, body.name) for body in case.body}
+    loads = acting(case, boundaries, clouds)
+    held = {body.name: _held_surfaces(case, boundaries, body.name) for body in case.body}
 
     def modelled(body: Body, low: bool) -> BodyModel:
         clamped = sorted(name for name, sides in held[body.name].items() if all(sides))
@@ -128,7 +130,7 @@ def prepare(
             partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
         )
 
-    pairings = tuple(pair(case, clouds))
+    pairings = tuple(pair(case, boundaries, clouds))
     models = {}
     for body in case.body:
         try:
@@ -147,7 +149,7 @@ def prepare(
         name: gripped(held[name], loads.springs[name], model.cloud, model.material)
         for name, model in models.items()
     }
-    free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
+    free = rigid_constraints(case, boundaries, clouds, held, held_nodes, grips, loads.springs)
     occupied = {
         name: sides
         | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
@@ -172,6 +174,7 @@ def prepare(
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
         return prepare(case, clouds, memo, before, grids=False, low=low)
     return SceneModel(
+        boundaries,
         models,
         pairings,
         held,
@@ -203,7 +206,7 @@ def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:
 def assemble_bodies(
     case: Case,
     prepared: SceneModel,
-    solver: DirectSolver,
+    solver: LinearSolver,
     timed: Timed = nullcontext,
     memo: Memo = NO_CACHE,
     before: Mapping[str, ElasticBody] = NOTHING,
@@ -232,13 +235,13 @@ def assemble_bodies(
             continue
         bodies[name] = memo.value(
             "body",
-            digest(model.content, *conditions[name], solver.name),
+            digest(model.content, *conditions[name], solver),
             partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
         )
         bodies[name].equations.timed = timed
     places = {s.place.label: s.place for s in case.support if s.place is not None}
     supports = {
-        label: tuple((place.body, name) for name in surfaces_at(case, place))
+        label: tuple((place.body, name) for name in prepared.boundaries.names(place))
         for label, place in places.items()
     }
     return mechanics.Scene(
@@ -270,12 +273,12 @@ def assemble_bodies(
     )
 
 
-def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
+def _held_surfaces(case: Case, boundaries: Boundaries, body: str) -> dict[str, tuple[bool, bool]]:
     held: dict[str, tuple[bool, bool]] = {}
 
     def hold(place: Place, x: bool, y: bool) -> None:
         if place.body == body and (x or y):
-            for surface in surfaces_at(case, place):
+            for surface in boundaries.names(place):
                 before = held.get(surface, (False, False))
                 held[surface] = (before[0] or x, before[1] or y)
 

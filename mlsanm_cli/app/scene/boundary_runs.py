@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
 
-from mlsanm_cli.app.scene.outlines import drawn, numbers_of
-from mlsanm_cli.case import Case, Place
+from mlsanm_cli.app.scene.outlines import numbers_of
+from mlsanm_cli.case import Place
 from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import chain_of, chains_of
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -50,10 +50,9 @@ class BoundaryRun:
         return best
 
 
-def run_of(case: Case, place: Place, key: str) -> BoundaryRun:
-    """The pieces of a place in the original outline. Raises CaseError if they do not join."""
-    body = next(one for one in case.body if one.name == place.body)
-    return run_on(drawn(body.shape), place, key)
+def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryRun:
+    """The pieces of a place in the outline of its body as drawn. Raises CaseError if they do not join."""
+    return run_on(outlines[place.body], place, key)
 
 
 def run_on(outline: Outline, place: Place, key: str) -> BoundaryRun:

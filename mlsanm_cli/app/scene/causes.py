@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.scene.surfaces import surface_at
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.case.model.loads import Platen, Traction
@@ -24,7 +24,7 @@ STRAIN_QUANTILE = 0.99
 """Larger strains are those at corners, where they are unbounded."""
 
 
-def no_opposite_surface_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
+def no_opposite_surface_hint(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
     """A hint on why no node of a contact's slave faces the other side."""
     if isinstance(contact.obstacle, PolylineObstacle):
         return "the obstacle lies to the left of its line, seen in the order of its points: reverse the order"
@@ -32,7 +32,7 @@ def no_opposite_surface_hint(case: Case, contact: Contact, clouds: Mapping[str, 
         return "bodies must lie on the side of the obstacle to which its normal points, or outside its circle"
     places, directions = [], []
     for side in contact.sides:
-        surface = surface_at(case, clouds[side.body], side, f"contact.{contact.name}")
+        surface = boundaries.surface(clouds[side.body], side, f"contact.{contact.name}")
         places.append(clouds[side.body].points[surface.index])
         directions.append(surface.normal.mean(axis=0))
     distance = float(nearest(cKDTree(places[1]), places[0])[0].min())

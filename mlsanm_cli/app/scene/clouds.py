@@ -7,9 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_parts import outline_of, with_cuts
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.contact_sides import bond_ends, sides_of
 from mlsanm_cli.app.scene.default_spacing import (
     GROWTH,
     PER_THICKNESS,
@@ -29,7 +28,6 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.app.scene.roots import root_zones
-from mlsanm_cli.app.scene.surfaces import curve_at
 from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
 from mlsanm_cli.case.model.shapes import Mesh, Points
@@ -40,9 +38,9 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
 
 
-def spacing_of(case: Case, body: Body) -> Spacing:
+def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
     """The spacing field of a body whose nodes are placed."""
-    outline = drawn(body.shape)
+    outline = boundaries.drawn[body.name]
     far, zones = body.spacing, []
     if isinstance(far, str):
         finer = _finer(case, body)
@@ -52,12 +50,12 @@ def spacing_of(case: Case, body: Body) -> Spacing:
         if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):
             clamped = []  # under a contact the far ends of a bulky body matter little
         finite = case.model.strain == "finite" and not bends(outline)
-        touching = None if case.model.strain == "finite" else [*_touching(case, body.name)]
+        touching = None if case.model.strain == "finite" else [*_touching(boundaries, body.name)]
         zones = [
             *arc_zones(outline, far, finer),
             *root_zones(outline, far, GROWTH, touching),
             *narrow_zones(outline, far, PER_THICKNESS * finer, GROWTH),
-            *_contact_zones(case, body, far),
+            *_contact_zones(case, boundaries, body, far),
             *load_zones(case, body, far),
             *field_zones(case, body, far),
             *(zone for curve in clamped for zone in clamped_zones(curve, far, finite)),
@@ -84,21 +82,22 @@ def _clamped(case: Case, body: str) -> Iterator[Place]:
             yield place
 
 
-def _touching(case: Case, body: str) -> Iterator[Curve]:
+def _touching(boundaries: Boundaries, body: str) -> Iterator[Curve]:
     """The sides of a body in contact."""
-    for contact in case.contact:
-        for place, role in zip(sides_of(case, contact), ("slave", "master"), strict=False):
+    for contact, sides in boundaries.sides.items():
+        for place, role in zip(sides, ("slave", "master"), strict=False):
             if place.body == body:
-                yield curve_at(case, place, f"contact.{contact.name}.{role}")[0]
+                yield boundaries.curve(place, f"contact.{contact}.{role}")[0]
 
 
-def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
+def _contact_zones(case: Case, boundaries: Boundaries, body: Body, far: float) -> Iterator[Zone]:
     """Zones of finer nodes where contacts of a body are close to its other boundaries."""
-    bonds = [contact for contact in case.contact if contact.bonded]
+    bonds = (contact.name for contact in case.contact if contact.bonded)
+    bond_ends = [end for name in bonds for end in boundaries.bond_ends(name)]
     for contact in case.contact:
-        sides = sides_of(case, contact)
+        sides = boundaries.sides[contact.name]
         found = [
-            curve_at(case, place, f"contact.{contact.name}.{role}")
+            boundaries.curve(place, f"contact.{contact.name}.{role}")
             for role, place in zip(("slave", "master"), sides, strict=False)
         ]
         obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
@@ -107,10 +106,11 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
             if place.body == body.name:
                 facing = other if len(found) > 1 else None
                 if contact.bonded:
-                    yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
+                    ends = boundaries.bond_ends(contact.name)
+                    yield from bond_zones(own, ends, min(far, _far(case, partner.body)))
                     continue
                 yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
-                yield from crack_zones(found[0][0], [end for one in bonds for end in bond_ends(case, one)])
+                yield from crack_zones(found[0][0], bond_ends)
                 if case.model.strain == "finite":
                     yield nodal_zone(own, far)
                 elif obstacle is not None:
@@ -131,9 +131,8 @@ def _finer(case: Case, body: Body) -> float:
     return math.sqrt(materials(case)[body.material].stretch)
 
 
-def _from_file(case: Case, body: Body, cloud: Cloud, line: SymmetryLine | None) -> Cloud:
+def _from_file(cloud: Cloud, line: SymmetryLine | None) -> Cloud:
     """The cloud of a body with nodes from a file, symmetric about ``line`` if that is given and they are."""
-    cloud = with_cuts(case, body, cloud)
     if line is None:
         return cloud
     from mlsanm_cli.cloud.loops import mirrored
@@ -146,14 +145,15 @@ def clouds(
 ) -> dict[str, Cloud]:
     """Node clouds of all bodies, refined in ``zones`` in addition to the case, and symmetric about ``line``
     where outline and spacing are."""
-    placed = {}
+    placed, boundaries = {}, Boundaries.of(case)
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            placed[body.name] = _from_file(case, body, imported_geometry(body.shape).cloud, line)
+            cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
+            placed[body.name] = _from_file(cloud, line)
         else:
-            spacing = spacing_of(case, body).with_zones(zones)
+            spacing = spacing_of(case, boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]
             placed[body.name] = build_cloud(
-                outline_of(case, body), spacing, body.seed, memo=memo, line=line, wanted=wanted
+                boundaries.outline(body.name), spacing, body.seed, memo=memo, line=line, wanted=wanted
             )
     return placed

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.scene.outlines import drawn, numbers_of
-from mlsanm_cli.app.scene.surfaces import surfaces_at
+from mlsanm_cli.app.scene.boundaries import Boundaries
+from mlsanm_cli.app.scene.outlines import numbers_of
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.checks.conditions import Kind, compatible, load_components, support_components
-from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.cloud.curves import Outline, Segment
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 
-def refuse_conflicts(case: Case) -> None:
+def refuse_conflicts(case: Case, boundaries: Boundaries) -> None:
     """Raises CaseError for conflicting conditions on lists and parts of boundaries."""
     taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
     problems = []
-    for key, kinds, place, owner in _conditions(case):
-        for surface in surfaces_at(case, place):
+    for key, kinds, place, owner in _conditions(case, boundaries.drawn):
+        for surface in boundaries.names(place):
             for component, kind in kinds:
                 others = taken.setdefault((place.body, surface, component), [])
                 for other, name, label in others:
@@ -32,7 +32,7 @@ def refuse_conflicts(case: Case) -> None:
     for contact in case.contact:
         side = contact.sides[0]
         if contact.ends is not None:
-            there = [taken.get((side.body, s, c), []) for s in surfaces_at(case, side) for c in (0, 1)]
+            there = [taken.get((side.body, s, c), []) for s in boundaries.names(side) for c in (0, 1)]
             for kind, key, _ in [one for some in there for one in some]:
                 if kind != "traction":
                     message = f"{key} acts on a part of the contact surface {side.label}"
@@ -42,7 +42,9 @@ def refuse_conflicts(case: Case) -> None:
         raise CaseError(tuple(dict.fromkeys(problems)))
 
 
-def _conditions(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
+def _conditions(
+    case: Case, outlines: Mapping[str, Outline]
+) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
     """Key, components with kinds, place and name of the place of all conditions on boundaries; a plate on
     several boundaries has one name."""
     for index, support in enumerate(case.support):
@@ -52,14 +54,12 @@ def _conditions(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place
         if isinstance(load, Platen | Pressure | Traction | Displacement):
             for place in load.places:
                 owner = load.label if isinstance(load, Platen) else place.label
-                kinds = list(load_components(load, _normal(case, place)))
+                kinds = list(load_components(load, _normal(outlines[place.body], place)))
                 yield f"load.{load.name}", kinds, place, owner
 
 
-def _normal(case: Case, place: Place) -> tuple[float, float] | None:
+def _normal(outline: Outline, place: Place) -> tuple[float, float] | None:
     """The outward normal of a straight place, None for others."""
-    body = next(one for one in case.body if one.name == place.body)
-    outline = drawn(body.shape)
     curves = [outline.curves[k] for edge in place.edges for k in numbers_of(outline, edge)]
     if not all(isinstance(curve, Segment) for curve in curves):
         return None

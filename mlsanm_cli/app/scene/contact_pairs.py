@@ -8,11 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.causes import no_opposite_surface_hint
-from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import AmountField
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.surfaces import surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
@@ -28,14 +27,14 @@ FIT_TOLERANCE = 1e-3
 """Largest initial gap of a press fit, in spacings."""
 
 
-def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
+def pair(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     """Slave nodes and their projections for every contact, within its reach. Raises CaseError."""
     pairings, problems = [], []
     for contact in case.contact:
-        pairing, key = _facing(case, contact, clouds), f"contact.{contact.name}"
+        pairing, key = _facing(case, boundaries, contact, clouds), f"contact.{contact.name}"
         if not len(pairing.position):
             slave, other = (*contact.names, "the obstacle")[:2]
-            hint = no_opposite_surface_hint(case, contact, clouds)
+            hint = no_opposite_surface_hint(boundaries, contact, clouds)
             problems.append(CaseProblem(key, f"no node of {slave} faces {other}", hint=hint))
             continue
         if contact.bonded:
@@ -77,13 +76,13 @@ def profile_of(contact: Contact) -> AmountField | None:
     return AmountField(f"contact.{contact.name}.gap", contact.gap) if contact.gap else None
 
 
-def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    places = list(zip(sides_of(case, contact), ("slave", "master"), strict=False))
+def _facing(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
+    places = list(zip(boundaries.sides[contact.name], ("slave", "master"), strict=False))
     exchanged = case.model.strain == "finite" and _stiff_slave(case, [place for place, _ in places])
     if exchanged:
         places.reverse()
     (body, slave), *others = [
-        (place.body, surface_at(case, clouds[place.body], place, f"contact.{contact.name}.{key}"))
+        (place.body, boundaries.surface(clouds[place.body], place, f"contact.{contact.name}.{key}"))
         for place, key in places
     ]
     if contact.obstacle is not None:

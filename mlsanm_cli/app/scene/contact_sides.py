@@ -3,44 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, range_of, run_of
+from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, range_of, run_of, run_on
 from mlsanm_cli.app.scene.outlines import numbers_of
 from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.model.places import listed
-from mlsanm_cli.cloud.curves import Arc
+from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, joined, part_of
 
 COINCIDENCE = 1e-4
 """Largest distance of coincident surfaces, relative to their length."""
 
 
-def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
+def sides_of(case: Case, outlines: Mapping[str, Outline], contact: Contact) -> tuple[Place, ...]:
     """The slave and, if there is one, the master of a contact, with the rounded corners at their ends; for
     bonds only the parts that face each other, at whose ends tractions may be singular."""
     sides = contact.sides
     if not contact.bonded or len(sides) < 2:
         return tuple(
-            _with_roundings(case, contact, place, role)
+            _with_roundings(case, outlines[place.body], contact, place, role)
             for role, place in zip(("slave", "master"), sides, strict=False)
         )
-    return _facing_part(case, contact, 0), _facing_part(case, contact, 1)
+    return _facing_part(outlines, contact, 0), _facing_part(outlines, contact, 1)
 
 
-def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Place:
+def _with_roundings(case: Case, outline: Outline, contact: Contact, place: Place, role: str) -> Place:
     """The side of a contact, extended by adjacent rounded corners: the contact zone of a face may extend into
     them. Roundings with conditions of their own, or between two sides in contact, are excluded.
     """
     if place.ends is not None:
         return place
-    run = run_of(case, place, f"contact.{contact.name}.{role}")
+    run = run_on(outline, place, f"contact.{contact.name}.{role}")
     if run.around or run.curves[0].closed:
         return place
-    outline, found = run.outline, list[tuple[str, int]]()
+    found: list[tuple[str, int]] = []
     loop = next(loop for loop in outline.loops if loop.start <= run.numbers[0] < loop.stop)
     count = loop.stop - loop.start
     for last, step in ((run.numbers[0], -1), (run.numbers[-1], 1)):
@@ -71,13 +71,13 @@ def _is_free(case: Case, contact: Contact, place: Place, rounding: str, beyond: 
     return rounding not in (*taken, *others, *contact.boundaries) and beyond not in (*others, *apart)
 
 
-def _facing_part(case: Case, contact: Contact, which: int) -> Place:
+def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) -> Place:
     """The part of one side of a bond that coincides with the other side."""
     own, other = contact.sides[which], contact.sides[1 - which]
     if own.ends is not None:
         return own
-    run = run_of(case, own, f"contact.{contact.name}")
-    facing = run_of(case, Place(other.boundaries), f"contact.{contact.name}")
+    run = run_of(outlines, own, f"contact.{contact.name}")
+    facing = run_of(outlines, Place(other.boundaries), f"contact.{contact.name}")
     theirs = joined(facing.curves, facing.around)
     if other.ends is not None:
         first, length = range_of(facing, other)
@@ -113,17 +113,3 @@ def _ordered(
     the run."""
     both = sorted([(start, inside[0]), (end, inside[1])])
     return [(*both[0], 0.0), (*both[1], whole)]
-
-
-def bond_ends(case: Case, contact: Contact) -> list[tuple[float, float]]:
-    """The points at which a bond ends on a surface that continues."""
-    found = []
-    for place in sides_of(case, contact):
-        if place.ends is None:
-            continue
-        run = run_of(case, place, f"contact.{contact.name}")
-        for point in place.ends:
-            at, _ = run.nearest(point)
-            if END_TOLERANCE < at / run.starts[-1] < 1.0 - END_TOLERANCE or run.curves[0].closed:
-                found.append(point)
-    return found

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mlsanm_cli.app.scene.boundaries import Boundaries, SurfacePart
 from mlsanm_cli.app.scene.load_profiles import AmountField, amounts_at, profiles
-from mlsanm_cli.app.scene.surfaces import SurfacePart, parts_at, surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     BodyForce,
@@ -55,7 +55,7 @@ class _BadTableError(ValueError):
     """A table that does not fit its boundary."""
 
 
-def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
+def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Acting:
     """Evaluates all loads. Raises CaseError for expressions without a value at a node, and for tables that do
     not cover their boundary.
     """
@@ -77,7 +77,7 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                 heatings.append(Heating(number, load.body, field, field.at(cloud.points)))
             else:
                 held = isinstance(load, Displacement)
-                for part in parts_at(case, cloud, load.place):
+                for part in boundaries.parts(cloud, load.place):
                     surface = part.surface
                     values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
                     if not held and not surface.curve.closed:
@@ -95,7 +95,7 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
             problems.append(CaseProblem(f"load.{load.name}.table", str(error)))
     if problems:
         raise CaseError(tuple(problems))
-    return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case))
+    return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case, boundaries))
 
 
 def _between(case: Case, load: Traction | Pressure, part: SurfacePart) -> FloatArray:
@@ -146,12 +146,12 @@ def _from_table(rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: Float
     return np.stack(columns, axis=1)
 
 
-def _springs(case: Case) -> dict[str, dict[str, tuple[float, float]]]:
+def _springs(case: Case, boundaries: Boundaries) -> dict[str, dict[str, tuple[float, float]]]:
     found: dict[str, dict[str, tuple[float, float]]] = {body.name: {} for body in case.body}
     for support in case.support:
         if support.place is not None and support.spring is not None:
             own = found[support.place.body]
-            for surface in surfaces_at(case, support.place):
+            for surface in boundaries.names(support.place):
                 x, y = own.get(surface, (0.0, 0.0))
                 own[surface] = (x + support.spring[0], y + support.spring[1])
     return found

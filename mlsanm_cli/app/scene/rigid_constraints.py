@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.scene.surfaces import surfaces_at
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.case import Case, ObstacleMotion, Platen
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -22,6 +22,7 @@ HeldNodes = Mapping[str, tuple[tuple[int, int], ...]]
 
 def rigid_constraints(
     case: Case,
+    boundaries: Boundaries,
     clouds: Mapping[str, Cloud],
     held: HeldSurfaces,
     held_nodes: HeldNodes,
@@ -32,7 +33,7 @@ def rigid_constraints(
     ``grips`` are the surfaces held by supports or stiff springs. Raises CaseError for floating bodies in a
     scheme that does not support them."""
     return [
-        *_platens(case, clouds, grips, held_nodes),
+        *_platens(case, boundaries, clouds, grips, held_nodes),
         *_obstacles(case),
         *_floating(case, clouds, held, held_nodes, springs),
     ]
@@ -44,7 +45,11 @@ def components(nodes: tuple[tuple[int, int], ...]) -> tuple[bool, bool]:
 
 
 def _platens(
-    case: Case, clouds: Mapping[str, Cloud], held: HeldSurfaces, held_nodes: HeldNodes
+    case: Case,
+    boundaries: Boundaries,
+    clouds: Mapping[str, Cloud],
+    held: HeldSurfaces,
+    held_nodes: HeldNodes,
 ) -> Iterator[mechanics.Platen]:
     """Platens, one per boundary or list of boundaries of platen loads."""
     groups: dict[str, list[tuple[int, Platen]]] = {}
@@ -53,7 +58,7 @@ def _platens(
             groups.setdefault(load.label, []).append((number, load))
     for label, loads in groups.items():
         first = loads[0][1]
-        parts = [(place.body, surfaces_at(case, place)) for place in first.places]
+        parts = [(place.body, boundaries.names(place)) for place in first.places]
         motions = []
         for component, controls in _controls(loads).items():
             elsewhere = any(

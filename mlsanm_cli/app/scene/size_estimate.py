@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from mlsanm_cli.app.scene.assemble import SceneModel, mls_settings
-from mlsanm_cli.app.scene.boundary_parts import outline_of
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.case import Body, Case, Mesh, Points
@@ -37,7 +37,8 @@ class Estimate:
 
 def estimate(case: Case) -> Estimate:
     """Nodes by quadrature of the spacing field or counted, memory by the model below."""
-    nodes = {body.name: _nodes(case, body) for body in case.body}
+    boundaries = Boundaries.of(case)
+    nodes = {body.name: _nodes(case, boundaries, body) for body in case.body}
     return Estimate(nodes, _memory_mb(nodes, mls_settings(case).stencil_size, _solver(case)))
 
 
@@ -68,10 +69,10 @@ def _levels(nodes: float, without: float) -> float:
     return max(math.log2(max(nodes, 2.0)) - without, 1.0)
 
 
-def _nodes(case: Case, body: Body) -> float:
+def _nodes(case: Case, boundaries: Boundaries, body: Body) -> float:
     if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
         return float(len(imported_geometry(body.shape).points))
-    return estimate_nodes(outline_of(case, body), spacing_of(case, body), COUNT_LIMIT)
+    return estimate_nodes(boundaries.outline(body.name), spacing_of(case, boundaries, body), COUNT_LIMIT)
 
 
 def refuse_too_large(case: Case) -> Estimate:
@@ -114,7 +115,9 @@ def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
     if body.has_nodes:
         return f"body.{body.name}.shape.file", "use a coarser mesh"
     hint = "use larger spacings, smaller refinement radii or a larger growth"
-    even = estimate_nodes(outline_of(case, body), Spacing(spacing_of(case, body).far), COUNT_LIMIT)
+    boundaries = Boundaries.of(case)
+    far = spacing_of(case, boundaries, body).far
+    even = estimate_nodes(boundaries.outline(body.name), Spacing(far), COUNT_LIMIT)
     if even >= 0.5 * size.nodes[body.name] or not body.refine:
         return f"body.{body.name}.spacing", hint
     finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_parts import outline_of
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.arrays import FloatArray
@@ -22,30 +22,31 @@ def line_of(case: Case) -> SymmetryLine | None:
         return None
     if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None
-    points = [_points(case, body) for body in case.body]
+    boundaries = Boundaries.of(case)
+    points = [_points(boundaries, body) for body in case.body]
     boxes = np.array([[some.min(axis=0), some.max(axis=0)] for some in points])
     size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
         line = SymmetryLine(axis, float(middle[0, axis]))
         same = np.abs(middle[:, axis] - line.at).max() <= IMAGE_TOLERANCE * size
-        if same and all(_symmetric(case, body, line, float(size)) for body in case.body):
+        if same and all(_symmetric(case, boundaries, body, line, float(size)) for body in case.body):
             return line
     return None
 
 
-def _symmetric(case: Case, body: Body, line: SymmetryLine, size: float) -> bool:
+def _symmetric(case: Case, boundaries: Boundaries, body: Body, line: SymmetryLine, size: float) -> bool:
     """Whether the spacing of a body, or its nodes from a file, are symmetric."""
     if not body.has_nodes:
-        return spacing_of(case, body).symmetric(line)
-    points = _points(case, body)
+        return spacing_of(case, boundaries, body).symmetric(line)
+    points = _points(boundaries, body)
     return line.images(points, np.full(len(points), size / np.sqrt(len(points)))) is not None
 
 
-def _points(case: Case, body: Body) -> FloatArray:
+def _points(boundaries: Boundaries, body: Body) -> FloatArray:
     """The nodes (n, 2) of a body from a file, or points along its outline."""
     if isinstance(body.shape, Mesh | Points):
         return imported_geometry(body.shape).points
     fractions = np.linspace(0.0, 1.0, SAMPLES)
-    curves = outline_of(case, body).curves
+    curves = boundaries.drawn[body.name].curves
     return np.concatenate([curve.points(curve.length * fractions) for curve in curves])

@@ -1,0 +1,217 @@
+"""Boundaries of a case on the outlines of its bodies: sides of one name, lists, parts.
+
+Outlines have one piece per smooth stretch, and are cut at the ends of loaded, fixed and contacting parts and
+where tractions are discontinuous. Boundaries of several pieces and parts of boundaries are sets of pieces;
+supports and loads act on each piece. A contact joins its pieces to one surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+import numpy as np
+
+from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, range_of, run_of
+from mlsanm_cli.app.scene.contact_sides import sides_of
+from mlsanm_cli.app.scene.load_profiles import profiles
+from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
+from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
+from mlsanm_cli.case.model.case import Body
+from mlsanm_cli.case.model.shapes import Mesh, Points
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.joined import chain_of, cut, joined, part_of
+from mlsanm_cli.cloud.surface import Surface, joined_surface
+from mlsanm_cli.errors import CaseError, CaseProblem
+
+MAX_END_DISTANCE = 0.1
+"""Largest distance of the given end of a part from the boundary, relative to the boundary's length."""
+Cuts = Mapping[int, Sequence[float]]
+"""Arc lengths at which the curves of an outline are cut, by curve number."""
+
+
+@dataclass(frozen=True)
+class SurfacePart:
+    """A surface in a loaded region: the arc length ``first`` at its start, and the ``total`` of the
+    region."""
+
+    surface: Surface
+    first: float
+    total: float
+
+
+@dataclass(frozen=True)
+class Boundaries:
+    """The ``drawn`` outline of every body and its ``cuts``; the ``sides`` of every contact, slave first."""
+
+    drawn: Mapping[str, Outline]
+    cuts: Mapping[str, Cuts]
+    sides: Mapping[str, tuple[Place, ...]]
+
+    @classmethod
+    def of(cls, case: Case) -> Boundaries:
+        """Raises CaseError for invalid parts, and for pieces of a contact's side that do not join."""
+        outlines = {body.name: drawn(body.shape) for body in case.body}
+        sides = {contact.name: sides_of(case, outlines, contact) for contact in case.contact}
+        parts = [*_partial_conditions(case, sides)]
+        cuts = {body.name: _cuts_of(case, body, outlines, parts) for body in case.body}
+        return cls(outlines, cuts, sides)
+
+    def outline(self, body: str) -> Outline:
+        """The outline of a body with its cuts."""
+        return cut(self.drawn[body], self.cuts[body])
+
+    def curve(self, place: Place, key: str) -> tuple[Curve, tuple[Curve, ...]]:
+        """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
+        run = run_of(self.drawn, place, key)
+        others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
+        own = joined(run.curves, run.around)
+        if place.ends is not None:
+            first, length = range_of(run, place)
+            own = part_of(own, first, first + length)
+        return own, others
+
+    def surface(self, cloud: Cloud, place: Place, key: str) -> Surface:
+        """A side of a contact as one surface. Raises CaseError if its pieces do not join."""
+        around = run_of(self.drawn, place, key).around and place.ends is None
+        pieces = [cloud.surfaces[name] for name in self.names(place)]
+        return joined_surface(place.label.partition(".")[2], pieces, around)
+
+    def parts(self, cloud: Cloud, place: Place) -> list[SurfacePart]:
+        """The surfaces of a place with their arc lengths along it, also across pieces that do not join, in
+        the order of the outline."""
+        surfaces = [cloud.surfaces[name] for name in self.names(place)]
+        starts = [*accumulate((surface.curve.length for surface in surfaces), initial=0.0)]
+        return [
+            SurfacePart(surface, start, starts[-1]) for surface, start in zip(surfaces, starts, strict=False)
+        ]
+
+    def names(self, place: Place) -> tuple[str, ...]:
+        """The names of the surfaces of a place, in order along the outline."""
+        if place.ends is None:
+            outline = self.drawn[place.body]
+            numbers = [number for edge in place.edges for number in numbers_of(outline, edge)]
+            found = chain_of(outline, numbers)
+            ordered = sorted(set(numbers)) if found is None else found[0]
+            run = BoundaryRun(outline, tuple(ordered), False)
+            return tuple(name for name, _, _ in self._pieces(run, place))
+        run = run_of(self.drawn, place, "")
+        first, length = range_of(run, place)
+        found_names = []
+        for name, start, end in self._pieces(run, place):
+            away = (0.5 * (start + end) - first) % run.starts[-1]
+            if away < length:
+                found_names.append((away, name))
+        return tuple(name for _, name in sorted(found_names))
+
+    def _pieces(self, run: BoundaryRun, place: Place) -> Iterator[tuple[str, float, float]]:
+        """Names, and arc lengths of start and end, of the pieces of a run, cut like the outline."""
+        for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
+            name, places = run.outline.names[number], sorted(self.cuts[place.body].get(number, ()))
+            if not places:
+                yield name, start, start + curve.length
+                continue
+            ends = [*places, places[0] + curve.length] if curve.closed else [0.0, *places, curve.length]
+            for k, (first, last) in enumerate(pairwise(ends), start=1):
+                yield f"{name}/{k}", start + first, start + last
+
+    def split(self, body: str, cloud: Cloud) -> Cloud:
+        """A cloud from a file with its surfaces cut like the outline."""
+        cuts = self.cuts[body]
+        if not cuts:
+            return cloud
+        surfaces: dict[str, Surface] = {}
+        for number, name in enumerate(self.drawn[body].names):
+            whole, places = cloud.surfaces[name], sorted(cuts.get(number, ()))
+            if not places:
+                surfaces[name] = whole
+                continue
+            parts = cut(Outline((name,), (whole.curve,)), {0: places})
+            for own, curve, nodes in zip(parts.names, parts.curves, _split(whole, places), strict=True):
+                arc = np.mod(whole.arc_length[nodes] - whole.arc_length[nodes[0]], whole.curve.length)
+                surfaces[own] = Surface(own, curve, whole.index[nodes], arc, whole.normal[nodes])
+        return Cloud(cloud.points, cloud.spacing, surfaces, cloud.mirror)
+
+    def bond_ends(self, contact: str) -> list[tuple[float, float]]:
+        """The points at which a bond ends on a surface that continues."""
+        found = []
+        for place in self.sides[contact]:
+            if place.ends is None:
+                continue
+            run = run_of(self.drawn, place, f"contact.{contact}")
+            for point in place.ends:
+                at, _ = run.nearest(point)
+                if END_TOLERANCE < at / run.starts[-1] < 1.0 - END_TOLERANCE or run.curves[0].closed:
+                    found.append(point)
+        return found
+
+
+def _partial_conditions(case: Case, sides: Mapping[str, tuple[Place, ...]]) -> Iterator[tuple[str, Place]]:
+    """Keys and places of all conditions on parts of boundaries."""
+    for index, support in enumerate(case.support):
+        if support.place is not None and support.ends is not None:
+            yield f"support.{index}", support.place
+    for load in case.load:
+        if isinstance(load, Platen | Pressure | Traction | Displacement) and load.ends is not None:
+            yield f"load.{load.name}", load.place
+    for contact, places in sides.items():
+        for place in places:
+            if place.ends is not None:
+                yield f"contact.{contact}", place
+
+
+def _cuts_of(
+    case: Case, body: Body, outlines: Mapping[str, Outline], parts: Sequence[tuple[str, Place]]
+) -> Cuts:
+    """The cuts of the outline of a body at the ends of ``parts`` and where tractions are discontinuous."""
+    cuts: dict[int, list[float]] = {}
+    for key, place in parts:
+        if place.body != body.name:
+            continue
+        run = run_of(outlines, place, key)
+        whole = run.starts[-1]
+        assert place.ends is not None
+        for name, end in zip(("from", "to"), place.ends, strict=True):
+            at, away = run.nearest(end)
+            if away > MAX_END_DISTANCE * whole:
+                message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
+                raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
+            _add_cut(cuts, run, body, at)
+        if range_of(run, place)[1] <= END_TOLERANCE * whole:
+            message = "the part of the boundary between these points has no length"
+            raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
+    for load in case.load:
+        if isinstance(load, Pressure | Traction) and load.owner == body.name:
+            for profile in profiles(body.shape, load):
+                whole = profile.run.starts[-1]
+                for jump in profile.jumps:
+                    _add_cut(cuts, profile.run, body, (profile.first + jump) % whole)
+    return cuts
+
+
+def _add_cut(cuts: dict[int, list[float]], run: BoundaryRun, body: Body, at: float) -> None:
+    """Adds a cut of a run at an arc length (with given nodes: at the nearest one), unless it exists."""
+    for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
+        if not start <= at <= start + curve.length:
+            continue
+        s = at - start
+        if body.has_nodes:
+            assert isinstance(body.shape, Mesh | Points)
+            nodes = imported_geometry(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
+            s = float(nodes[np.argmin(np.abs(nodes - s))])
+        small = END_TOLERANCE * curve.length
+        known = [*cuts.get(number, ()), *(() if curve.closed else (0.0, curve.length))]
+        if all(abs(s - other) > small for other in known):
+            cuts.setdefault(number, []).append(s)
+        return
+
+
+def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:
+    """Node positions of the parts of a surface cut at the nodes at arc lengths ``places``."""
+    at = [int(np.argmin(np.abs(surface.arc_length - place))) for place in places]
+    count = len(surface.index)
+    if surface.curve.closed:
+        return [[k % count for k in range(a, b + 1)] for a, b in pairwise([*at, at[0] + count])]
+    return [list(range(a, b + 1)) for a, b in pairwise([0, *at, count - 1])]
