@@ -28,29 +28,18 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
-"""Exponent of the weights. Corner displacements behave like distance^0.7, whose second derivatives are
-square-integrable with weights of exponent above 0.3.
-
-Clamped beam of 8 x 1, degree 2, spacing 0.05: the tip deflection is 0.16 of the exact one without weights,
-0.82 with exponent 1, 0.93 with 1.5; with 2 the stress at the clamped side becomes useless.
-"""
+"""Exponent of the weights; above 0.3 weighted second derivatives of the singular displacements are
+square-integrable. The tip of a clamped beam of 8 x 1 deflects by 0.16 of the exact value without weights,
+0.82 with exponent 1, 0.93 with 1.5; with 2 the stress at the clamped side becomes useless."""
 
 WEIGHT_REACH = 0.5
-"""Distance from such corners, in thicknesses, at which the weights reach 1.
-
-With five nodes across and ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
-frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %; without weights beams are up to
-1.6 % too soft.
-"""
+"""Distance from such corners, in thicknesses, at which the weights reach 1: clamped beams are then within
+0.8 %, a portal frame with small fillets within 1.6 %; with 1 the portal loses 3 %."""
 
 ONE_SIDED_WEIGHT = 0.2
-"""Factor on equilibrium rows at boundary nodes, away from such corners, from ONE_SIDED_DEGREE on.
-
-Second derivatives of one-sided fits miss 30 times as much of the next degree as those inside, 12 times at
-degree 2. By itself the truncation of these rows would cause twice the error that a ring under pressure has,
-opposite to that of tractions; what noise leaves of both decided over the worst clouds. Lower weights let
-bending be lost at fillets; below degree 4 rings and coarse holes need the rows.
-"""
+"""Factor on equilibrium rows at boundary nodes of narrow stencils, away from such corners: second derivatives
+of one-sided fits miss 30 times as much of the next degree as those inside. With lower weights bending is lost
+at fillets; below degree 4 rings and coarse holes need the rows."""
 
 MIN_DISTANCE = 0.5
 """Lower bound of distances, in spacings."""

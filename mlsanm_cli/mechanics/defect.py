@@ -41,22 +41,17 @@ DEGREES = (2, 3, 4)
 SINGULAR_REACH = 4.0
 """Distance in spacings from ends of clamped sides within which a defect is uncertain."""
 SINGULAR_SHARE = 0.5
-"""Part of the change by these rows alone, without those of pieces, that is uncertain. Stresses are singular
-there: fits of the next degree are as wrong as others, and the errors of equilibrium, of tractions and of
-pieces that they see, each as large as the error of the displacements or larger, all but cancel. In blocks
-held at their base, pushed aside and pressed, of 220 to 1,050 nodes and degrees 2 to 4, the change by all rows
-was 0.2 to 1.4 of the error, that by these alone 0.5 to 3 (6 once); the root of the sum of squares with half
-of it is 0.4 to 1.7 (3.4 once)."""
+"""Part of the change by these rows alone, without those of pieces, that is uncertain: stresses are singular
+there, fits of the next degree are as wrong as others, and the errors that they see all but cancel. In blocks
+pressed and pushed aside the change by all rows was 0.2 to 1.4 of the error; the root of the sum of squares
+with half of this is 0.4 to 1.7 (3.4 once)."""
 
 CORRECTION_TOLERANCE = 1e-3
 """Accepted relative error of a correction: an estimate has a digit or two."""
 ALGEBRAIC_FRACTION = 0.15
-"""Accepted algebraic error of the displacements, as a fraction of the correction computed from them.
-
-The algebraic error is smooth, and its own defect is small: with 0.3 the estimates of all published cases
-agree with those of refined displacements to 2e-3. In nearly incompressible bodies it may be 500 times as
-large; there the displacements are refined as far as possible.
-"""
+"""Accepted algebraic error of the displacements, as a fraction of the correction computed from them: it is
+smooth and has a small defect itself (with 0.3 estimates agree to 2e-3). In nearly incompressible bodies it
+may be 500 times as large, and displacements are refined as far as possible."""
 ALGEBRAIC_FLOOR = 1e-13
 """The same as a fraction of the displacements, for scenes that the fits represent exactly."""
 

@@ -26,10 +26,7 @@ RANK_TOLERANCE = 1e-13
 """Rigid motions with a mean square below this fraction of a unit motion's are undetermined (round-off)."""
 
 MAX_STEPS = 500
-EXTENSION_TOLERANCE = 1e-6
-"""Residual reduction and step limit of the extension of boundary values, whose accuracy hardly matters."""
-
-
+"""Step limit of the extension of boundary values, whose accuracy hardly matters."""
 TIP_RADIUS = 3.0
 """Triangles within this many spacings of a reentrant corner are integrated with fitted stresses: linear
 stress loses 10 % of the energy of a bracket with six nodes across."""
@@ -88,6 +85,8 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
     """A smooth nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2). Approximately harmonic
     (conjugate gradients on the triangles); 0 in a component without known values."""
+    from scipy.sparse.linalg import cg  # for few runs
+
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
     rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
@@ -95,22 +94,11 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
     matrix = sparse.csr_array((entries.ravel(), (rows, columns)), shape=(count, count))
     result = np.where(known, values, 0.0)
     for component in (0, 1):
-        free = ~known[:, component]
-        if free.all():
-            continue
-        field = result[:, component]
-        rest = -np.where(free, matrix @ field, 0.0)
-        way, size = rest.copy(), float(rest @ rest)
-        enough = EXTENSION_TOLERANCE**2 * size
-        for _ in range(MAX_STEPS):
-            if size <= enough:
-                break
-            image = np.where(free, matrix @ way, 0.0)
-            step = size / float(way @ image)
-            field += step * way
-            rest -= step * image
-            before, size = size, float(rest @ rest)
-            way = rest + size / before * way
+        free = np.flatnonzero(~known[:, component])
+        if len(free) < count:
+            rest = -(matrix @ result[:, component])[free]
+            found, _ = cg(matrix[free][:, free], rest, atol=0.0, maxiter=MAX_STEPS)
+            result[free, component] = found
     return result
 
 

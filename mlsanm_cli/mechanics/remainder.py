@@ -107,8 +107,7 @@ def _on_pieces(
         return total
     along = gripped.any() or sent is not None
     if not (along or isinstance(forces, CorneredForces)):
-        first, last, own = _parts(surface)
-        ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
+        *ends, own = _parts(surface)
         through = forces.through(*ends)
         at_center = None if forces.center is None else forces.through_center(*ends)
         for level in pieces.levels:
@@ -187,16 +186,14 @@ def _tractions(surface: Surface, forces: Forces, halves: Halves) -> FloatArray:
     return forces.traction(z, normal, surface.curve.curvature(halves.arc))
 
 
-def _parts(surface: Surface) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Start and end arc lengths of the half intervals between neighbouring nodes, and their nodes."""
-    arc, count = surface.arc_length, len(surface.index)
-    nodes = np.arange(count)
-    after = nodes[1:]
+def _parts(surface: Surface) -> tuple[ComplexArray, ComplexArray, IntArray]:
+    """Start and end points of the half intervals between neighbouring nodes, and their nodes."""
+    arc, after = surface.arc_length, np.arange(1, len(surface.index))
     if surface.curve.closed:
         arc, after = np.append(arc, surface.curve.length), np.append(after, 0)
-    middle = 0.5 * (arc[1:] + arc[:-1])
-    first, last = np.concatenate([arc[:-1], middle]), np.concatenate([middle, arc[1:]])
-    return first, last, np.concatenate([nodes[: len(middle)], after])
+    nodes, middles = (as_complex(surface.curve.points(s)) for s in (arc, 0.5 * (arc[1:] + arc[:-1])))
+    first, last = np.concatenate([nodes[:-1], middles]), np.concatenate([middles, nodes[1:]])
+    return first, last, np.concatenate([np.arange(len(middles)), after])
 
 
 def _along_lines(body: ElasticBody, owner: IntArray, force: FloatArray, at: FloatArray) -> FloatArray:
@@ -220,8 +217,7 @@ def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], force
     )
     total = _moment((points - np.array(center))[:, None], force).sum(axis=1)
     if held.all() and not isinstance(forces, CorneredForces):
-        first, last, _ = _parts(surface)
-        ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
+        *ends, _ = _parts(surface)
         whole = forces.through(*ends).sum(axis=0)
         arm = as_real(forces.place) - np.array(center)
         total = _moment(arm, whole)

@@ -233,16 +233,11 @@ class Scene:
         model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
         even = model.material.stiffness @ model.material.expansion
         area = model.cloud.areas
-        across = float(np.abs(even).max() * (area @ degrees) / np.sqrt(area.sum()))
-        return max(
-            across,
-            *(
-                float(
-                    (surface.weight * degrees[surface.index]) @ np.hypot(*traction_of(even, surface.normal).T)
-                )
-                for surface in model.cloud.surfaces.values()
-            ),
-        )
+        forces = [np.abs(even).max() * (area @ degrees) / np.sqrt(area.sum())]
+        for surface in model.cloud.surfaces.values():
+            traction = np.hypot(*traction_of(even, surface.normal).T)
+            forces.append((surface.weight * degrees[surface.index]) @ traction)
+        return float(max(forces))
 
     @property
     def rigid_constraints(self) -> tuple[RigidConstraint, ...]:
