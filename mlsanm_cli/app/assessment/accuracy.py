@@ -19,8 +19,9 @@ import numpy as np
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
+from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, l2, rough_state
+from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.errors import NumericalError

@@ -17,7 +17,6 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.reference.hertz import HertzLine
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.functionals import slave_points
 from mlsanm_cli.solve.state import State
 
 SAMPLES = 4001
@@ -71,7 +70,7 @@ def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> 
     return profile_on(
         case,
         contact,
-        slave_points(built, pairing),
+        pairing.points[pairing.candidate],
         pairing.normal[pairing.candidate],
         built.condensed.contact_values(pairing, state.unknowns)[0],
         force,

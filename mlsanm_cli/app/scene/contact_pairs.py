@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
-from mlsanm_cli.contact.geometry.pairing import Pairing, pair_obstacle, pair_surfaces
+from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 BOND_TOLERANCE = 0.05
@@ -75,13 +75,8 @@ def _facing(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mappin
         (place.body, boundaries.surface(clouds[place.body], place, f"contact.{contact.name}.{key}"))
         for place, key in places
     ]
-    if contact.obstacle is not None:
-        shape = shape_of(contact.obstacle)
-        return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.coefficient)
-    ((other, master),) = others
-    found = pair_surfaces(
-        contact.name, body, clouds[body], slave, other, clouds[other], master, contact.coefficient
-    )
+    master = others[0] if contact.obstacle is None else shape_of(contact.obstacle)
+    found = pair_surfaces(contact.name, body, clouds[body], slave, master, contact.coefficient)
     return replace(found, exchanged=exchanged)
 
 
