@@ -132,7 +132,7 @@ def _controls(
     loads: Sequence[tuple[int, Platen | ObstacleMotion]],
 ) -> dict[int, dict[int, tuple[str, float]]]:
     """For each controlled component, the kind and value of each load."""
-    found = {
+    found: dict[int, dict[int, tuple[str, float]]] = {
         component: {number: load.control[axis] for number, load in loads if axis in load.control}
         for component, axis in enumerate("xy")
     }
