@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import asdict
 from functools import partial
 from itertools import pairwise
@@ -46,32 +47,21 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.vtu import LinesWriter, VtuPart, write_parts
+from mlsanm_cli.io.vtu import VtuPart, write_parts
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
-TALLIES = (
-    "steps",
-    "renewed",
-    "balance",
-    "largest",
-    "stability",
-    "residual",
-    "unaccounted",
-    "kept",
-    "missing",
-    "energy",
-    "iterations",
-    "factorizations",
-    "solves",
-)
-"""Quantities accumulated along the path."""
 
 
 class FiniteRecorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. ``steps`` counts finished
     steps, without the initial state."""
+
+    tallies = (
+        *("steps", "renewed", "balance", "largest", "stability", "residual", "unaccounted", "kept"),
+        *("missing", "energy", "iterations", "factorizations", "solves"),
+    )
 
     def __init__(
         self,
@@ -83,11 +73,9 @@ class FiniteRecorder(RunWriter):
         earlier: InterruptedFiniteRun | None = None,
     ) -> None:
         attributes = {**attributes, "strain": "finite"}
-        super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
-        self._started -= earlier.seconds if earlier else 0.0
+        super().__init__(directory, loaded, attributes, context, earlier)
         self._earlier, self.refinement, self.touched = earlier, refinement, Touched()
-        self._lines = LinesWriter(directory)
-        self.steps = self._saved = self.renewed = self._rows = 0
+        self.steps = self.renewed = 0
         self.last: FiniteState | None = None
         self.missed: Missed | None = None
         self.balance = self.largest = 0.0
@@ -120,17 +108,11 @@ class FiniteRecorder(RunWriter):
         """Continue an earlier recording."""
         if before.checkpoint is None:
             return None
-        self.last, self._rows = before.checkpoint.state, before.rows
-        for name in TALLIES:
-            setattr(self, name, before.figures.get(name, 0.0))
+        self.last = before.checkpoint.state
+        self.take_up(before.rows, before.figures, scene.bodies)
         self.turns += [Turn(**one) for one in before.figures["turns"]]
         self.warnings += before.figures["warnings"]
         self.touched = Touched.read(before.figures)
-        positions = self._file.saved_positions()
-        self._saved = len(positions)
-        for position in positions if scene.case.output.vtu else ():
-            self._states.keep(position, tuple(scene.bodies))
-            self._lines.keep(position)
         return before.checkpoint
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
@@ -154,16 +136,12 @@ class FiniteRecorder(RunWriter):
                     )
             self._count(scene, step)
             self._rows += 1 + len(between)
-            figures = {name: getattr(self, name) for name in TALLIES}
+            figures = {name: copy(getattr(self, name)) for name in self.tallies}
             more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
             more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
             assert step.checkpoint is not None
             latest = partial(plain_checkpoint, step.checkpoint, figures | more)
-            # Before the rows: a resumed run drops events of steps that are not in run.h5.
-            event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
-            self._events.write("step", **event, length=step.length)
-            self._file.add(rows, datasets, latest=latest)
-            self._file.save_if_due()
+            self.add_step(step, state, rows, datasets, {}, latest)
         turned = [f"limit point {turn.position:.6g}" for turn in step.turns]
         text = "  ".join([*turned, *(["equations renewed"] if step.renewed else [])])
         self._console.step(self.steps, state.position, state.residual, text)
@@ -171,7 +149,7 @@ class FiniteRecorder(RunWriter):
     def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> dict[str, Any]:
         forces = SceneForces.of(scene, state)
         return row(
-            path=self.path_figures(step, state.position, state.residual),
+            path=self.path_figures(step, state),
             factors=dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
             resultants=resultants(scene, forces),
             contacts=contact_records(scene, state),

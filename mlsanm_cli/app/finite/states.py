@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.output.checkpoint import as_text, flattened, restored, unreadable
+from mlsanm_cli.app.output.checkpoint import EarlierRun, as_text, flattened, restored, unreadable
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.sets import NodeSets
@@ -133,12 +133,10 @@ def renewals_of(steps: Sequence[FiniteStep]) -> tuple[FiniteState, ...]:
 
 
 @dataclass(frozen=True)
-class InterruptedFiniteRun:
-    """Run of an earlier process: the number of rows of its path, its seconds, the ``checkpoint`` (None
-    if the path had not begun) and the accumulated ``figures``."""
+class InterruptedFiniteRun(EarlierRun):
+    """Run of an earlier process, with the ``checkpoint`` (None if the path had not begun) and the accumulated
+    ``figures``."""
 
-    rows: int
-    seconds: float
     checkpoint: FiniteCheckpoint | None
     figures: Mapping[str, Any]
 

@@ -22,13 +22,18 @@ Record = TypeVar("Record")
 
 
 @dataclass(frozen=True)
-class InterruptedRun:
-    """The data of an interrupted run: the rows of its path and the seconds they took; if there are any, the
-    state of the ``last`` row, the checkpoint from which the path continues, and the ``figures`` counted so
-    far; the refinement of its clouds, if that was complete."""
+class EarlierRun:
+    """An interrupted run: the rows of its path and the seconds that they took."""
 
     rows: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class InterruptedRun(EarlierRun):
+    """If there are any rows, the state of the ``last`` one, the checkpoint from which the path continues, and
+    the ``figures`` counted so far; the refinement of its clouds, if that was complete."""
+
     last: State | None
     checkpoint: Checkpoint | None
     figures: Mapping[str, Any]

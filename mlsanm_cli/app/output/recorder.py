@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +33,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.summary import write_csv
-from mlsanm_cli.io.vtu import LinesWriter, write_parts
+from mlsanm_cli.io.vtu import write_parts
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, fields_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
@@ -41,13 +42,13 @@ ESTIMATE_AFTER = 2.0
 """Seconds after which the remaining time of a path is shown."""
 MAX_STAGE_LOADS = 2
 """Largest number of loads in the name of a stage."""
-TALLIES = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
-"""Counts and maxima along the path, which a resumed run continues."""
 
 
 class Recorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. With ``earlier`` it continues
     the files of an interrupted run after their last step."""
+
+    tallies = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
 
     def __init__(
         self,
@@ -58,14 +59,10 @@ class Recorder(RunWriter):
         *,
         earlier: InterruptedRun | None = None,
     ) -> None:
-        super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
+        super().__init__(directory, loaded, attributes, context, earlier)
         self._case = loaded.case
-        self._lines = LinesWriter(directory)
-        # /path/seconds continue.
-        self._started -= earlier.seconds if earlier else 0.0
         self._earlier = earlier
         self._pace: tuple[float, float] | None = None
-        self._rows = self._saved = 0
         self._reported: list[str] = []
         self.last: State | None = None
         self.linear_residual: float | None = None
@@ -103,17 +100,11 @@ class Recorder(RunWriter):
         """Restores the state of the recorder after the last recorded step."""
         if before.last is None:
             return None
-        self.last, self._rows = before.last, before.rows
-        for name in TALLIES:
-            setattr(self, name, before.figures[name])
+        self.last = before.last
+        self.take_up(before.rows, before.figures, built.scene.bodies)
         self.polished = [Polish(**one) for one in before.figures["polished"]]
         self._reported += before.figures["told"]
         self.warnings += self._reported
-        positions = self._file.saved_positions()
-        self._saved = len(positions)
-        for position in positions if self._case.output.vtu else ():
-            self._states.keep(position, tuple(built.scene.bodies))
-            self._lines.keep(position)
         return before.checkpoint
 
     def step(self, built: CondensedScene, step: PathStep) -> None:
@@ -121,7 +112,7 @@ class Recorder(RunWriter):
         it is written together, some time later."""
         state, index = step.state, self._rows
         with self._clock.phase("output"):
-            rows = [recording.step_row(built, state, self.path_figures(step, state.position, state.residual))]
+            rows = [recording.step_row(built, state, self.path_figures(step, state))]
             datasets: dict[str, Value] = {}
             attributes: dict[str, Mapping[str, Attribute]] = {}
             if step.series:
@@ -134,14 +125,10 @@ class Recorder(RunWriter):
             if self._case.output.fields:
                 self._save_fields(built, step.saved, rows, datasets, attributes)
             self._count(built, step)
-            figures = {name: getattr(self, name) for name in TALLIES if name != "cone"}
-            more = {"cone": dict(self.cone), "polished": tuple(self.polished), "told": tuple(self._reported)}
+            figures = {name: copy(getattr(self, name)) for name in self.tallies}
+            more = {"polished": tuple(self.polished), "told": tuple(self._reported)}
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
-            event = {"index": index, "position": state.position, "residual": state.residual}
-            # Before the row: a resumed run drops the events of steps that are not in its file.
-            self._events.write("step", **event, length=step.length)
-            self._file.add(rows, datasets, attributes, latest)
-            self._file.save_if_due()
+            self.add_step(step, state, rows, datasets, attributes, latest)
         peak = float(state.pressure.max(initial=0.0))
         texts = self._progress(state.position)
         if len(state.pressure):
@@ -214,19 +201,16 @@ class Recorder(RunWriter):
         """Raises NumericalError if bodies overlap; warns if a body overlaps itself or surfaces slide far."""
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
-        for name, message in large_slides(built, state, clouds, moved):
-            if not any(one.startswith(f"the surfaces of contact {name} slide") for one in self._reported):
-                self._reported.append(message)
-                self.warn(message)
+        found = dict(large_slides(built, state, clouds, moved))
         for name, (x, y) in within_themselves(clouds, moved).items():
-            text = f"body {name} overlaps itself"
-            if not any(one.startswith(text) for one in self._reported):
-                message = (
-                    f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact "
-                    f"is not supported, and results beyond that position are invalid"
-                )
-                self._reported.append(message)
-                self.warn(message)
+            found[f"body {name} overlaps itself"] = (
+                f" near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact is not "
+                f"supported, and results beyond that position are invalid"
+            )
+        for fault, where in found.items():
+            if not any(one.startswith(fault) for one in self._reported):
+                self._reported.append(fault + where)
+                self.warn(fault + where)
 
     def check_linear(self, built: CondensedScene) -> float:
         """The largest error of the linear solver over the saved states; of the last state if none was saved,
