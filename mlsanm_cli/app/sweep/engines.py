@@ -69,12 +69,12 @@ def _on_cluster(points: Sequence[SweepPoint], scheduler: str) -> Iterator[Row]:
     """The same by an existing Dask cluster with a shared file system, which repeats points that die with a
     worker."""
     try:
-        from distributed import Client
-        from distributed import as_completed as completed
+        import distributed
     except ImportError as error:
         raise RunError("--scheduler needs dask", "pip install 'mlsanm[dask]'") from error
+    dask: Any = distributed
     try:
-        client: Any = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call, unused-ignore]
+        client = dask.Client(scheduler, timeout=10)
     except (OSError, ValueError) as error:
         raise RunError(
             f"no Dask scheduler answers at {scheduler}: {error}", "as in --scheduler tcp://host:8786"
@@ -84,7 +84,7 @@ def _on_cluster(points: Sequence[SweepPoint], scheduler: str) -> Iterator[Row]:
             client.submit(solve_point, point, pure=False, priority=-number): point
             for number, point in enumerate(points)
         }
-        for future in completed(list(running)):
+        for future in dask.as_completed(list(running)):
             try:
                 row: Row = future.result()
             except CancelledError as error:
