@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from mlsanm_cli.app.assessment.peaks import Peak
 from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
-from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, plain_checkpoint, plain_refinement
+from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, as_text, plain_checkpoint
 from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
 from mlsanm_cli.app.output.recording import Views, model_bodies
 from mlsanm_cli.app.output.writer import RunWriter
@@ -92,7 +92,7 @@ class Recorder(RunWriter):
             digest = recording.operators_digest(built)
             self._file.add(attributes={"": {"cache_hash": digest, "nodes": str(nodes)}})
             if adapted.refined:
-                self._file.add(datasets={REFINEMENT: plain_refinement(adapted.refinement)})
+                self._file.add(datasets={REFINEMENT: as_text(asdict(adapted.refinement))})
             self._file.save_if_due()
             return self._take_up(built, self._earlier) if self._earlier else None
 

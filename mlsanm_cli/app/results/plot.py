@@ -91,7 +91,14 @@ def plot(
         kinds = ", ".join(choice.what) or "such pictures"
         raise RunError(f"the run has nothing for {kinds}", f"kinds are: {', '.join(KINDS)}")
     if choice.out is None:
-        return _written(run, pictures, formats)
+        files = {
+            run.directory / run_dir.picture_name(kind, suffix, subject): draw
+            for kind, subject, draw in pictures
+            for suffix in formats
+        }
+        for file, draw in files.items():
+            draw(file)
+        return list(files)
     if len(pictures) > 1:
         names = ", ".join(" ".join(filter(None, (kind, subject))) for kind, subject, _ in pictures)
         raise RunError(
@@ -100,16 +107,6 @@ def plot(
     ((_, _, draw),) = pictures
     draw(choice.out)
     return [choice.out]
-
-
-def _written(run: RunData, pictures: Sequence[tuple[str, str, Draw]], formats: tuple[str, ...]) -> list[Path]:
-    files = []
-    for kind, subject, draw in pictures:
-        for suffix in formats:
-            file = run.directory / run_dir.picture_name(kind, suffix, subject)
-            draw(file)
-            files.append(file)
-    return files
 
 
 def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, Draw]]:
