@@ -44,9 +44,8 @@ from mlsanm_cli.contact.response.functionals import gap_rows, slip_rows  # noqa:
 from mlsanm_cli.contact.response.linear_map import Columns  # noqa: E402
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors  # noqa: E402
 from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
+from mlsanm_cli.operators.linear.cholesky import factor_definite  # noqa: E402
 from mlsanm_cli.operators.linear.interface import Matrix  # noqa: E402
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
 from mlsanm_cli.operators.normal import bordered  # noqa: E402
 from mlsanm_cli.operators.refinement import BLOCK_COLUMNS, FUNCTIONAL_TOLERANCE  # noqa: E402
 
@@ -95,7 +94,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
     ]
     case = load_case(CASE, (*sizes, f"contact.interface.friction={friction}")).case
     prepared = prepare(case, clouds(case))
-    scene = assemble_bodies(case, prepared, CholeskySolver())
+    scene = assemble_bodies(case, prepared, "auto")
     pairings = prepared.pairings
     count = sum(int(pairing.candidate.sum()) for pairing in pairings)
     rough = tuple(pairing for pairing in pairings if pairing.friction)
@@ -109,8 +108,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
     assert isinstance(system, LeastSquares)
     equations = bordered_equations(system, body.model.nodes)
     matrix = equations[0]
-    ours, other = CholeskySolver(), SuperLUSolver()
-    factor, own = other.factor_definite(*equations), ours.factor_definite(*equations)
+    factor, own = factor_definite(*equations, solver="superlu"), factor_definite(*equations)
     block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK_COLUMNS))
 
     def blocks() -> FloatArray:
@@ -131,8 +129,8 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
         "nodes": len(body.model.nodes),
         "columns": sources.shape[1],
         "functionals": observed.shape[0],
-        "factor": cpu_of(lambda: ours.factor_definite(*equations), repeat),
-        "superlu": cpu_of(lambda: other.factor_definite(*equations), repeat),
+        "factor": cpu_of(lambda: factor_definite(*equations), repeat),
+        "superlu": cpu_of(lambda: factor_definite(*equations, solver="superlu"), repeat),
         "condense": cpu_of(lambda: system.functionals(observed, sources), repeat),
         "blocks": cpu_of(blocks, repeat),
         "superlu_solves": cpu_of(lambda: factor.solve(block), repeat) / BLOCK_COLUMNS * sources.shape[1],

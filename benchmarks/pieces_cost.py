@@ -34,7 +34,6 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings
 
 
@@ -108,7 +107,7 @@ def _compared(
             with mock.patch.object(pieces.Pieces, "rows_known", known):
                 for cloud, (_, clamped) in zip(clouds, parts, strict=True):
                     model = BodyModel.build("body", cloud, MATERIAL, MlsSettings(4))
-                    body = assemble(model, dict.fromkeys(clamped, (True, True)), [], CholeskySolver())
+                    body = assemble(model, dict.fromkeys(clamped, (True, True)), [], "auto")
                     body.system.solve(sparse.csc_array(np.ones((body.rows, 1))))
             line[f"cpu {how}"] = min(line.get(f"cpu {how}", np.inf), time.process_time() - begun)
     print(line, line["cpu with"] / line["cpu without"], flush=True)

@@ -17,7 +17,6 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.stability import bulk_stability
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings
 from tests.mechanics.bodies import boundary_values, with_body_force
 from tests.mechanics.waves import Wave
@@ -102,7 +101,7 @@ def bulk_error(scene: Scene, cloud: Cloud, degree: int, scheme: Any) -> tuple[fl
         across = int(abs(away[last, 0]) > abs(away[last, 1]))
         nodes = [(first, 0), (first, 1), (last, across)]
     model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), list(held))
-    body = assemble(model, held, nodes, CholeskySolver())
+    body = assemble(model, held, nodes, "auto")
     rng = np.random.default_rng(scene.waves)
     measure = cloud.spacing[:, None]
     errors = []

@@ -43,7 +43,6 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.energy import energy_between_nodes, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings
 
 RESULTS = Path(__file__).parent / "results"
@@ -146,7 +145,7 @@ def solved(thin: Thin, across: int, degree: int, seed: int = 0) -> tuple[float, 
     cloud = build_cloud(thin.outline, Spacing(1.0 / (across - 1)), seed)
     degree = degree or (HIGH_DEGREE if cloud.thinnest.spacings >= MIN_HIGH_SPACINGS else LOW_DEGREE)
     model = BodyModel.build("body", cloud, MATERIAL, MlsSettings(degree))
-    body = assemble(model, dict.fromkeys(thin.clamped, (True, True)), [], CholeskySolver())
+    body = assemble(model, dict.fromkeys(thin.clamped, (True, True)), [], "auto")
     source = np.zeros(body.rows)
     for name, surface in cloud.surfaces.items():
         nodal = thin.traction(name, cloud.points[surface.index])

@@ -113,7 +113,8 @@ class Halves:
     def of(cls, surface: Surface, rule: Rule = GAUSS[2]) -> Halves:
         """Apply a quadrature ``rule`` to each half interval of a ``surface``. The rule is repeated where the
         curve has more data points than nodes, else cells would not close."""
-        rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MAX_REPEATS))
+        times = max(1, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MAX_REPEATS))
+        rule = tuple(((k + x) / times, weight / times) for k in range(times) for x, weight in rule)
         arc, step = surface.ends, np.diff(surface.ends)
         first = np.arange(len(step))
         second = (first + 1) % len(surface.index)
@@ -125,13 +126,6 @@ class Halves:
                 (second, first, 0.5 + 0.5 * x + 0.0 * step, arc[:-1] + 0.5 * (1.0 + x) * step, length)
             )
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _repeated(rule: Rule, times: int) -> Rule:
-    """The composite rule on ``times`` equal parts."""
-    if times <= 1:
-        return rule
-    return tuple(((k + x) / times, weight / times) for k in range(times) for x, weight in rule)
 
 
 def dual_faces(points: FloatArray, triangles: IntArray, surfaces: Mapping[str, Surface]) -> Faces:

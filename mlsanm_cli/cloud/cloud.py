@@ -178,7 +178,7 @@ def build_cloud(
     half, places = None, Places.of(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
     if line is not None and spacing.symmetric(line) and places.upon(line):
         boundary, surfaces, edges = _bounded(outline, spacing, places, line)
-        half = halved(line, boundary, edges, surfaces, spacing)
+        half = halved(line, boundary, edges, spacing)
     if half is None:
         boundary, surfaces, edges = _bounded(outline, spacing, places)
     first, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -37,6 +38,11 @@ class Curve(Protocol):
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """Rows of six numbers, one per straight line or arc, in the format of the spacing kernel."""
+
+
+def chord_zones(points: FloatArray) -> tuple[tuple[float, ...], ...]:
+    """Rows of :meth:`Curve.zones` for the chords between consecutive ``points`` (k, 2)."""
+    return tuple((0.0, *a, *b, 0.0) for a, b in pairwise(points.tolist()))
 
 
 @dataclass(frozen=True)
@@ -79,7 +85,7 @@ class Segment:
         return np.zeros(len(s))
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
-        return ((0.0, *self.start, *self.end, 0.0),)
+        return chord_zones(self._ends)
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,9 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
     if area < 0.0:
         chain = [(name, points[::-1]) for name, points in reversed(chain)]
     return [
-        (name, Segment(points[0], points[1]) if len(points) == 2 else _spline(points, closed))
+        (name, Segment(points[0], points[1]))
+        if len(points) == 2
+        else (name, SplinePart(NodeSpline(np.array(points), closed), 0, len(points) - 1))
         for name, points in chain
     ]
 
@@ -265,18 +267,14 @@ def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
         others = order[place + 1 : last[place]]
         neighbour = np.isin((others - one) % count, (1, count - 1))
         for other in others[neighbour].tolist():
-            first, then = (one, other) if (other - one) % count == 1 else (other, one)
-            if _folds_back(chords[first], chords[then]):
+            first, then = chords[[one, other] if (other - one) % count == 1 else [other, one]]
+            came, goes = first[2:] - first[:2], then[2:] - then[:2]
+            back = float(came @ goes)
+            if back < 0.0 and abs(_cross(came, goes)) <= ZERO_LENGTH * abs(back):
                 yield one, other
         others = others[~neighbour]
         for other in others[_apart(chords[one], chords[others]) <= small].tolist():
             yield one, other
-
-
-def _folds_back(first: FloatArray, then: FloatArray) -> bool:
-    came, goes = first[2:] - first[:2], then[2:] - then[:2]
-    back = float(came @ goes)
-    return back < 0.0 and bool(abs(_cross(came, goes)) <= ZERO_LENGTH * abs(back))
 
 
 def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
@@ -304,10 +302,6 @@ def _chords(curve: Curve) -> FloatArray:
         count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))
     return np.hstack([points[:-1], points[1:]])
-
-
-def _spline(points: Sequence[Point], closed: bool) -> SplinePart:
-    return SplinePart(NodeSpline(np.array(points), closed), 0, len(points) - 1)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -35,7 +35,9 @@ def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: EdgeNam
     parts, a boundary that touches itself, and edge names that do not fit."""
     _refuse_coincident(points)
     turned = [_counter_clockwise(points, ring) for ring in rings]
-    edges = np.concatenate([_ring_edges(ring) for ring in turned])
+    edges = np.concatenate(
+        [np.stack([ring.ravel(), np.roll(ring, -1, axis=1).ravel()], axis=1) for ring in turned]
+    )
     _refuse_overlaps(points, edges)
     _refuse_parts(points, edges)
     key, back = _key(edges, len(points)), _key(edges[:, ::-1], len(points))
@@ -85,10 +87,6 @@ def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
         place = _at(points, ring[int(np.argmax(flat))])
         raise GeometryError(f"{int(flat.sum())} elements are flat or folded, the first near {place}")
     return np.where((area < 0.0)[:, None], ring[:, ::-1], ring)
-
-
-def _ring_edges(ring: IntArray) -> IntArray:
-    return np.stack([ring.ravel(), np.roll(ring, -1, axis=1).ravel()], axis=1)
 
 
 def _refuse_overlaps(points: FloatArray, edges: IntArray) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,6 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.startup import cKDTree
 
 SNAP_DISTANCE = 0.3
@@ -31,7 +30,7 @@ class Half:
 
     ``start`` (s, 2) are its boundary nodes and ``chords`` (c, 4) its closed outline, of which the last are
     the ``cuts`` (k, 2, 2) along the line. ``image`` (b,) and ``side`` (b,) refer to all ``boundary`` nodes
-    (b, 2), ``surfaces`` to the images of surfaces.
+    (b, 2).
     """
 
     line: SymmetryLine
@@ -41,7 +40,6 @@ class Half:
     cuts: FloatArray
     image: IntArray
     side: IntArray
-    surfaces: Mapping[str, tuple[str, IntArray]]
 
     def with_line_nodes(self, inner: FloatArray, spacing: Spacing) -> tuple[FloatArray, int]:
         """Interior nodes ``inner`` (n, 2) of the half with holes along the line filled, those on the line
@@ -63,16 +61,10 @@ class Half:
         adjacent, beyond = np.split(np.arange(first + upon, count), 2)
         image = np.concatenate([self.image, on, beyond, adjacent])
         side = [self.side, np.zeros_like(on), np.ones_like(adjacent), -np.ones_like(beyond)]
-        return Mirror(self.line, image, np.concatenate(side), self.surfaces)
+        return Mirror(self.line, image, np.concatenate(side))
 
 
-def halved(
-    line: SymmetryLine,
-    boundary: FloatArray,
-    edges: IntArray,
-    surfaces: Mapping[str, Surface],
-    spacing: Spacing,
-) -> Half | None:
+def halved(line: SymmetryLine, boundary: FloatArray, edges: IntArray, spacing: Spacing) -> Half | None:
     """The half of the body whose ``boundary`` nodes (b, 2) are joined by ``edges`` (e, 2). None if they are
     not mirror-symmetric, or if the line runs along the boundary."""
     image = line.images(boundary, spacing.at(boundary))
@@ -80,9 +72,8 @@ def halved(
         return None
     own = np.arange(len(boundary)) == image
     side = np.where(own, 0, np.sign(boundary[:, line.axis] - line.at)).astype(np.int64)
-    images = surface_images(image, surfaces)
     ends = side[edges]
-    if images is None or (ends == 0).all(axis=1).any():
+    if (ends == 0).all(axis=1).any():
         return None
     crossing = ends.prod(axis=1) < 0
     if not np.array_equal(image[edges[crossing, 0]], edges[crossing, 1]):
@@ -100,7 +91,7 @@ def halved(
     cuts = np.full((len(crossed) // 2, 2, 2), line.at)
     cuts[:, :, along] = crossed.reshape(-1, 2)
     chords = np.concatenate([chords, cuts]).reshape(-1, 4)
-    return Half(line, boundary, boundary[side >= 0], chords, cuts, image, side, images)
+    return Half(line, boundary, boundary[side >= 0], chords, cuts, image, side)
 
 
 def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:
@@ -114,18 +105,3 @@ def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[Floa
         if fine[k] - last >= sizes[k]:
             last = fine[k]
             yield places[k]
-
-
-def surface_images(
-    image: IntArray, surfaces: Mapping[str, Surface]
-) -> dict[str, tuple[str, IntArray]] | None:
-    """Image of every surface and of its nodes (b,), as indices into the image; None without symmetry."""
-    places = {name: {int(node): k for k, node in enumerate(s.index)} for name, s in surfaces.items()}
-    images = {}
-    for name, surface in surfaces.items():
-        seen = image[surface.index].tolist()
-        other = next((o for o, known in places.items() if known.keys() == set(seen)), None)
-        if other is None:
-            return None
-        images[name] = other, np.array([places[other][node] for node in seen], dtype=np.int64)
-    return images

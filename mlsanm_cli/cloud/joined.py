@@ -11,7 +11,7 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, chord_zones
 from mlsanm_cli.cloud.splines import SplinePart
 
 SMOOTH_ANGLE = math.radians(1.0)
@@ -69,8 +69,7 @@ def chords(curve: Curve) -> tuple[tuple[float, ...], ...]:
     x, y = curve.normals(np.linspace(0.0, curve.length, MAX_CHORDS + 1)).T
     whole = float(np.abs(np.diff(np.unwrap(np.arctan2(y, x)))).sum())
     count = min(math.ceil(whole / MAX_TURN) or 1, MAX_CHORDS)
-    ends = curve.points(np.linspace(0.0, curve.length, count + 1)).tolist()
-    return tuple(row for a, b in pairwise(ends) for row in Segment((a[0], a[1]), (b[0], b[1])).zones())
+    return chord_zones(curve.points(np.linspace(0.0, curve.length, count + 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,12 +238,6 @@ def cut(outline: Outline, cuts: Mapping[int, Sequence[float]]) -> Outline:
 
 Chain = tuple[tuple[int, ...], bool]
 """Curves by index as they follow each other along a loop, and whether they are all of it."""
-
-
-def chain_of(outline: Outline, numbers: Sequence[int]) -> Chain | None:
-    """The chain of curves by index; None if they are not one contiguous chain."""
-    chains = chains_of(outline, numbers)
-    return chains[0] if len(chains) == 1 else None
 
 
 def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:

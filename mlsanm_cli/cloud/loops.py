@@ -14,7 +14,6 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
-from mlsanm_cli.cloud.halves import surface_images
 from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.sight import visibility_criterion
@@ -91,19 +90,18 @@ def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | Non
 
 
 def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
-    """The same cloud with its symmetry about a ``line``; None if its nodes or surfaces are not symmetric or
-    the line runs along its outline."""
+    """The same cloud with its symmetry about a ``line``; None if its nodes are not symmetric or the line runs
+    along its outline."""
     image = line.images(cloud.points, cloud.spacing)
     if image is None:
         return None
     own = image == np.arange(len(image))
-    images = surface_images(image, cloud.surfaces)
-    if images is None or own[cloud.edges].all(axis=1).any():
+    if own[cloud.edges].all(axis=1).any():
         return None
     side = np.where(own, 0, np.sign(cloud.points[:, line.axis] - line.at)).astype(np.int64)
     # The image of a quadrilateral may be split along its other diagonal: neighbour distances then differ.
     spacing = 0.5 * (cloud.spacing + cloud.spacing[image])
-    return Cloud(cloud.points, spacing, cloud.surfaces, Mirror(line, image, side, images))
+    return Cloud(cloud.points, spacing, cloud.surfaces, Mirror(line, image, side))
 
 
 def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:

@@ -13,6 +13,8 @@ from mlsanm_cli.startup import cKDTree
 SAGITTA_FACTOR = 1.1
 """Factor on the sagitta of an arc through two nodes: allowance for curves that are not arcs."""
 ROUND_OFF = 1e-9
+BATCH_SIZE = 2**18
+"""Point-edge pairs processed at once: large for speed, small for memory."""
 
 
 def boundary_chords(index: IntArray, names: Sequence[str]) -> IntArray:
@@ -46,21 +48,13 @@ def inside_body(
     # Only targets outside the polygon but near a chord can lie between a chord and its curve.
     low, high = start.min(axis=0) - near.max(), start.max(axis=0) + near.max()
     around = ((targets >= low) & (targets <= high)).all(axis=1)
-    for some in _batches(np.flatnonzero(around & ~inside), len(start)):
+    asked = np.flatnonzero(around & ~inside)
+    for some in np.array_split(asked, 1 + len(asked) * len(start) // BATCH_SIZE):
         offset = targets[some, None] - start
         share = np.clip((offset * along).sum(axis=2) / length**2, 0.0, 1.0)
         away = offset - share[:, :, None] * along
         inside[some] = (np.hypot(away[:, :, 0], away[:, :, 1]) <= near).any(axis=1)
     return inside
-
-
-def _batches(targets: IntArray, chords: int) -> list[IntArray]:
-    """Batches of targets to be compared with all chords at once."""
-    return np.array_split(targets, 1 + len(targets) * chords // BATCH_SIZE)
-
-
-BATCH_SIZE = 2**18
-"""Point-edge pairs processed at once: large for speed, small for memory."""
 
 
 def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:

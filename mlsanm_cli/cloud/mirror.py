@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -51,13 +50,11 @@ class SymmetryLine:
 @dataclass(frozen=True)
 class Mirror:
     """A cloud's symmetry about a ``line``. ``image`` (n,) is the image of every node (itself on the line),
-    ``side`` (n,) the sign of its distance from the line; ``surfaces`` gives for every surface the name of its
-    image and the images of its nodes (b,) as indices there."""
+    ``side`` (n,) the sign of its distance from the line."""
 
     line: SymmetryLine
     image: IntArray
     side: IntArray
-    surfaces: Mapping[str, tuple[str, IntArray]]
 
     @cached_property
     def own(self) -> IntArray:

@@ -125,13 +125,6 @@ def _counted(labels: IntArray) -> IntArray:
     return np.asarray((np.cumsum(np.bincount(labels) > 0) - 1)[labels], dtype=np.int64)
 
 
-def _least(values: FloatArray, labels: IntArray, count: int) -> FloatArray:
-    """Minimum of the ``values`` (n,) in each of ``count`` parts."""
-    least = np.full(count, np.inf)
-    np.minimum.at(least, labels, values)
-    return least
-
-
 def _along(points: FloatArray, labels: IntArray, count: IntArray) -> FloatArray:
     """Coordinate (n,) of every point along the longer principal axis of its part."""
     middle = np.stack([np.bincount(labels, one) for one in points.T], axis=1) / count[:, None]
@@ -158,7 +151,9 @@ def _joined(labels: IntArray, pairs: IntArray, few: FloatArray) -> IntArray:
     edges with."""
     while True:
         count = np.bincount(labels)
-        small = count < _least(few, labels, len(count))
+        least = np.full(len(count), np.inf)
+        np.minimum.at(least, labels, few)
+        small = count < least
         one, other = labels[np.concatenate([pairs, pairs[:, ::-1]])].T
         adjacent = (one != other) & small[one]
         if not adjacent.any():

@@ -26,13 +26,9 @@ def graded_quadrature(cloud: Cloud, singular: FloatArray) -> tuple[FloatArray, F
         (a, b) = np.moveaxis(sides[~close, 1:], 1, 0)
         points.append(middle[~close])
         areas.append(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
-        corners = _quarters(corners[close])
+        whole = corners[close]
+        middles = 0.5 * (whole + np.roll(whole, -1, axis=1))
+        before = np.roll(middles, 1, axis=1)
+        ends = [np.stack([whole[:, i], middles[:, i], before[:, i]], axis=1) for i in range(3)]
+        corners = np.concatenate([middles, *ends])
     return np.concatenate(points), np.concatenate(areas)
-
-
-def _quarters(corners: FloatArray) -> FloatArray:
-    """The four triangles (4e, 3, 2) obtained by joining the mid-sides of each (e, 3, 2)."""
-    middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
-    before = np.roll(middles, 1, axis=1)
-    ends = [np.stack([corners[:, i], middles[:, i], before[:, i]], axis=1) for i in range(3)]
-    return np.concatenate([middles, *ends])

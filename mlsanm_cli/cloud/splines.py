@@ -4,19 +4,19 @@ h^3; those of chords converge with h^2 and h."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.cloud.curves import chord_zones
 from mlsanm_cli.startup import cKDTree, dgtsv
 
 GAUSS = 6
 """Gauss points per interval for arc lengths."""
+WRAPPED = 60
+"""Nodes by which a closed curve overlaps itself for its slopes: 2^-60 is below round-off."""
 SAMPLES = 4
 """Samples per interval for the initial guess of the closest point."""
 MAX_ITERATIONS = 60
@@ -44,34 +44,12 @@ class NodeSpline:
 
     @cached_property
     def _slopes(self) -> FloatArray:
-        """First derivatives (k, 2) at the knots: C2 everywhere, not-a-knot at the ends of open curves. Own
-        code, as importing scipy's splines costs more than it does."""
-        steps = np.diff(self.knots)
-        rise = np.diff(self.nodes, axis=0) / steps[:, None]
-        count, last = len(steps), len(steps) - (1 if self.closed else 0)
-        if count == 1:
-            return np.repeat(rise, 2, axis=0)
-        # Knots, and the intervals before and behind them.
-        at = np.arange(0 if self.closed else 1, count)
-        before, behind = steps[at - 1], steps[at]
-        entries = [(at, at, 2.0 * (before + behind))]
-        entries += [(at, (at - 1) % (last + 1), behind), (at, (at + 1) % (last + 1), before)]
-        rhs = np.zeros((last + 1, 2))
-        rhs[at] = 3.0 * (behind[:, None] * rise[at - 1] + before[:, None] * rise[at])
-        for end, inner, sign in () if self.closed else ((0, 1, 1), (count, count - 1, -1)):
-            one, other = (0, 1) if sign > 0 else (count - 1, count - 2)
-            near, far, both = steps[one], steps[other], steps[one] + steps[other]
-            row = np.array([end, end])
-            if count == 2:  # a parabola
-                entries.append((row, np.array([end, inner]), np.ones(2)))
-                rhs[end] = 2.0 * rise[one]
-                continue
-            entries.append((row, np.array([end, inner]), np.array([far, both])))
-            rhs[end] = ((near + 2.0 * both) * far * rise[one] + near**2 * rise[other]) / both
-        rows, columns, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-        matrix = sparse.csc_array((values, (rows, columns)), shape=(last + 1, last + 1))
-        found = _solve_cyclic(matrix, rhs) if self.closed else _solve_tridiagonal(matrix, rhs)
-        return np.concatenate([found, found[:1]]) if self.closed else found
+        """First derivatives (k, 2) at the knots: C2 everywhere, not-a-knot at the ends of open curves."""
+        if not self.closed:
+            return _slopes(self.nodes)
+        # Several times around: the influence of the ends at least halves from knot to knot.
+        around = np.arange(-WRAPPED, len(self.nodes) + WRAPPED) % (len(self.nodes) - 1)
+        return _slopes(self.nodes[around])[WRAPPED:-WRAPPED]
 
     @cached_property
     def _powers(self) -> FloatArray:
@@ -91,34 +69,19 @@ class NodeSpline:
         half = 0.5 * (end - start)[:, None]
         points, weights = _gauss()
         t = 0.5 * (start + end)[:, None] + half * points
-        speed = np.sqrt((self.derivative(t, 1) ** 2).sum(axis=2))
+        speed = np.sqrt((self.derivatives(t)[1] ** 2).sum(axis=2))
         return np.asarray((half * weights * speed).sum(axis=1))
 
-    def derivative(self, t: FloatArray, order: int) -> FloatArray:
-        """Position (order 0) or derivative of order 1 or 2 at parameters ``t``, shape (..., 2)."""
+    def derivatives(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, first and second derivative at parameters ``t``, each (..., 2)."""
         t = np.mod(t, self.knots[-1]) if self.closed else t
         k = self._interval(t, self.knots)
-        u, total = (t - self.knots[k])[..., None], np.zeros((*t.shape, 2))
-        for power in range(3, order - 1, -1):
-            total *= u
-            total += math.perm(power, order) * self._powers[power].take(k, axis=0)
-        return total
-
-    def up_to_second(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, first and second derivative (n, 2) at parameters ``t`` (n,)."""
-        t = np.mod(t, self.knots[-1]) if self.closed else t
-        k = self._interval(t, self.knots)
-        u, (a, b, c, d) = (t - self.knots[k])[:, None], self._powers.take(k, axis=1)
+        u, (a, b, c, d) = (t - self.knots[k])[..., None], self._powers.take(k, axis=1)
         twice = 2.0 * c + 6.0 * u * d
         return ((d * u + c) * u + b) * u + a, (3.0 * d * u + 2.0 * c) * u + b, twice
 
     def _interval(self, values: FloatArray, ends: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(ends, values, side="right") - 1, 0, len(ends) - 2)
-
-    def arc_of(self, t: FloatArray) -> FloatArray:
-        """Arc lengths (n,) at parameters ``t`` (n,) between the first and the last knot."""
-        k = self._interval(t, self.knots)
-        return self.arcs[k] + self._length(self.knots[k], t)
 
     def parameter_of(self, s: FloatArray) -> FloatArray:
         """Parameters (n,) at arc lengths ``s`` (n,), by Newton's method: the speed is nearly constant."""
@@ -126,7 +89,7 @@ class NodeSpline:
         low, high = self.knots[k], self.knots[k + 1]
         t = low + (high - low) * (s - self.arcs[k]) / (self.arcs[k + 1] - self.arcs[k])
         for _ in range(MAX_ITERATIONS):
-            speed = np.hypot(*self.derivative(t, 1).T)
+            speed = np.hypot(*self.derivatives(t)[1].T)
             step = (self.arcs[k] + self._length(low, t) - s) / speed
             t = np.clip(t - step, low, high)
             if (np.abs(step) <= NEWTON_TOLERANCE * self.knots[-1]).all():
@@ -173,14 +136,13 @@ class SplinePart:
         return t
 
     def points(self, s: FloatArray) -> FloatArray:
-        return self.spline.derivative(self._parameter(s), 0)
+        return self.spline.derivatives(self._parameter(s))[0]
 
     def normals(self, s: FloatArray) -> FloatArray:
-        return _across(self.spline.derivative(self._parameter(s), 1))
+        return _across(self.spline.derivatives(self._parameter(s))[1])
 
     def curvature(self, s: FloatArray) -> FloatArray:
-        t = self._parameter(s)
-        (x, y), (u, v) = self.spline.derivative(t, 1).T, self.spline.derivative(t, 2).T
+        _, (x, y), (u, v) = (one.T for one in self.spline.derivatives(self._parameter(s)))
         return np.asarray((x * v - y * u) / np.hypot(x, y) ** 3)
 
     @cached_property
@@ -189,18 +151,19 @@ class SplinePart:
         knots = self.spline.knots[self.first : self.last + 1]
         inner = np.arange(SAMPLES) / SAMPLES
         t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * inner).ravel(), knots[-1])
-        return t, cKDTree(self.spline.derivative(t[:-1] if self.closed else t, 0))
+        return t, cKDTree(self.spline.derivatives(t[:-1] if self.closed else t)[0])
 
     def closest(self, points: FloatArray) -> FloatArray:
-        t = self._closest(points)
-        arc = np.asarray(self.spline.arc_of(t) - self._start)
+        t, spline = self._closest(points), self.spline
+        k = spline._interval(t, spline.knots)
+        arc = np.asarray(spline.arcs[k] + spline._length(spline.knots[k], t) - self._start)
         # The same arc lengths are evaluated next.
         self._last_query[:] = [(arc.copy(), t)]
         return arc
 
     def closest_points(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (n, 2) of the curve closest to ``points`` (n, 2), and the normals (n, 2) there."""
-        place, along, _ = self.spline.up_to_second(self._closest(points))
+        place, along, _ = self.spline.derivatives(self._closest(points))
         return place, _across(along)
 
     def _closest(self, points: FloatArray) -> FloatArray:
@@ -215,7 +178,7 @@ class SplinePart:
             low, high = samples[np.maximum(near - 1, 0)], samples[np.minimum(near + 1, len(samples) - 1)]
         t = samples[near]
         for _ in range(MAX_ITERATIONS):
-            place, along, bend = self.spline.up_to_second(t)
+            place, along, bend = self.spline.derivatives(t)
             away = place - points
             slope = (away * along).sum(axis=1)
             growth = (along**2).sum(axis=1) + (away * bend).sum(axis=1)
@@ -231,15 +194,7 @@ class SplinePart:
 
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """Chords between nodes, which are accurate enough for a spacing field."""
-        return tuple(
-            row
-            for a, b in zip(
-                self.spline.nodes[self.first : self.last],
-                self.spline.nodes[self.first + 1 : self.last + 1],
-                strict=True,
-            )
-            for row in Segment((float(a[0]), float(a[1])), (float(b[0]), float(b[1]))).zones()
-        )
+        return chord_zones(self.spline.nodes[self.first : self.last + 1])
 
 
 def _across(along: FloatArray) -> FloatArray:
@@ -248,19 +203,27 @@ def _across(along: FloatArray) -> FloatArray:
     return np.asarray(normal / np.hypot(*along.T)[:, None])
 
 
-def _solve_tridiagonal(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
-    """Solution (n, c) of a tridiagonal system."""
-    if len(rhs) == 1:
-        return np.asarray(rhs / matrix.diagonal())
-    *_, found, info = dgtsv(*(matrix.diagonal(k) for k in (-1, 0, 1)), rhs)
+def _slopes(nodes: FloatArray) -> FloatArray:
+    """First derivatives (k, 2) at the knots of the not-a-knot spline through ``nodes`` (k, 2). Own code, as
+    importing scipy's splines costs more than it does."""
+    steps = np.hypot(*np.diff(nodes, axis=0).T)
+    rise = np.diff(nodes, axis=0) / steps[:, None]
+    before, behind = steps[:-1], steps[1:]
+    both = before + behind
+    inner = 3.0 * (behind[:, None] * rise[:-1] + before[:, None] * rise[1:])
+    if len(steps) == 1:
+        return np.repeat(rise, 2, axis=0)
+    if len(steps) == 2:  # a parabola
+        middle = inner / (3.0 * both)
+        return np.concatenate([2.0 * rise[:1] - middle, middle, 2.0 * rise[1:] - middle])
+
+    def end(near: int, far: int, sum_: float) -> FloatArray:
+        one, other = steps[near], steps[far]
+        return np.asarray(((one + 2.0 * sum_) * other * rise[near] + one**2 * rise[far]) / sum_)
+
+    diagonal = np.concatenate([behind[:1], 2.0 * both, before[-1:]])
+    upper, lower = np.append(both[0], before), np.append(behind, both[-1])
+    rhs = np.concatenate([[end(0, 1, both[0])], inner, [end(-1, -2, both[-1])]])
+    *_, found, info = dgtsv(lower, diagonal, upper, rhs)
     assert info == 0
     return np.asarray(found)
-
-
-def _solve_cyclic(matrix: sparse.csc_array, rhs: FloatArray) -> FloatArray:
-    """Solution (n, c) of a cyclic tridiagonal system, by elimination of the last unknown."""
-    row, column, last = matrix[[-1], :-1].toarray(), matrix[:-1, [-1]].toarray(), matrix[-1, -1]
-    both = _solve_tridiagonal(matrix[:-1, :-1], np.hstack([rhs[:-1], column]))
-    free, by_last = both[:, :-1], both[:, -1:]
-    end = (rhs[-1:] - row @ free) / (last - row @ by_last)
-    return np.concatenate([free - by_last * end, end])

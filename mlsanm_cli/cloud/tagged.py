@@ -37,10 +37,13 @@ def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
     file, for coincident nodes, an open or unordered boundary, loops side by side and nodes outside."""
     _refuse_coincident(nodes)
     chains = _chains(nodes)
-    loops = [_oriented(nodes.points, loop) for loop in _linked(nodes, chains)]
-    area = [abs(signed_area(nodes.points[loop.nodes])) for loop in loops]
-    outer = int(np.argmax(area))
-    found = tuple(loop if k == outer else _reversed(loop) for k, loop in enumerate(loops))
+    loops = _linked(nodes, chains)
+    area = [signed_area(nodes.points[loop.nodes]) for loop in loops]
+    outer = int(np.argmax(np.abs(area)))
+    # The outer loop counter-clockwise, holes clockwise.
+    found = tuple(
+        loop if (area[k] > 0.0) == (k == outer) else _reversed(loop) for k, loop in enumerate(loops)
+    )
     _refuse_outside(nodes, found, outer)
     return found
 
@@ -169,10 +172,6 @@ def _joined(points: FloatArray, chains: Sequence[IntArray], names: Sequence[str]
         corner_here = turn[at - 1] > turn[at % len(nodes)]
         along += [names[k]] * (len(chain) - 1) + [following if corner_here else names[k]]
     return Loop(nodes, tuple(along))
-
-
-def _oriented(points: FloatArray, loop: Loop) -> Loop:
-    return loop if signed_area(points[loop.nodes]) > 0.0 else _reversed(loop)
 
 
 def _reversed(loop: Loop) -> Loop:

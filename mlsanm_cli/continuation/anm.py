@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct_end, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct_end, point_at, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Series, expand
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, SingularTangentError
@@ -57,12 +57,12 @@ class AnmFollower(Follower):
             limit = branch.length if self._locate_event is None or cut else self._locate_event(branch)
             if cut or limit < branch.length:
                 piece = branch.shortened(limit)
-                yield self._step(piece, self._end_at_event(here, piece), unit)
+                yield self._record(piece, self._end_at_event(here, piece), piece.length * unit, piece.order)
                 raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._reach_end(here, branch)
             if ahead is not None:
                 self._piece = branch
-            yield self._step(branch, end, unit)
+            yield self._record(branch, end, branch.length * unit, branch.order)
             if ahead is None:
                 if end.lam == self._lam_end:
                     raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
@@ -83,7 +83,9 @@ class AnmFollower(Follower):
     def _next_direction(self, branch: Branch) -> tuple[tuple[FloatArray, float], float]:
         """Return the direction and the guess for the step that follows a piece of path."""
         direction = branch.x[1], float(branch.lam[1])
-        return direction, _power_of_two(branch.length * self._metric.norm(*direction))
+        length = max(branch.length * self._metric.norm(*direction), _SHORTEST_GUESS)
+        # A power of two adds no round-off.
+        return direction, float(2.0 ** np.round(np.log2(length)))
 
     def _series(self, here: ExpansionPoint, direction: tuple[FloatArray, float], unit: float) -> Series:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -143,7 +145,7 @@ class AnmFollower(Follower):
             crossing = piece.first_crossing(self._lam_end)
             if crossing is not None:
                 return self._finish(here, piece.shortened(crossing))
-            end = self._uncorrected(*piece.evaluate(length))
+            end = point_at(self._problem, *piece.evaluate(length))
             place = f"near load factor {end.lam:.9g}"
             if end.residual > self._options.tolerance:
                 failure = Stopped(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
@@ -176,18 +178,7 @@ class AnmFollower(Follower):
         x = piece.evaluate(piece.length)[0]
         end = self._corrected(here, (x, self._lam_end))
         # At a fold at the target the end of the series keeps the tolerance.
-        return piece, end or self._uncorrected(x, self._lam_end), None, SolveCounts()
+        return piece, end or point_at(self._problem, x, self._lam_end), None, SolveCounts()
 
     def _corrected(self, here: ExpansionPoint, end: tuple[FloatArray, float]) -> Correction | None:
         return correct_end(self._problem, here, end, self._options, self._effort)
-
-    def _uncorrected(self, x: FloatArray, lam: float) -> Correction:
-        return Correction(x, lam, residual_norm(self._problem, x, lam), 0, 0, 0)
-
-    def _step(self, branch: Branch, end: Correction, unit: float) -> Step:
-        return self._record(branch, end, branch.length * unit, branch.order)
-
-
-def _power_of_two(length: float) -> float:
-    """Return the power of two nearest to ``length``, bounded below."""
-    return float(2.0 ** np.round(np.log2(max(length, _SHORTEST_GUESS))))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
+from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
 
@@ -29,17 +29,17 @@ _END_SHARE = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A corrected point, its largest residual, and the work it took."""
+    """A corrected point, its largest residual, and the work it took if that was counted."""
 
     x: FloatArray
     lam: float
     residual: float
-    updates: int
-    factorizations: int
-    solves: int
+    updates: int = 0
+    factorizations: int = 0
+    solves: int = 0
 
 
-@dataclasses.dataclass
+@dataclass
 class SolveCounts:
     """Running counts of one step or correction."""
 
@@ -62,13 +62,9 @@ def residual_norm(problem: Problem, x: FloatArray, lam: float) -> float:
     return value if value == value else np.inf
 
 
-@dataclass(frozen=True, eq=False)
-class Point:
-    """Unknowns, load factor, and the largest residual."""
-
-    x: FloatArray
-    lam: float
-    residual: float
+def point_at(problem: Problem, x: FloatArray, lam: float) -> Correction:
+    """Return a point with its largest residual."""
+    return Correction(x, lam, residual_norm(problem, x, lam))
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -97,20 +93,7 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
             f"{effort.updates} updates, tolerance {options.tolerance:.3g}",
             'use contact.regularization.law = "exact", or a larger contact.regularization.eta',
         )
-    counts = effort.updates, effort.factorizations, effort.solves
-    return Correction(found.x, found.lam, found.residual, *counts)
-
-
-@dataclass(frozen=True, eq=False)
-class NormalPlane:
-    """The plane of updates orthogonal to ``normal`` = ((size,), load factor) in the ``metric``."""
-
-    metric: Metric
-    normal: tuple[FloatArray, float]
-
-    def load_update(self, dx: FloatArray, slope: FloatArray) -> float:
-        """Return the update of the load factor that with dx + update * slope lies in the plane."""
-        return -self.metric.product(dx, 0.0, *self.normal) / self.metric.product(slope, 1.0, *self.normal)
+    return replace(found, **asdict(effort))
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -118,17 +101,18 @@ def iterate(
     problem: Problem,
     x: FloatArray,
     lam: float,
-    plane: NormalPlane | None,
+    load_update: Callable[[FloatArray, FloatArray], float] | None,
     options: PathOptions,
     effort: SolveCounts,
-) -> Point:
+) -> Correction:
     """Return the point reached by damped Newton updates from an admissible (x, lam).
 
-    The updates keep the load factor, or lie in ``plane``. They end at ``options.goal``, after
-    ``max_corrections``, or when no part of an update lowers the norm of the residual. Counts are added to
-    ``effort``. Raises SingularTangentError as :func:`expansion_point`.
+    The updates keep the load factor, unless ``load_update`` gives its change from the update at fixed load
+    factor and the slope dx/dlam. They end at ``options.goal``, after ``max_corrections``, or when no part of
+    an update lowers the norm of the residual. Counts are added to ``effort``. Raises SingularTangentError as
+    :func:`expansion_point`.
     """
-    point = Point(np.array(x, dtype=np.float64), lam, residual_norm(problem, x, lam))
+    point = point_at(problem, np.array(x, dtype=np.float64), lam)
     for _ in range(options.max_corrections):
         if point.residual <= options.goal:
             break
@@ -138,10 +122,10 @@ def iterate(
         try:
             tangent = problem.tangent(point.x, point.lam)
             dx, along = tangent.solve(-residual), 0.0
-            if plane is not None:
+            if load_update is not None:
                 effort.solves += 1
                 slope = -tangent.solve(problem.load_derivative(point.x, point.lam))
-                along = plane.load_update(dx, slope)
+                along = load_update(dx, slope)
                 dx = dx + along * slope
         except np.linalg.LinAlgError as error:
             raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}") from error
@@ -165,40 +149,22 @@ def correct_end(
 ) -> Correction | None:
     """Correct the end of a step to the path, at its load factor; None when that fails. The factorised tangent
     of the step's start is used, and a new one if that converges slowly. Counts are added to ``effort``."""
-    point = Point(*end, residual_norm(problem, *end))
-    updates = effort.updates
+    point = point_at(problem, *end)
     for _ in range(_CHORD_UPDATES):
         if point.residual <= options.goal:
-            break
-        better = _updated(problem, start, point, effort)
+            return point
+        effort.solves += 1
+        step = start.tangent.solve(-problem.residual(point.x, point.lam))
+        better = point_at(problem, point.x + step, point.lam)
         if not better.residual <= _CHORD_RATE * point.residual:
             break
         point = better
         effort.updates += 1
-    for _ in range(options.max_corrections):
-        if point.residual <= options.goal:
-            break
-        try:
-            effort.factorizations += 1
-            effort.solves += 1
-            fresh = expansion_point(problem, point.x, point.lam)
-        except SingularTangentError:
-            return None
-        better = _updated(problem, fresh, point, effort)
-        if not better.residual < point.residual:
-            break
-        point = better
-        effort.updates += 1
-    if point.residual > max(options.goal, _END_SHARE * options.tolerance):
+    try:
+        point = iterate(problem, point.x, point.lam, None, options, effort)
+    except SingularTangentError:
         return None
-    return Correction(point.x, point.lam, point.residual, effort.updates - updates, 0, 0)
-
-
-def _updated(problem: Problem, at: ExpansionPoint, point: Point, effort: SolveCounts) -> Point:
-    """Return the point after one Newton update with the tangent at ``at``."""
-    effort.solves += 1
-    x = point.x + at.tangent.solve(-problem.residual(point.x, point.lam))
-    return Point(x, point.lam, residual_norm(problem, x, point.lam))
+    return point if point.residual <= max(options.goal, _END_SHARE * options.tolerance) else None
 
 
 def admissible_part(
@@ -223,7 +189,9 @@ def admissible_part(
     return _BOUNDARY_MARGIN * low
 
 
-def _damped(problem: Problem, point: Point, update: tuple[FloatArray, float], size: float) -> Point | None:
+def _damped(
+    problem: Problem, point: Correction, update: tuple[FloatArray, float], size: float
+) -> Correction | None:
     """Return the point after an update, halved until it sufficiently lowers the residual's norm ``size``;
     None on failure."""
     part = admissible_part(problem, (point.x, point.lam), update)
@@ -233,6 +201,6 @@ def _damped(problem: Problem, point: Point, update: tuple[FloatArray, float], si
             residual = problem.residual(x, lam)
             # The Euclidean norm decreases along a Newton update, the largest residual need not.
             if float(np.linalg.norm(residual)) <= (1.0 - _SUFFICIENT_DECREASE * part) * size:
-                return Point(x, lam, float(np.abs(residual).max(initial=0.0)))
+                return Correction(x, lam, float(np.abs(residual).max(initial=0.0)))
         part *= 0.5
     return None

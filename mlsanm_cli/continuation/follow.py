@@ -39,8 +39,6 @@ def follow(
     last : whether the caller leaves the path at a state, the end of a step: power series then do not
         factorise the tangent there
     """
-    if isinstance(options, NewtonOptions):
-        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, locate_event, levels, last)
-    return AnmFollower(
-        problem, x0, lam0, lam_end, options or AnmOptions(), previous, locate_event, levels, last
-    )
+    options = options or AnmOptions()
+    method = NewtonFollower if isinstance(options, NewtonOptions) else AnmFollower
+    return method(problem, x0, lam0, lam_end, options, previous, locate_event, levels, last)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, NormalPlane, admissible_part, iterate, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, admissible_part, iterate, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError
@@ -113,8 +113,9 @@ class NewtonFollower(Follower):
         """Return the next step, as long as the step length, the levels and convergence allow."""
         length, level = self._step_length, None
         if self._load_control:
-            level = min((v for v in self._targets if (v - here.lam) * along[1] > 0.0), key=self._away(here))
-            room = abs(level - here.lam)
+            ways = {v: abs(v - here.lam) for v in self._targets if (v - here.lam) * along[1] > 0.0}
+            level = min(ways, key=ways.__getitem__)
+            room = ways[level]
             length, level = (room, level) if length >= (1.0 - _NEAR_START) * room else (length, None)
         shortest = self._options.min_length / self._metric.norm(*along)
         while True:
@@ -126,9 +127,6 @@ class NewtonFollower(Follower):
                 if length < shortest:
                     place = f"at load factor {here.lam:.9g}"
                     raise Stopped(failure.reason, f"{failure.message}, and no shorter step {place}") from None
-
-    def _away(self, here: ExpansionPoint) -> Callable[[float], float]:
-        return lambda level: abs(level - here.lam)
 
     def _attempt(
         self, here: ExpansionPoint, along: tuple[FloatArray, float], length: float, level: float | None
@@ -160,12 +158,17 @@ class NewtonFollower(Follower):
         lam = lam if level is None else level
         part = admissible_part(self._problem, (here.x, here.lam), (x - here.x, lam - here.lam))
         x = here.x + part * (x - here.x)
-        plane = None
+        product = self._metric.product
+
+        def in_normal_plane(dx: FloatArray, slope: FloatArray) -> float:
+            return -product(dx, 0.0, *along) / product(slope, 1.0, *along)
+
+        load_update = None
         if not self._load_control and level is None:
-            plane, lam = NormalPlane(self._metric, along), here.lam + part * (lam - here.lam)
+            load_update, lam = in_normal_plane, here.lam + part * (lam - here.lam)
         place = f"near load factor {lam:.9g}"
         try:
-            point = iterate(self._problem, x, lam, plane, self._options, self._effort)
+            point = iterate(self._problem, x, lam, load_update, self._options, self._effort)
             if not point.residual <= self._options.tolerance:
                 message = f"iterations end at a residual of {point.residual:.3g} {place}"
                 raise _Failed(StopReason.CORRECTION_FAILED, message)
@@ -174,8 +177,7 @@ class NewtonFollower(Follower):
             raise _Failed(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}") from None
         if not self._load_control and self._metric.norm(point.x - x, point.lam - lam) > _MAX_DEVIATION * a:
             raise _Failed(StopReason.CORRECTION_FAILED, f"iterations lead to another branch {place}")
-        end = Correction(point.x, point.lam, point.residual, 0, 0, 0)
-        return _Step(self._cubic(here, along, ahead), end, ahead)
+        return _Step(self._cubic(here, along, ahead), point, ahead)
 
     def _cubic(self, here: ExpansionPoint, along: tuple[FloatArray, float], ahead: ExpansionPoint) -> Branch:
         """Return the cubic with the values and tangents of both ends. Raises _Failed."""
@@ -255,4 +257,4 @@ class NewtonFollower(Follower):
         if a > _NEAR_START * leg.piece.length:
             return self._solved(here, along, leg.piece, a)
         residual = float(np.abs(self._problem.residual(x, lam)).max(initial=0.0))
-        return _Step(leg.piece.shortened(a), Correction(x, lam, residual, 0, 0, 0), here)
+        return _Step(leg.piece.shortened(a), Correction(x, lam, residual), here)

@@ -27,13 +27,9 @@ import numpy as np
 from mlsanm_cli.continuation.problem import FloatArray
 from mlsanm_cli.continuation.roots import root
 
-# A level of lam(a) is searched between so many samples: a series of order 30 has fewer extrema.
-_SAMPLES = 65
 _EPS = float(np.finfo(np.float64).eps)
 # A level this close to the first or last value of lam, relative to the terms summed, is that value.
 _ROUND_OFF = 32.0 * _EPS
-# The sign of the change of lam at the end of a piece is taken over this part of the last interval.
-_END_PART = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +85,6 @@ class Branch:
         weights = self._weights(a)
         return weights @ self.terms[0], float(weights @ self.terms[1])
 
-    def evaluate_many(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return x, shape (k, size), and lam, shape (k,), at the parameters ``a``, shape (k,)."""
-        weights = self.weights(a)
-        return weights @ self.terms[0], weights @ self.terms[1]
-
     def derivative_weights(self, a: FloatArray) -> FloatArray:
         """Return the factors (k, N + 1) of the terms in the derivative by the parameter, at ``a`` (k,)."""
         a = np.asarray(a, dtype=np.float64)[:, None]
@@ -137,29 +128,28 @@ class Branch:
         """As :meth:`parameter_at`, but return None when the load factor is not reached."""
         if self.denominator is None and self._stays_off(lam):
             return None
-        grid = np.linspace(0.0, self.length, _SAMPLES)
-        weights = self.weights(grid)
-        values = weights @ self.terms[1] - lam
-        if not np.all(np.isfinite(values)):  # evaluated across a pole, beyond any range of validity
-            return None
-        slack = _ROUND_OFF * (abs(lam) + float(np.max(np.abs(weights) @ np.abs(self.terms[1]))))
-        if abs(values[0]) <= slack:
+        terms, scale = self.terms[1], self.length**self._exponents
+        slack = _ROUND_OFF * (abs(lam) + float(np.abs(self._weights(self.length)) @ np.abs(terms)))
+        if abs(terms[0] - lam) <= slack:
             return 0.0
-        sign = np.sign(values)
-        changes = np.flatnonzero(sign[1:] != sign[0])
-        last = int(changes[0]) + 1 if changes.size else _SAMPLES - 1
-        for low, high in self._dips(lam, grid[: last + 1], sign[0] * values[: last + 1]):
-            # Imported near folds only: that takes longer than following a path without them.
-            from scipy.optimize import minimize_scalar
-
-            bottom = minimize_scalar(
-                lambda a: sign[0] * (self.load_factor(a) - lam), bounds=(low, high), method="bounded"
-            )
-            if bottom.fun <= 0.0:
-                return self._root(lam, low, float(bottom.x))
+        # Zeros in a / length of lam(a) - lam times the denominator, next to a fold perhaps a complex pair.
+        rest = terms * scale
+        lower = np.ones(1) if self.denominator is None else self.denominator
+        rest[0] = 0.0
+        rest[: lower.size] += (terms[0] - lam) * lower * scale[: lower.size]
+        if not np.all(np.isfinite(rest)):  # beyond any range of validity
+            return None
+        inverse = np.roots(rest)
+        zeros = (1.0 / inverse[inverse != 0.0]).real
+        zeros = np.sort(zeros[(zeros > 0.0) & (zeros < 1.0)])
+        # lam(a) crosses the level between neighbours of these samples at most once.
+        grid = self.length * np.array([0.0, *(0.5 * (zeros[1:] + zeros[:-1])), 1.0])
+        values = np.array([self.load_factor(a) - lam for a in grid])
+        changes = np.flatnonzero(values[1:] * values[0] <= 0.0)
         if not changes.size:
             return self.length if abs(values[-1]) <= slack else None
-        return self._root(lam, float(grid[last - 1]), float(grid[last]))
+        low, high = grid[changes[0] : changes[0] + 2].tolist()
+        return root(lambda a: self.load_factor(a) - lam, low, high)
 
     def _stays_off(self, lam: float) -> bool:
         """Whether even the sum of the magnitudes of the terms does not reach the load factor."""
@@ -179,31 +169,6 @@ class Branch:
         if self.denominator is not None:
             weights[1:] /= self.denominator @ weights[: self.denominator.size]
         return weights
-
-    def _root(self, lam: float, low: float, high: float) -> float:
-        def distance(a: float) -> float:
-            return self.load_factor(a) - lam
-
-        if distance(low) * distance(high) >= 0.0:  # a sample lies on the level: its sign is round-off
-            return min(low, high, key=lambda a: abs(distance(a)))
-        return root(distance, low, high)
-
-    def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
-        """Return the intervals in which lam(a) may touch the level between samples on one side of it. That
-        happens near a fold just beyond the level. ``distance`` is positive except for the last sample."""
-        if distance[-1] <= 0.0:  # the crossing before the last sample is found by its change of sign
-            grid, distance = grid[:-1], distance[:-1]
-        if distance.size < 2:
-            return []
-        low = np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:])) + 1
-        dips = [(float(grid[i - 1]), float(grid[i + 1])) for i in low]
-        side = 1.0 if self.lam[0] > lam else -1.0
-        if side * self.lam[1] < 0.0 and distance[1] >= distance[0]:
-            dips.insert(0, (float(grid[0]), float(grid[1])))
-        before = side * (self.load_factor(float(grid[-1] - _END_PART * (grid[-1] - grid[-2]))) - lam)
-        if before < distance[-1] <= distance[-2]:
-            dips.append((float(grid[-2]), float(grid[-1])))
-        return dips
 
 
 # A pole this close to the real axis, relative to its distance from the start, counts as real.

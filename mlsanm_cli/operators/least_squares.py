@@ -33,7 +33,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
-from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.linear.cholesky import factor_definite
+from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
     DIRECTIONS,
@@ -46,7 +47,7 @@ from mlsanm_cli.operators.refinement import (
     best_part,
     relative,
 )
-from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.operators.system import Equations, LinearSystem
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Strong:
 
 
 @dataclass(frozen=True)
-class LeastSquares:
+class LeastSquares(LinearSystem):
     """Factorised least-squares problem: ``rows`` (e, n) already multiplied by ``weight`` (e,), and ``strong``
     rows, whose sums are the ``conditions``. Of the r right-hand sides the first e are those of the rows."""
 
@@ -80,7 +81,6 @@ class LeastSquares:
     conditions: Conditions
 
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
-        """Solutions (n, c) for right-hand sides ``sources`` (r, c) in the rows' physical units."""
         scaled = self.scaled(sources)
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
         return self.conditions.met(solution, self._sums(scaled))
@@ -88,8 +88,6 @@ class LeastSquares:
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) for ``sources`` (r, c), from a multiple of ``start`` (n, 1) if given, and the
-        relative change (c,) by the last update."""
         force, misfit = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
         wanted = self._sums(misfit)
         if start is None:
@@ -105,13 +103,10 @@ class LeastSquares:
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
-        """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         scaled = self.scaled(sources)
         return self._solve_once(scaled, self._sums(scaled))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A refinement step of a ``solution`` (n, 1) for ``source`` (r, 1), and the unrefined solution for
-        ``more`` (r, 1): (n, 2)."""
         one, other = self.scaled(source), self.scaled(more)
         wanted = [self._sums(one) - self.conditions.rows @ solution, self._sums(other)]
         return self._solve_once(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
@@ -205,7 +200,6 @@ class LeastSquares:
 
     @property
     def note(self) -> str:
-        """Remark on the factorisation for users; usually ""."""
         return self.factor.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
@@ -291,7 +285,7 @@ def factorise(
     rows: sparse.csr_array,
     weight: FloatArray,
     points: FloatArray,
-    solver: DirectSolver,
+    solver: LinearSolver,
     strong: Strong | None = None,
 ) -> LeastSquares:
     """Set up and factorise the equations of ``rows`` (e, n), already multiplied by ``weight`` (e,), and of
@@ -299,12 +293,13 @@ def factorise(
     if strong is None:
         strong = Strong.none(rows.shape[1], rows.shape[0])
     if not len(strong.owner):
-        factor = solver.factor_definite(normal_equations(rows), points)
+        factor = factor_definite(normal_equations(rows), points, solver=solver)
         return LeastSquares(rows, weight, strong, factor, Conditions.none(rows.shape[1]))
     # Two vertices of two multipliers each.
     vertices = np.repeat(strong.places, 2, axis=0)
     whole = bordered(rows, strong.rows, strong.owner, len(vertices))
-    factor = solver.factor_definite(whole, np.concatenate([points, vertices]), negative=len(vertices))
+    places = np.concatenate([points, vertices])
+    factor = factor_definite(whole, places, len(vertices), solver=solver)
     alone = Eliminated(factor, rows.shape[1], 2 * len(vertices))
     without = LeastSquares(rows, weight, strong, alone, Conditions.none(rows.shape[1]))
     kept, numbers = independent_sums(strong.rows, strong.sums)

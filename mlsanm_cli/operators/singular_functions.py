@@ -88,7 +88,7 @@ class SingularCorner:
         """Derivatives (..., kinds, m) of the functions at points (..., 2); 0 at the tip, where they are
         singular."""
         seen = self._local(where)
-        kinds = _derivative_orders(orders)
+        kinds = [(order - dy, dy) for order in range(orders[0], orders[1] + 1) for dy in range(order + 1)]
         found = np.zeros((*seen.shape, len(kinds), 2 * len(self.modes)))
         off = np.abs(seen) > TIP_TOLERANCE
         size, angle = np.abs(seen[off]), np.angle(seen[off])
@@ -208,11 +208,6 @@ def _singular_corner(
     kept = sigma > RANK_TOLERANCE * np.linalg.norm(singular, axis=0).max()
     strengths = (v[kept].T / sigma[kept]) @ (gauss * u[:, kept]).T
     return replace(corner, strengths=strengths)
-
-
-def _derivative_orders(orders: tuple[int, int]) -> list[tuple[int, int]]:
-    """Numbers of derivatives by x and y for all orders from ``orders[0]`` to ``orders[1]``."""
-    return [(order - dy, dy) for order in range(orders[0], orders[1] + 1) for dy in range(order + 1)]
 
 
 def _monomials(x: FloatArray, degree: int) -> FloatArray:

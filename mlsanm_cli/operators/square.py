@@ -21,11 +21,11 @@ from mlsanm_cli.operators.refinement import (
     refine,
     relative,
 )
-from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.operators.system import Equations, LinearSystem
 
 
 @dataclass(frozen=True)
-class Square:
+class Square(LinearSystem):
     """Factorised ``matrix`` (n, n); ``choice`` (n, r) combines right-hand sides of the r rows to its own."""
 
     matrix: sparse.csr_array
@@ -33,7 +33,6 @@ class Square:
     factor: Factor
 
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
-        """Solutions (n, c) for right-hand sides ``sources`` (r, c) in the rows' physical units."""
         rhs = self.scaled(sources)
         first = self.factor.solve(rhs)
         return refine(first, self._update(rhs), Progress.of(first, tolerance))[0]
@@ -41,8 +40,6 @@ class Square:
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) for ``sources`` (r, c), from a multiple of ``start`` (n, 1) if given, and the
-        relative change (c,) by the last update."""
         rhs = self.scaled(sources)
         if start is None:
             first = self.factor.solve(rhs)
@@ -54,12 +51,9 @@ class Square:
         return solution, relative(progress.last, solution)
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
-        """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         return self.factor.solve(self.scaled(sources))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A refinement step of a ``solution`` (n, 1) for ``source`` (r, 1), and the unrefined solution for
-        ``more`` (r, 1): (n, 2)."""
         rhs = np.hstack([self.scaled(source) - self.matrix @ solution, self.scaled(more)])
         return self.factor.solve(rhs)
 
@@ -87,7 +81,6 @@ class Square:
 
     @property
     def note(self) -> str:
-        """Remark on the factorisation for users; usually ""."""
         return self.factor.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:

@@ -3,12 +3,12 @@ cloud are built on one side and reflected. Equation (1) of docs/method.md."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
@@ -89,31 +89,42 @@ def _built(
     if not len(centers):
         none = np.zeros(0, dtype=np.int64)
         return Stencils(np.zeros(1, dtype=np.int64), none, np.zeros((0, kinds)), len(points), 0, 1.0)
-
-    def fit(which: IntArray, size: int) -> tuple[tuple[IntArray, FloatArray], FloatArray]:
-        some = centers[which]
-        near = None if known is None else known[which]
+    if len(points) < settings.coefficients:
+        raise NumericalError(
+            f"a body of {len(points)} nodes has too few of them for polynomials of degree {settings.degree}",
+            "use a smaller spacing or a lower mls.degree",
+        )
+    size, pending, numbers = settings.stencil_size, np.arange(len(centers)), []
+    parts: list[Stencils] = []
+    while len(pending):
+        size = min(size, len(points))
+        some, near = centers[pending], None if known is None else known[pending]
         radius, indices = neighbors_of(points, tree, some, size, sight, near)
         radius = weight_radius(points, some, radius, indices, settings)
-        weights, ratio = np.empty((len(some) * size, kinds)), np.empty(len(some))
-        _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
-        return (indices, weights.reshape(len(some), size, -1)), ratio
-
-    fits = list(sound_fits(len(points), centers, np.arange(len(centers)), settings, fit))
-    worst = min((float(ratio.min(initial=1.0)) for _, _, ratio in fits), default=1.0)
-    enlarged = len(centers) - len(fits[0][0]) if fits else 0
-    found = _merge(
-        [(which, indices, weights) for which, (indices, weights), _ in fits],
-        len(centers),
-        len(points),
-        enlarged,
-        worst,
-    )
+        weights, ratio = _weights(points, indices, some, targets[pending], radius, settings, orders)
+        sound = _sound(ratio, size, len(points), settings)
+        # Without a copy where all are sound: weights take much memory.
+        kept = slice(None) if sound.all() else sound
+        numbers.append(pending[kept])
+        indptr = np.arange(len(numbers[-1]) + 1, dtype=np.int64) * size
+        enlarged, worst = len(numbers[-1]) if parts else 0, float(ratio[kept].min(initial=1.0))
+        flat = indices[kept].ravel(), weights[kept].reshape(-1, kinds)
+        parts.append(Stencils(indptr, *flat, len(points), enlarged, worst))
+        pending = pending[~sound]
+        if len(pending) and (size == len(points) or size >= MAX_GROWTH * settings.stencil_size):
+            x, y = centers[pending[0]]
+            raise NumericalError(
+                f"the nodes around ({x:.6g}, {y:.6g}) do not determine polynomials of degree "
+                f"{settings.degree}, not even {size} of them",
+                "use a smaller spacing there, or a lower mls.degree",
+            )
+        size = int(np.ceil(ENLARGEMENT * size))
+    whole = parts[0] if len(parts) == 1 else _joined(parts).take(np.argsort(np.concatenate(numbers)))
     corners = singular_corners(points, tree, settings, sight, tips)
-    return enriched(found, corners, points, centers, targets, orders)
+    return enriched(whole, corners, points, centers, targets, orders)
 
 
-def _fit_in_slices(
+def _weights(
     points: FloatArray,
     indices: IntArray,
     centers: FloatArray,
@@ -121,85 +132,41 @@ def _fit_in_slices(
     radius: FloatArray,
     settings: MlsSettings,
     orders: tuple[int, int],
-    weights: FloatArray,
-    ratio: FloatArray,
-) -> None:
-    """Compute ``weights`` and ``ratio`` in slices of stencils, between which signals are handled."""
-    size = indices.shape[1]
-    for first in range(0, len(centers), BLOCK_SIZE):
-        here = slice(first, min(first + BLOCK_SIZE, len(centers)))
+) -> tuple[FloatArray, FloatArray]:
+    """Weights (e, k, kinds) of stencils of nodes ``indices`` (e, k) and their ratios of diagonal entries of R
+    (e,). Computed in slices, between which signals are handled."""
+    count, size = indices.shape
+    kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
+    weights, ratio = np.empty((count, size, kinds)), np.empty(count)
+    for first in range(0, count, BLOCK_SIZE):
+        here = slice(first, min(first + BLOCK_SIZE, count))
         indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
         mls_weights(
             *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
             *(radius[here], settings.degree, settings.sharpness, *orders),
-            *(weights[first * size : here.stop * size], ratio[here]),
+            *(weights[here].reshape(-1, kinds), ratio[here]),
         )
+    return weights, ratio
 
 
-def sound_fits(
-    nodes: int,
-    targets: FloatArray,
-    which: IntArray,
-    settings: MlsSettings,
-    fit: Callable[[IntArray, int], tuple[tuple[AnyArray, ...], FloatArray]],
-) -> Iterator[tuple[IntArray, tuple[AnyArray, ...], FloatArray]]:
-    """Fits at the ``targets`` (e, 2) with numbers ``which``, with more neighbours where the rank is
-    deficient.
-
-    ``fit(some, size)`` makes fits with ``size`` neighbours at targets ``some``: arrays with one row each, and
-    their ratios of diagonal entries of R. Yields numbers, arrays and ratios of accepted fits. Raises
-    NumericalError where no size is enough.
-    """
-    if nodes < settings.coefficients:
-        raise NumericalError(
-            f"a body of {nodes} nodes has too few of them for polynomials of degree {settings.degree}",
-            "use a smaller spacing or a lower mls.degree",
-        )
-    size, pending = settings.stencil_size, which
-    while len(pending):
-        size = min(size, nodes)
-        parts, ratio = fit(pending, size)
-        # A ratio above one (or nan) means nodes too close together to be separated at this radius.
-        patient = settings.degree >= MARGIN_DEGREE and size < min(
-            nodes, MARGIN_GROWTH * settings.stencil_size
-        )
-        margin = CONDITION_MARGIN if patient else 1.0
-        sound = (ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0)
-        if sound.all():
-            yield pending, parts, ratio
-            return
-        yield pending[sound], tuple(part[sound] for part in parts), ratio[sound]
-        pending = pending[~sound]
-        if size == nodes or size >= MAX_GROWTH * settings.stencil_size:
-            x, y = targets[pending[0]]
-            raise NumericalError(
-                f"the nodes around ({x:.6g}, {y:.6g}) do not determine polynomials of degree "
-                f"{settings.degree}, not even {size} of them",
-                "use a smaller spacing there, or a lower mls.degree",
-            )
-        size = int(np.ceil(ENLARGEMENT * size))
+def _sound(ratio: FloatArray, size: int, nodes: int, settings: MlsSettings) -> BoolArray:
+    """Mask (e,) of the fits of ``size`` nodes accepted with this ``ratio`` (e,) of diagonal entries of R."""
+    patient = settings.degree >= MARGIN_DEGREE and size < min(nodes, MARGIN_GROWTH * settings.stencil_size)
+    margin = CONDITION_MARGIN if patient else 1.0
+    # A ratio above one (or nan) means nodes too close together to be separated at this radius.
+    return np.asarray((ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0))
 
 
-def _merge(
-    parts: list[tuple[IntArray, IntArray, FloatArray]], targets: int, nodes: int, enlarged: int, worst: float
-) -> Stencils:
-    if len(parts) == 1:
-        _, indices, weights = parts[0]
-        indptr = np.arange(targets + 1, dtype=np.int64) * indices.shape[1]
-        return Stencils(
-            indptr, indices.ravel(), weights.reshape(-1, weights.shape[2]), nodes, enlarged, worst
-        )
-    order = np.argsort(np.concatenate([which for which, _, _ in parts]))
-    count = np.concatenate([np.full(len(which), indices.shape[1]) for which, indices, _ in parts])
-    gathered = Stencils(
-        np.concatenate([[0], np.cumsum(count)]),
-        np.concatenate([indices.ravel() for _, indices, _ in parts]),
-        np.concatenate([weights.reshape(-1, weights.shape[2]) for _, _, weights in parts]),
-        nodes,
-        enlarged,
-        worst,
+def _joined(parts: Sequence[Stencils]) -> Stencils:
+    """All stencils of several ``parts``, one after the other."""
+    return Stencils(
+        np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.indptr) for part in parts]))]),
+        np.concatenate([part.indices for part in parts]),
+        np.concatenate([part.weights for part in parts]),
+        parts[0].nodes,
+        sum(part.enlarged for part in parts),
+        min(part.worst_ratio for part in parts),
     )
-    return gathered.take(order)
 
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:

@@ -182,7 +182,7 @@ def turning(step: PathStep) -> float | None:
     low, high = 0.0, length
     for _ in range(6):
         places = np.linspace(low, high, SAMPLES)
-        values = branch.evaluate_many(places)[1]
+        values = branch.weights(places) @ branch.terms[1]
         best = int(np.argmax(values))
         low, high = places[max(best - 1, 0)], places[min(best + 1, SAMPLES - 1)]
     highest = float(values[best])

@@ -80,14 +80,11 @@ def test_memory_in_the_unit_of_the_system(monkeypatch: pytest.MonkeyPatch) -> No
     assert system.peak_memory_mb() == 300.0 * 1024.0
 
 
-def test_kept_kernels_are_not_left_to_numba_where_users_are_not_known(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """They had been on Windows, at every run: no file was taken for one of this user."""
+def test_kernels_are_kept_where_users_are_not_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "getuid")
-    assert not kept.left_to_numba(tmp_path)
-    (tmp_path / kept.LEFT).touch()
-    assert kept.left_to_numba(tmp_path)
+    assert kept.read(tmp_path) is None
+    kept.write(tmp_path, "no machine code")
+    assert kept.read(tmp_path) == "no machine code"
 
 
 def test_links_and_pipes_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,13 +63,6 @@ def test_nodes_and_surfaces_are_their_own_images(name: str) -> None:
     assert not adjacent[(side == 0) & inner].any()
     assert np.abs(adjacent[side == 0]).max() <= 1e-13
     assert np.abs(cloud.areas - cloud.areas[image]).max() == 0.0
-    for surface in cloud.surfaces.values():
-        other, places = mirror.surfaces[surface.name]
-        back = cloud.surfaces[other]
-        assert np.array_equal(image[surface.index], back.index[places])
-        assert np.abs(surface.normal * line.signs - back.normal[places]).max() <= 1e-12
-        assert np.abs(surface.weight - back.weight[places]).max() <= 1e-12
-        assert mirror.surfaces[other][0] == surface.name
 
 
 @pytest.mark.parametrize("spacing", [0.05, 0.06, 0.07, 0.08])

@@ -20,7 +20,6 @@ from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.solve.condensed_scene import stage_factors
 from tests.case_text import body, contact, head, item, load, material, pin, support, table
 
@@ -138,7 +137,7 @@ def build(text: str, *overrides: str) -> Small:
     """Clouds, operators, factors and compliance of a case."""
     case = parse_case(text, Path("case.toml"), overrides).case
     prepared = prepare(case, clouds(case), grids=False)
-    scene = assemble_bodies(case, prepared, CholeskySolver())
+    scene = assemble_bodies(case, prepared, "auto")
     return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
 
 

@@ -83,7 +83,10 @@ def test_truss_snaps_through() -> None:
     assert expected < -1.0
     assert steps[-1].x[0] == pytest.approx(expected, abs=1e-8)
     lam = np.concatenate(
-        [step.branch.evaluate_many(np.linspace(0, step.branch.length, 500))[1] for step in steps]
+        [
+            step.branch.weights(np.linspace(0, step.branch.length, 500)) @ step.branch.terms[1]
+            for step in steps
+        ]
     )
     assert lam.min() == pytest.approx(-0.5 * target, abs=1e-5)  # the second fold was passed
     heights = np.array([step.x[0] for step in steps])

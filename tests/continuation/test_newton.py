@@ -46,7 +46,7 @@ def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> Non
         assert (x[0], reached) == pytest.approx((step.x[0], lam), rel=1e-13)
         weights = step.branch.derivative_weights(np.array([0.0, step.branch.length]))
         slope = (weights @ step.branch.terms[0])[:, 0] / (weights @ step.branch.terms[1])
-        ends = step.branch.evaluate_many(np.array([0.0, step.branch.length]))[0][:, 0]
+        ends = step.branch.weights(np.array([0.0, step.branch.length])) @ step.branch.terms[0][:, 0]
         assert slope == pytest.approx(1.0 / (1.0 + 2.0 * ends), rel=1e-6)
 
 

@@ -16,7 +16,6 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings, Scheme
 
 STEEL = isotropic(210.0, 0.3, "strain")
@@ -52,7 +51,7 @@ def build(
     """A factorised body on ``cloud``."""
     clamped = [surface for surface, components in held.items() if all(components)]
     model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), clamped)
-    return assemble(model, held, held_nodes, CholeskySolver())
+    return assemble(model, held, held_nodes, "auto")
 
 
 def boundary_values(body: ElasticBody, displacement: Field, stress: Field) -> FloatArray:

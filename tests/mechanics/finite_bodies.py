@@ -19,7 +19,6 @@ from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 from mlsanm_cli.mechanics.finite.projector import Projector, Weights
 from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from tests.mechanics.bodies import build
 
 E, NU = 2.6, 0.3
@@ -65,7 +64,7 @@ def boundary_loads(
 def problem_of(body: FiniteBody, length: float = 1.0) -> FiniteProblem:
     """One stage, from nothing to all loads, with the equations of the reference."""
     start, end = np.zeros(body.loads.count), np.ones(body.loads.count)
-    projector = Projector.at(body, Weights.of(body), np.zeros(body.unknowns), start, CholeskySolver())
+    projector = Projector.at(body, Weights.of(body), np.zeros(body.unknowns), start, "auto")
     return FiniteProblem(body, projector, start, end, length)
 
 
@@ -90,5 +89,5 @@ def renewed(problem: FiniteProblem, x: FloatArray, lam: float) -> FiniteProblem:
     """The same with the equations of another state."""
     projector = problem.projector
     factors = problem.factors(lam)
-    made = Projector.at(problem.body, projector.weights, x, factors, CholeskySolver())
+    made = Projector.at(problem.body, projector.weights, x, factors, "auto")
     return replace(problem, projector=made)

@@ -25,7 +25,6 @@ from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
 
@@ -73,7 +72,7 @@ def test_fluxes_of_even_and_linear_stress_balance_on_every_piece(
         rectangle((0.0, 1.5), (0.0, 1.0)), Spacing(0.05, (Zone.around((0.2, 1.0), 0.02, 0.1, 0.12),)), 0
     )
     model = BodyModel.build("body", cloud, STEEL, MlsSettings(2))
-    body = assemble(model, held, (), CholeskySolver(), touching=touching)
+    body = assemble(model, held, (), "auto", touching=touching)
     assert body.pieces.main.sum() < body.pieces.count if touching else body.pieces.main.all()
     for stress in (uniform, linear):
         source = boundary_values(body, lambda at: 0.0 * at, stress)
@@ -295,7 +294,7 @@ def sprung(springs: Springs) -> ElasticBody:
     """A block that nothing but springs hold."""
     cloud = build_cloud(rectangle((0.0, 2.0), (0.0, 1.0)), Spacing(0.1), 0)
     model = BodyModel.build("body", cloud, STEEL, MlsSettings(2))
-    return assemble(model, {}, (), CholeskySolver(), springs)
+    return assemble(model, {}, (), "auto", springs)
 
 
 @pytest.mark.parametrize("stiffness", [1e-3, 1e-2, 1.0])

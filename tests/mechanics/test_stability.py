@@ -11,12 +11,11 @@ import scipy.sparse as sparse
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import disk, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.mechanics.deferred import BodyEquations
+from mlsanm_cli.mechanics.body import BodyEquations
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from tests.mechanics.bodies import build, jittered_square
 
 CLAMPED = {"bottom": (True, True)}
@@ -70,6 +69,6 @@ def test_equations_that_hardly_know_a_mode_are_found_out() -> None:
     dropped = np.random.default_rng(0).permutation(nodes)[: int(0.6 * nodes)]
     weight[np.concatenate([dropped, nodes + dropped])] *= 1e-3
     rows = sparse.csr_array(system.rows.multiply((weight / system.weight)[:, None]))
-    weak = least_squares.factorise(rows, weight, body.model.nodes, CholeskySolver(), system.strong)
+    weak = least_squares.factorise(rows, weight, body.model.nodes, "auto", system.strong)
     spoilt = replace(body, equations=BodyEquations("weak", lambda: weak))
     assert bulk_stability(spoilt) <= 0.5 * bulk_stability(body)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +21,16 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels import multifrontal
+from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.linear import cholesky, scratch
 from mlsanm_cli.operators.linear.cholesky import (
     MAX_BACKWARD_ERROR,
     CholeskyFactor,
-    CholeskySolver,
+    factor_definite,
     verified_or_superlu,
 )
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
-from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
+from mlsanm_cli.operators.linear.superlu import SuperLUFactor
 from mlsanm_cli.operators.normal import bordered
 
 CASES = [Path(__file__).parents[2] / "cases" / f"{name}.toml" for name in ("hertz", "orthotropic", "paper")]
@@ -102,7 +103,7 @@ def test_solutions_against_dense_ones(count: int, seed: int, apiece: int, most: 
     points = np.concatenate([scattered(count, seed + piece) + 10.0 * piece for piece in range(apiece)])
     matrix = sparse.csc_array(sparse.block_diag(matrices))
     with domains_of(most):
-        factor = CholeskySolver().factor_definite(matrix, points)
+        factor = factor_definite(matrix, points)
     assert isinstance(factor, CholeskyFactor)
     for shape in ((len(points) * 2,), (len(points) * 2, 5)):
         rhs = np.random.default_rng(seed).normal(size=shape)
@@ -117,7 +118,7 @@ def test_solutions_against_dense_ones(count: int, seed: int, apiece: int, most: 
 def test_quasi_definite_solutions_against_dense_ones(count: int, apiece: int, seed: int, most: int) -> None:
     matrix, points, negative = quasi_definite(count, apiece, seed)
     with domains_of(most):
-        factor = CholeskySolver().factor_definite(matrix, points, negative)
+        factor = factor_definite(matrix, points, negative)
     assert isinstance(factor, CholeskyFactor)
     dense = matrix.toarray()
     for shape in ((len(dense),), (len(dense), 5)):
@@ -132,7 +133,7 @@ def test_quasi_definite_solutions_against_dense_ones(count: int, apiece: int, se
 def test_quasi_definite_products_against_dense_ones(seed: int, density: float, most: int) -> None:
     matrix, points, negative = quasi_definite(150, 16, seed)
     with domains_of(most):
-        factor = CholeskySolver().factor_definite(matrix, points, negative)
+        factor = factor_definite(matrix, points, negative)
     assert isinstance(factor, CholeskyFactor)
     rng, size = np.random.default_rng(seed), matrix.shape[0]
     left = sparse.csr_array(sparse.random_array((7, size), density=density, rng=rng))
@@ -146,13 +147,13 @@ def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -
     # Signs are told beforehand: a pivot of the other sign is no pivot.
     points = scattered(100)
     matrix = normal_equations(points)
-    factor = CholeskySolver().factor_definite(
+    factor = factor_definite(
         sparse.csc_array(sparse.block_diag([matrix, np.eye(4)])), np.concatenate([points, points[:2]]), 2
     )
     assert isinstance(factor, SuperLUFactor)
     assert "not positive definite" in factor.note
     wrong, places, _ = quasi_definite(100, 16)
-    assert isinstance(CholeskySolver().factor_definite(wrong, places), SuperLUFactor)
+    assert isinstance(factor_definite(wrong, places), SuperLUFactor)
 
 
 @settings(max_examples=15)
@@ -160,7 +161,7 @@ def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -
 def test_products_against_solutions(seed: int, density: float, most: int) -> None:
     points = scattered(150, seed)
     with domains_of(most):
-        factor = CholeskySolver().factor_definite(normal_equations(points, seed), points)
+        factor = factor_definite(normal_equations(points, seed), points)
     rng = np.random.default_rng(seed)
     left = sparse.csr_array(sparse.random_array((7, 300), density=density, rng=rng))
     right = sparse.csc_array(sparse.random_array((300, 90), density=density, rng=rng))
@@ -168,7 +169,7 @@ def test_products_against_solutions(seed: int, density: float, most: int) -> Non
     found = factor.products(left, right)
     assert found.shape == (7, 90)
     assert np.abs(found - expected).max() <= 1e-13 * max(1.0, np.abs(expected).max())
-    other = SuperLUSolver().factor_definite(normal_equations(points, seed), points)
+    other = factor_definite(normal_equations(points, seed), points, solver="superlu")
     assert np.abs(other.products(left, right) - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
 
 
@@ -178,15 +179,15 @@ def test_hard_matrices_are_solved_as_well_as_by_superlu(apart: float, scales: fl
     points = scattered(400)
     scale = sparse.diags_array(10.0 ** np.random.default_rng(1).uniform(-scales, scales, 800))
     matrix = sparse.csc_array(scale @ normal_equations(points, apart=apart) @ scale)
-    factor = CholeskySolver().factor_definite(matrix, points)
+    factor = factor_definite(matrix, points)
     assert isinstance(factor, CholeskyFactor)
-    other = SuperLUSolver().factor_definite(matrix, points)
+    other = factor_definite(matrix, points, solver="superlu")
     assert backward_error(matrix, factor) <= max(1e-16, 3.0 * backward_error(matrix, other))
 
 
 def test_other_sizes_are_refused_and_nothing_is_asked_of_blas(capfd: pytest.CaptureFixture[str]) -> None:
     points = scattered(60)
-    factor = CholeskySolver().factor_definite(normal_equations(points), points)
+    factor = factor_definite(normal_equations(points), points)
     assert factor.solve(np.zeros((120, 0))).shape == (120, 0)
     assert capfd.readouterr().err == ""
     for size in (0, 118, 122):
@@ -194,7 +195,7 @@ def test_other_sizes_are_refused_and_nothing_is_asked_of_blas(capfd: pytest.Capt
             factor.solve(np.ones(size))
     for count in (59, 61):
         with pytest.raises(ValueError, match=f"a graph of 60 vertices for {count} points"):
-            CholeskySolver().factor_definite(normal_equations(points), scattered(count))
+            factor_definite(normal_equations(points), scattered(count))
 
 
 def full(count: int) -> sparse.csc_array:
@@ -217,7 +218,7 @@ def star(count: int) -> sparse.csc_array:
     ids=["one node", "full", "star", "in pieces"],
 )
 def test_graphs_unlike_those_of_bodies(matrix: sparse.csc_array, place: Callable[[int], FloatArray]) -> None:
-    factor = CholeskySolver().factor_definite(matrix, place(matrix.shape[0] // 2))
+    factor = factor_definite(matrix, place(matrix.shape[0] // 2))
     assert isinstance(factor, CholeskyFactor)
     assert backward_error(matrix, factor) <= 1e-14
 
@@ -226,9 +227,9 @@ def test_factors_in_files_give_the_same_solutions(monkeypatch: pytest.MonkeyPatc
     points = scattered(300)
     matrices = [normal_equations(points, seed) for seed in range(2)]
     rhs = np.random.default_rng(0).normal(size=600)
-    expected = [CholeskySolver().factor_definite(matrix, points).solve(rhs) for matrix in matrices]
+    expected = [factor_definite(matrix, points).solve(rhs) for matrix in matrices]
     monkeypatch.setattr(scratch, "MAPPED_SIZE", 0)
-    factors = [CholeskySolver().factor_definite(matrix, points) for matrix in matrices]
+    factors = [factor_definite(matrix, points) for matrix in matrices]
     for _ in range(2):
         for factor, solution in zip(factors, expected, strict=True):
             np.testing.assert_allclose(factor.solve(rhs), solution, rtol=1e-12)
@@ -238,7 +239,7 @@ def test_indefinite_matrices_are_left_to_superlu_and_noted() -> None:
     points = scattered(200)
     matrix = normal_equations(points) - 5.0 * sparse.eye_array(400)
     assert np.linalg.eigvalsh(matrix.toarray())[0] < -0.1
-    factor = CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
+    factor = factor_definite(sparse.csc_array(matrix), points)
     assert isinstance(factor, SuperLUFactor)
     assert "not positive definite" in factor.note
     rhs = np.random.default_rng(0).normal(size=400)
@@ -255,7 +256,7 @@ def test_a_factor_that_does_not_solve_is_not_used(monkeypatch: pytest.MonkeyPatc
         return failed
 
     monkeypatch.setattr(cholesky, "factorise", wrong)
-    assert isinstance(CholeskySolver().factor_definite(normal_equations(points), points), SuperLUFactor)
+    assert isinstance(factor_definite(normal_equations(points), points), SuperLUFactor)
 
 
 @dataclass
@@ -277,7 +278,7 @@ class Rough:
 def test_a_factor_is_sound_if_a_correction_mends_what_it_loses(part: float, sound: bool) -> None:
     points = scattered(200)
     matrix = sparse.csc_array(normal_equations(points))
-    own = CholeskySolver().factor_definite(matrix, points)
+    own = factor_definite(matrix, points)
     rough = Rough(own, part)
     assert (backward_error(matrix, rough) <= MAX_BACKWARD_ERROR) == (part < 1e-9)
     assert (verified_or_superlu(rough, matrix, points) is rough) == sound
@@ -291,7 +292,7 @@ def test_what_a_correction_leaves_of_an_inaccurate_factor(
     # refused; its peak is that of 1,270 nodes to 0.04 %.
     points = scattered(50)
     matrix = sparse.csc_array(normal_equations(points))
-    own = CholeskySolver().factor_definite(matrix, points)
+    own = factor_definite(matrix, points)
     errors = {0: 2.8e-11, 1: corrected}
     monkeypatch.setattr(cholesky, "backward_error", lambda *given, corrections=0: errors[corrections])
     if sound:
@@ -308,7 +309,7 @@ def test_a_matrix_that_nothing_can_factorise_is_refused(value: float) -> None:
     matrix[7, :] = value
     matrix[:, 7] = value
     with pytest.raises(NumericalError, match=r"could not be factorised|singular to working"):
-        CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
+        factor_definite(sparse.csc_array(matrix), points)
 
 
 def test_a_factor_of_superlu_that_does_not_solve_is_refused() -> None:
@@ -319,30 +320,27 @@ def test_a_factor_of_superlu_that_does_not_solve_is_refused() -> None:
     # Indefinite, and useless as pivots.
     matrix[6:8, 6:8] = np.array([[1e-20, 1.0], [1.0, 1e-20]])
     with pytest.raises(NumericalError, match="singular to working"):
-        CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
-
-
-@dataclass
-class Recorder(CholeskySolver):
-    """Keeps every matrix and its factor."""
-
-    kept: list[tuple[Matrix, FloatArray, Factor]] = field(default_factory=list)
-
-    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
-        factor = super().factor_definite(matrix, points, negative)
-        self.kept.append((matrix, points, factor))
-        return factor
+        factor_definite(sparse.csc_array(matrix), points)
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_published_cases_are_solved_as_well_as_by_superlu(path: Path) -> None:
-    case, recorder = load_case(path).case, Recorder()
-    scene = assemble_bodies(case, prepare(case, clouds(case)), recorder)
+def test_published_cases_are_solved_as_well_as_by_superlu(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = load_case(path).case
+    made: list[tuple[Matrix, FloatArray, Factor]] = []
+
+    def recorded(matrix: Matrix, points: FloatArray, negative: int = 0, **options: Any) -> Factor:
+        made.append((matrix, points, factor_definite(matrix, points, negative, **options)))
+        return made[-1][2]
+
+    monkeypatch.setattr(least_squares, "factor_definite", recorded)
+    scene = assemble_bodies(case, prepare(case, clouds(case)), case.solver.linear)
     systems = {id(body.system) for body in scene.bodies.values()}
-    assert len(recorder.kept) == (len(systems) if case.mls.scheme == "least-squares" else 0)
-    for matrix, points, factor in recorder.kept:
+    assert len(made) == (len(systems) if case.mls.scheme == "least-squares" else 0)
+    for matrix, points, factor in made:
         assert isinstance(factor, CholeskyFactor)
-        other = SuperLUSolver().factor_definite(matrix, points)
+        other = factor_definite(matrix, points, solver="superlu")
         errors = [backward_error(matrix, one) for one in (factor, other)]
         # Multipliers come where our fronts meet, before some of the nodes they touch; SuperLU, in another
         # order, loses up to 60 times less: 7e-15 where we leave 3e-13.

@@ -18,7 +18,6 @@ from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.superlu import elimination_order
 from mlsanm_cli.operators.square import Square
 from mlsanm_cli.operators.square import factorise as square_of
@@ -72,7 +71,7 @@ def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray
         rows[row, columns] = rng.normal(size=12)
         rows[row, columns + 1] = rows[row, columns] + apart * rng.normal(size=12)
     weight = rng.uniform(0.1, 10.0, 300)
-    return factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver()), rows, weight
+    return factorise(sparse.csr_array(weight[:, None] * rows), weight, points, "auto"), rows, weight
 
 
 @given(seed=st.integers(0, 500))
@@ -195,7 +194,7 @@ def strengthened(
     plain, rows, weight = least_squares(apart, seed)
     points = np.random.default_rng(seed).uniform(0.0, 1.0, (60, 2))
     strong = strong_ones(seed, sums)
-    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), strong)
+    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, "auto", strong)
     whole = np.concatenate([weight[:, None] * rows, strong.rows.toarray()])
     scale = np.concatenate([np.hstack([np.diag(weight), np.zeros((300, 9))]), strong.loads.toarray()])
     return plain, system, whole, scale

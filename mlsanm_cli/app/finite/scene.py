@@ -13,7 +13,6 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
-from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.case.checks.finite import pivot_of
@@ -34,7 +33,7 @@ from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, Warming
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.solve.condensed_scene import stage_factors
 
 TOUCH_TOLERANCE = 0.01
@@ -60,7 +59,7 @@ class FiniteScene:
     stages: FloatArray
     supports: Mapping[str, tuple[tuple[str, str], ...]]
     probes: tuple[Probe, ...]
-    solver: DirectSolver
+    solver: LinearSolver
     contacts: tuple[AnyContact, ...] = ()
     loose: tuple[LooseMotions, ...] = ()
     driven: tuple[DrivenObstacle, ...] = ()
@@ -168,7 +167,7 @@ class FiniteScene:
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Assemble a checked scene at finite strain."""
-    solver = direct_solver(case)
+    solver = case.solver.linear
     loose, driven, plates = free_motions_of(case, prepared)
     free = sum(one.count for one in loose) + len(driven) + sum(len(one.components) for one in plates)
     contacts = tuple(_contact(case, prepared, one, free) for one in prepared.pairings)

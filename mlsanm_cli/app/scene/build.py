@@ -14,7 +14,6 @@ from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, 
 from mlsanm_cli.app.scene.causes import pull_hint
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
-from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.app.scene.free_motions import MOTIONS, held_at_zero
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.scene.symmetry import line_of
@@ -226,7 +225,7 @@ def _condensed_scene(
 
     with context.phase("operators"):
         bodies = before.bodies if before is not None else NOTHING
-        scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo, bodies)
+        scene = assemble_bodies(case, prepared, case.solver.linear, factorising, context.memo, bodies)
     stages = stage_factors(case)
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):

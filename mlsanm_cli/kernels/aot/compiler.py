@@ -17,7 +17,7 @@ from llvmlite import ir
 from numba.extending import typeof_impl
 
 from mlsanm_cli.kernels.aot import kept
-from mlsanm_cli.kernels.aot.jit import Inner, Kernel
+from mlsanm_cli.kernels.aot.functions import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Code, UnloadableError
 from mlsanm_cli.kernels.aot.signature import Value
 from mlsanm_cli.kernels.blas import EXTERNALS, External
@@ -50,8 +50,7 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
 
 
 @typeof_impl.register(Inner)
-@typeof_impl.register(Kernel)
-def _typeof_function(value: Inner | Kernel, context: object) -> Any:
+def _typeof_function(value: Inner, context: object) -> Any:
     return numba.types.Dispatcher(_dispatcher(value.__wrapped__))
 
 

@@ -17,7 +17,6 @@ nothing can be stored, every process compiles, and :class:`Loaded` gives the rea
 
 from __future__ import annotations
 
-import functools
 import importlib
 import os
 import pkgutil
@@ -29,42 +28,13 @@ from typing import Any, TypeVar, cast
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.functions import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Code, Machine, UnloadableError
-from mlsanm_cli.kernels.aot.signature import Signature
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 DISABLED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-
-
-class Kernel:
-    """A function that is called as machine code."""
-
-    __wrapped__: Callable[..., Any]
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.name = f"{function.__module__}.{function.__name__}"
-        self.signature = Signature.of(self.name, function)
-        self._call: Callable[..., Any] | None = None
-        functools.update_wrapper(self, function)
-
-    def __call__(self, *arguments: Any) -> Any:
-        if self._call is None:
-            self._call = load().function(self)
-        return self._call(*arguments)
-
-
-class Inner:
-    """A function that kernels may call."""
-
-    __wrapped__: Callable[..., Any]
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        functools.update_wrapper(self, function)
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self.__wrapped__(*arguments)
 
 
 KERNELS: dict[str, Kernel] = {}
@@ -75,7 +45,7 @@ def kernel(function: Function) -> Function:
     """Make ``function`` a kernel; it runs without the GIL and without fast-math."""
     if DISABLED:
         return function
-    made: Any = Kernel(function)
+    made: Any = Kernel(function, lambda one: load().function(one))
     KERNELS[made.name] = made
     return cast(Function, made)
 
@@ -95,16 +65,6 @@ class Loaded:
     machine: Machine | None
     place: Path | None
     note: str = ""
-
-    @classmethod
-    def not_stored(cls, machine: Machine | None, reason: object) -> Loaded:
-        """Kernels that every process must compile."""
-        return cls(
-            machine,
-            None,
-            f"compiled kernels cannot be kept ({reason}); every run compiles them again. "
-            "Set MLSANM_CACHE_DIR to a directory that only you may write to.",
-        )
 
     def function(self, kernel: Kernel) -> Callable[..., Any]:
         """A kernel as a Python function."""
@@ -141,10 +101,10 @@ def load() -> Loaded:
 def _from_disk() -> list[Loaded]:
     try:
         place = kept.directory()
-        if kept.left_to_numba(place):
-            return [Loaded(None, place)]
-        code = kept.read(place)
-        return [] if code is None else [Loaded(Machine(code), place)]
+        content = kept.read(place)
+        if content is None:
+            return []
+        return [Loaded(Machine(content) if isinstance(content, Code) else None, place)]
     except (ImportError, RuntimeError, UnloadableError):
         return []
 
@@ -152,34 +112,25 @@ def _from_disk() -> list[Loaded]:
 def _compiled() -> Loaded:
     from mlsanm_cli.kernels.aot import compiler
 
+    content: Code | str
+    machine, note = None, ""
+    try:
+        content = _compiled_apart(compiler.compiled, every_kernel())
+        compiler.prove(content)
+        machine = Machine(content)
+    except UnloadableError as error:
+        content = str(error)
+        note = f"numba itself keeps the compiled kernels ({content}); runs start more slowly"
     try:
         place = kept.directory()
-    except RuntimeError as error:
-        place, missing = None, error
-    try:
-        code = _compiled_apart(compiler.compiled, every_kernel())
-        compiler.prove(code)
-        machine = Machine(code)
-    except UnloadableError as error:
-        return _left_to_numba(place, error)
-    if place is None:
-        return Loaded.not_stored(machine, missing)
-    try:
-        kept.write(place, code)
-    except OSError as error:
-        return Loaded.not_stored(machine, error)
-    return Loaded(machine, place)
-
-
-def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
-    """Kernels in numba's own cache, if there is a directory for it."""
-    if place is None:
-        return Loaded.not_stored(None, reason)
-    try:
-        kept.leave_to_numba(place, str(reason))
-    except OSError as error:
-        return Loaded.not_stored(None, f"{reason}; {error}")
-    return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start more slowly")
+        kept.write(place, content)
+    except (OSError, RuntimeError) as error:
+        note = (
+            f"compiled kernels cannot be kept ({error}); every run compiles them again. "
+            "Set MLSANM_CACHE_DIR to a directory that only you may write to."
+        )
+        return Loaded(machine, None, note)
+    return Loaded(machine, place, note)
 
 
 def _compiled_apart(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:

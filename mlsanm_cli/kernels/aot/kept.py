@@ -9,8 +9,8 @@ compiled again.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
+import pickle
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -21,12 +21,10 @@ from mlsanm_cli.kernels.aot.machine import Code, UnloadableError, numba_root
 from mlsanm_cli.system import replacing, who_else_may_write
 
 FILE_NAME = "machine-code"
-LEFT = "left-to-numba"
-"""File with the reason why there is no machine code and numba's own cache is used instead."""
 SETTINGS = "NUMBA_"
 NEUTRAL_SETTINGS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
 """Settings of numba that do not affect machine code."""
-DIGEST = 64
+DIGEST = 32
 
 
 def cache_root() -> Path:
@@ -64,25 +62,23 @@ def directory() -> Path:
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 
 
-def encoded(code: Code) -> bytes:
-    """Serialise machine code for the file."""
-    head = {"entries": dict(code.entries), "symbols": code.symbols, "math": code.math}
-    rest = json.dumps(head).encode() + b"\n" + code.object
-    return hashlib.sha256(rest).hexdigest().encode() + rest
+def encoded(content: Code | str) -> bytes:
+    """Serialise machine code, or the reason why there is none and numba's own cache is used instead."""
+    rest = pickle.dumps(content)
+    return hashlib.sha256(rest).digest() + rest
 
 
-def decoded(data: bytes) -> Code:
-    """Inverse of :func:`encoded`. Raises ValueError for anything else."""
-    if hashlib.sha256(data[DIGEST:]).hexdigest().encode() != data[:DIGEST]:
+def decoded(data: bytes) -> Code | str:
+    """Inverse of :func:`encoded`, for files of this user. Raises ValueError for damaged ones."""
+    if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
         raise ValueError("damaged")
-    line, _, machine_code = data[DIGEST:].partition(b"\n")
-    head = json.loads(line)
-    return Code(machine_code, head["entries"], tuple(head["symbols"]), tuple(head["math"]))
+    content: Code | str = pickle.loads(data[DIGEST:])
+    return content
 
 
-def read(place: Path) -> Code | None:
-    """The machine code in a directory; None if it is missing or damaged, or if another user may have written
-    it: it runs with this user's rights, and its digest does not prove its origin."""
+def read(place: Path) -> Code | str | None:
+    """The content of a directory; None if it is missing or damaged, or if another user may have written it:
+    it runs with this user's rights, and its digest does not prove its origin."""
     try:
         if who_else_may_write(place / FILE_NAME):
             return None
@@ -91,7 +87,7 @@ def read(place: Path) -> Code | None:
         return None
 
 
-def write(place: Path, code: Code) -> None:
+def write(place: Path, content: Code | str) -> None:
     """Store machine code atomically, writable by its owner only. Raises OSError, also if others may write to
     a parent directory, as it would not be read again."""
     _make_private_directory(place)
@@ -101,28 +97,8 @@ def write(place: Path, code: Code) -> None:
     # Not tempfile, whose files other users cannot read: one user may compile for all.
     temporary = place / f"{FILE_NAME}.{os.getpid()}.{os.urandom(8).hex()}"
     with replacing(place / FILE_NAME, temporary):
-        temporary.write_bytes(encoded(code))
+        temporary.write_bytes(encoded(content))
         _restrict_writing(temporary)
-
-
-def left_to_numba(place: Path) -> bool:
-    """Whether an earlier process fell back to numba's cache, in a directory that is safe."""
-    try:
-        # On Windows the check accepts any path, even a missing one.
-        return (place / LEFT).is_file() and not who_else_may_write(place / LEFT)
-    except OSError:
-        return False
-
-
-def leave_to_numba(place: Path, reason: str) -> None:
-    """Let numba cache the kernels in a directory from now on. Raises OSError if it is not writable, or is
-    writable by others."""
-    _make_private_directory(place)
-    found = who_else_may_write(place)
-    if found:
-        raise PermissionError(found)
-    (place / LEFT).write_text(f"{reason}\n", encoding="utf-8")
-    _restrict_writing(place / LEFT)
 
 
 def _make_private_directory(place: Path) -> None:

@@ -8,13 +8,15 @@ loaded by path, since importing numba takes longer than most runs.
 from __future__ import annotations
 
 import ctypes
-import importlib.machinery
 import importlib.util
 import os
 import pickle
+import struct
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.machinery import PathFinder
+from itertools import accumulate
 from types import ModuleType
 from typing import Any
 
@@ -43,19 +45,6 @@ class UnloadableError(Exception):
     """Machine code that this process cannot link."""
 
 
-class _Exception(ctypes.Structure):
-    """Numba's description of an exception: pickled class, arguments and location; ``dynamic`` arguments
-    apart."""
-
-    _fields_ = (
-        ("pickled", ctypes.c_void_p),
-        ("size", ctypes.c_int32),
-        ("values", ctypes.c_void_p),
-        ("unwrap", ctypes.c_void_p),
-        ("dynamic", ctypes.c_int32),
-    )
-
-
 class _Owner:
     """Memory of an array returned by a kernel, released with the last view of it."""
 
@@ -79,17 +68,13 @@ def _extension(name: str) -> ModuleType:
     """An extension module of numba, loaded without numba."""
     if f"numba.{name}" in sys.modules:
         return sys.modules[f"numba.{name}"]
-    stem = os.path.join(numba_root(), *name.split("."))
-    for suffix in importlib.machinery.EXTENSION_SUFFIXES:
-        if os.path.exists(stem + suffix):
-            own = name.rpartition(".")[2]
-            loader = importlib.machinery.ExtensionFileLoader(own, stem + suffix)
-            spec = importlib.util.spec_from_loader(own, loader)
-            assert spec is not None
-            module = importlib.util.module_from_spec(spec)
-            loader.exec_module(module)
-            return module
-    raise UnloadableError(f"numba has no {name}")
+    parent, _, own = name.rpartition(".")
+    spec = PathFinder.find_spec(own, [os.path.join(numba_root(), *parent.split("."))])
+    if spec is None or spec.loader is None:
+        raise UnloadableError(f"numba has no {name}")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 class Machine:
@@ -134,20 +119,11 @@ class Machine:
             status = call(ctypes.addressof(result), ctypes.addressof(raised), *words)
             if status not in DONE:
                 raise _exception(name, status, raised.value)
-            return self._results(signature, result)
+            ends = accumulate((len(one.kinds) for one in signature.results), initial=0)
+            found = [self._result(one, result, at) for one, at in zip(signature.results, ends, strict=False)]
+            return tuple(found) if not signature.single else found[0] if found else None
 
         return kernel
-
-    def _results(self, signature: Signature, words: Any) -> Any:
-        """Unpack the result of a kernel."""
-        values, at = [], 0
-        for result in signature.results:
-            size = len(result.kinds)
-            values.append(self._result(result, words, at))
-            at += size
-        if signature.single:
-            return values[0] if values else None
-        return tuple(values)
 
     def _result(self, result: Value, words: Any, at: int) -> Any:
         if result.ndim == 0:
@@ -172,9 +148,9 @@ def _exception(name: str, status: int, address: int | None) -> Exception:
     """The exception raised by a kernel."""
     if status < 1 or address is None:
         return SystemError(f"{name} ended with status {status}")
-    fault = _Exception.from_address(address)
-    kind, arguments, _ = pickle.loads(ctypes.string_at(fault.pickled, fault.size))
-    if fault.dynamic:
-        return RuntimeError(f"{name}: {kind.__name__}")
-    found: Exception = kind(*arguments)
+    # Numba's description of an exception: address and size of the pickled class, arguments and location, then
+    # addresses of arguments that are known at run time only.
+    pickled, size, _, _, dynamic = struct.unpack("PiPPi", ctypes.string_at(address, struct.calcsize("PiPPi")))
+    kind, arguments, _ = pickle.loads(ctypes.string_at(pickled, size))
+    found: Exception = RuntimeError(f"{name}: {kind.__name__}") if dynamic else kind(*arguments)
     return found

@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
-from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 
 PIVOT_THRESHOLD = 1e-3
@@ -83,7 +83,7 @@ class Projector:
         weights: Weights,
         displacement: FloatArray,
         factors: FloatArray,
-        solver: DirectSolver,
+        solver: LinearSolver,
         keeps: bool = False,
     ) -> Projector:
         """The projector at ``displacement`` (2N,) and load ``factors`` (L,); with ``keeps`` that state solves

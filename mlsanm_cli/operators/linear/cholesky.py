@@ -14,10 +14,10 @@ from mlsanm_cli.kernels.domains import count_links, domains, fill_links
 from mlsanm_cli.kernels.multifrontal import BLOCK_COLUMNS, borders, factorise
 from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
-from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
+from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error
 from mlsanm_cli.operators.linear.progress import watched
 from mlsanm_cli.operators.linear.scratch import MappedArray
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
+from mlsanm_cli.operators.linear.superlu import factor_quasi_definite
 from mlsanm_cli.operators.structure import structure
 
 DOMAIN_NODES = 512
@@ -139,29 +139,30 @@ class CholeskyFactor:
         return products(*self.arrays, self.fronts.parent, *columns)
 
 
-class CholeskySolver:
-    """Own solver for definite and quasi-definite matrices, with SuperLU as fallback."""
-
-    name = "cholesky"
-
-    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
-        """Factorise; falls back to SuperLU, with a note, if a pivot has the wrong sign or the factor is
-        inaccurate. Raises NumericalError if that is inaccurate too."""
-        blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
-        fronts = Fronts.of(points, blocks, negative)
-        panels = MappedArray(int(fronts.panel[-1]))
-        pivots = 2 * np.diff(fronts.start)
-        with watched(pivots, pivots + 2 * np.diff(fronts.begin)) as done:
-            failed = factorise(
-                *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.kept),
-                *(fronts.panel, fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
-                *(fronts.order, fronts.place, panels.values, done),
-            )
-        factor = None
-        if failed < 0:
-            order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
-            factor = CholeskyFactor(fronts, order, panels, fronts.links(blocks))
-        return verified_or_superlu(factor, matrix, points)
+def factor_definite(
+    matrix: Matrix, points: FloatArray, negative: int = 0, solver: LinearSolver = "auto"
+) -> Factor:
+    """Factorise a symmetric ``matrix`` (2n, 2n) of two unknowns at each of the nodes ``points`` (n, 2),
+    positive definite except for the unknowns of the last ``negative`` points, in which it is negative
+    definite. Falls back to SuperLU, with a note, if a pivot has the wrong sign or the factor is inaccurate.
+    Raises NumericalError if the matrix is singular."""
+    if solver == "superlu":
+        return factor_quasi_definite(matrix, points)
+    blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
+    fronts = Fronts.of(points, blocks, negative)
+    panels = MappedArray(int(fronts.panel[-1]))
+    pivots = 2 * np.diff(fronts.start)
+    with watched(pivots, pivots + 2 * np.diff(fronts.begin)) as done:
+        failed = factorise(
+            *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.kept),
+            *(fronts.panel, fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
+            *(fronts.order, fronts.place, panels.values, done),
+        )
+    factor = None
+    if failed < 0:
+        order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
+        factor = CholeskyFactor(fronts, order, panels, fronts.links(blocks))
+    return verified_or_superlu(factor, matrix, points)
 
 
 MAX_BACKWARD_ERROR = 1e-11
@@ -177,8 +178,7 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
     if that is inaccurate too."""
     if factor is not None and _accurate(matrix, factor):
         return factor
-    plain = sparse.csc_array(matrix)
-    other = factor_in_order(plain, elimination_order(plain, points))
+    other = factor_quasi_definite(matrix, points)
     if not _accurate(matrix, other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",

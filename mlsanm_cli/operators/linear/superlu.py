@@ -11,11 +11,13 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
-from mlsanm_cli.operators.linear.interface import Factor, Matrix, products_of_solutions
+from mlsanm_cli.operators.linear.interface import Matrix
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
+BLOCK = 64
+"""Columns solved at once."""
 THRESHOLD = 0.1
 """A diagonal entry is accepted as pivot unless another in its column is 1/THRESHOLD times larger."""
 
@@ -39,19 +41,16 @@ class SuperLUFactor:
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c)."""
-        return products_of_solutions(self, left, right)
+        """``left`` (g, n) times full solutions for ``right`` (n, c), in blocks of columns."""
+        blocks = (right[:, first : first + BLOCK].toarray() for first in range(0, right.shape[1], BLOCK))
+        found = [np.zeros((left.shape[0], 0)), *(left @ self.solve(block) for block in blocks)]
+        return np.concatenate(found, axis=1)
 
 
-class SuperLUSolver:
-    """Scipy's SuperLU as a solver of definite and quasi-definite systems."""
-
-    name = "superlu"
-
-    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
-        """Order and factorise. Raises NumericalError if the matrix is singular."""
-        plain = sparse.csc_array(matrix)
-        return factor_in_order(plain, elimination_order(plain, points))
+def factor_quasi_definite(matrix: Matrix, points: FloatArray) -> SuperLUFactor:
+    """Order and factorise without pivoting. Raises NumericalError if the matrix is singular."""
+    plain = sparse.csc_array(matrix)
+    return factor_in_order(plain, elimination_order(plain, points))
 
 
 def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
