@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import fill_region, relax
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.membership import inside_body
+from mlsanm_cli.cloud.membership import boundary_chords, inside_body
 from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, Mirror, SymmetryLine
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
@@ -252,8 +252,8 @@ def _surfaces(outline: Outline, steps: list[FloatArray]) -> dict[str, Surface]:
 
 
 def _edges(surfaces: Iterable[Surface]) -> IntArray:
-    chains = [np.append(s.index, s.index[:1]) if s.curve.closed else s.index for s in surfaces]
-    return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in chains])
+    index, _, names = boundary_of(surfaces)
+    return np.asarray(index[boundary_chords(index, names)])
 
 
 def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:

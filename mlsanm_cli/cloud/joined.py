@@ -251,7 +251,11 @@ def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:
     chains: list[Chain] = []
     for loop in outline.loops:
         wanted = [k for k in range(loop.start, loop.stop) if k in numbers]
-        gaps = [place for place, k in enumerate(wanted) if _before(k, loop) not in wanted]
+        gaps = [
+            place
+            for place, k in enumerate(wanted)
+            if (k - 1 if k > loop.start else loop.stop - 1) not in wanted
+        ]
         if wanted and not gaps:
             chains.append((tuple(wanted), True))
         elif gaps and gaps[0] > 0:  # the last chain goes on across the start of the loop
@@ -259,7 +263,3 @@ def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:
         ends = [*gaps[1:], len(wanted)]
         chains += [(tuple(wanted[a:b]), False) for a, b in zip(gaps, ends, strict=False)]
     return chains
-
-
-def _before(number: int, loop: slice) -> int:
-    return number - 1 if number > loop.start else loop.stop - 1

@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import Factor
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
+from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
 from mlsanm_cli.operators.refinement import (
     BLOCK_COLUMNS,
     FULL_TOLERANCE,
@@ -107,4 +107,4 @@ def factorise(rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArr
     matrix = sparse.csr_array(choice[:, : rows.shape[0]] @ rows)
     pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)
     order = elimination_order(pattern, points)
-    return Square(matrix, choice, factor_unsymmetric(sparse.csc_array(matrix), order))
+    return Square(matrix, choice, factor_in_order(sparse.csc_array(matrix), order, THRESHOLD))

@@ -29,7 +29,7 @@ from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_ro
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 
 PIVOT_THRESHOLD = 1e-3
 """A diagonal entry is accepted as pivot down to this fraction of the largest in its column. Block under a
@@ -157,7 +157,7 @@ class Projector:
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
         matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
-        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), PIVOT_THRESHOLD)
+        factor = factor_in_order(sparse.csc_array(matrix), self._order(matrix), PIVOT_THRESHOLD)
         return Factorised(self, rows, strong, factor)
 
     @cached_property
