@@ -24,8 +24,8 @@ MAX_NODES = 400.0
 """Largest number of nodes of a piece."""
 WIDTH_OVER_ROOM, MIN_NODES = 0.4, 2.0
 """Largest width of a piece over the distance to a hollow plus its radius, and its least number of nodes.
-Without this bound portal frames with fillets lost up to 6 % of their stiffness; with 0.7 peak stresses at holes
-lost twice to three times as much."""
+Without it portal frames with fillets lost up to 6 % of their stiffness; with 0.7 peak stresses at holes lost
+two to three times as much."""
 CLEARANCE = 3.5
 """Distance of pairs from supports and corners, in spacings."""
 TIE_TOLERANCE = 1e-9

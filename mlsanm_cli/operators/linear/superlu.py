@@ -61,8 +61,8 @@ def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
 
 
 def factor_in_order(matrix: sparse.csc_array, order: IntArray, threshold: float = 0.0) -> SuperLUFactor:
-    """Factorise in ``order`` (n,), without pivoting unless a ``threshold`` is given, as needed for matrices that
-    are not quasi-definite. Raises NumericalError if the matrix is singular."""
+    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting, 0 for quasi-definite matrices. Raises
+    NumericalError if the matrix is singular."""
     # Imported here: it loads the eigenvalue solvers, not needed when the own Cholesky factor suffices.
     from scipy.sparse.linalg import splu
 
