@@ -86,16 +86,6 @@ def test_another_version_or_setting_of_numba_has_code_of_its_own(
     assert kept.directory() == places[0]
 
 
-def test_everything_that_code_depends_on_is_in_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    parts, names = kept.build_environment(), {kept.directory()}
-    for number in range(len(parts)):
-        changed = tuple(part + "x" * (at == number) for at, part in enumerate(parts))
-        monkeypatch.setattr(kept, "build_environment", lambda changed=changed: changed)
-        names.add(kept.directory())
-    assert len(parts) >= 7
-    assert len(names) == len(parts) + 1
-
-
 INTERRUPTED = """
 import os, signal, time
 from mlsanm_cli.kernels.aot import compiler
