@@ -74,7 +74,7 @@ class Segment:
         return np.tile([self._tangent[1], -self._tangent[0]], (len(s), 1))
 
     def closest(self, points: FloatArray) -> FloatArray:
-        return np.clip((points - self._ends[0]) @ self._tangent, 0.0, self.length)
+        return np.asarray(np.clip((points - self._ends[0]) @ self._tangent, 0.0, self.length))
 
     def curvature(self, s: FloatArray) -> FloatArray:
         return np.zeros(len(s))
