@@ -68,7 +68,7 @@ class Known:
         return DenseTangent(np.atleast_2d(self.matrix(x)), self.counts)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        return -np.eye(self.size)[0]
+        return np.asarray(-np.eye(self.size)[0])
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
         return True
