@@ -132,14 +132,13 @@ class Run:
 
     def contact(self, name: str | None = None) -> Contact:
         """A contact by name, or the only one. Raises RunError if there is none."""
-        if name is None and len(self.contacts) == 1:
-            name = self.contacts[0]
-        if name is None or name not in self.contacts:
+        from mlsanm_cli.app.results.path_lookup import refuse_unknown
+
+        if name is None and len(self.contacts) != 1:
             there = f"there are: {', '.join(self.contacts)}" if self.contacts else "there is none"
-            wanted = (
-                "the run does not have one contact" if name is None else f'the run has no contact "{name}"'
-            )
-            raise RunError(wanted, there)
+            raise RunError("the run does not have one contact", there)
+        name = self.contacts[0] if name is None else name
+        refuse_unknown(name, self.contacts, "contact")
         return Contact(self, name)
 
     def force(self, name: str, at: float | None = None) -> FloatArray:
@@ -168,18 +167,12 @@ class Run:
 
         Raises RunError where no fields are saved.
         """
-        from mlsanm_cli.app.results.views import triangles_of
+        from mlsanm_cli.app.results.path_lookup import refuse_unknown
+        from mlsanm_cli.app.results.views import chosen_state, triangles_of
 
-        if body not in self.data.bodies:
-            raise RunError(f'the run has no body "{body}"', f"there are: {', '.join(self.bodies)}")
-        places = [state.position for state in self.data.states]
-        wanted = at if at is not None else max(places, default=0.0)
-        states = [state for state in self.data.states if abs(state.position - wanted) < 1e-9]
-        if not states:
-            known = ", ".join(f"{place:g}" for place in places) or "no position"
-            raise RunError(f"fields are saved at {known}, not at {wanted:g}", "name it in output.at")
-        own = self.data.bodies[body]
-        return {"points": own.points, "triangles": triangles_of(own), **states[0].bodies[body]}
+        refuse_unknown(body, self.bodies, "body")
+        state, own = chosen_state(self.data, at), self.data.bodies[body]
+        return {"points": own.points, "triangles": triangles_of(own), **state.bodies[body]}
 
     def plot(
         self,

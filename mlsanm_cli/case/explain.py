@@ -13,7 +13,7 @@ from typing import Any
 
 from mlsanm_cli.case.model.base import UNIT
 from mlsanm_cli.case.report import SYNONYMS
-from mlsanm_cli.case.schema import Node, follow, heading, json_schema, known_keys, tables, walk
+from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, tables_at, walk
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
@@ -55,69 +55,51 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     """Explains a dotted key, with or without the names of list items; "" lists the tables. Returns several
     explanations if the meaning depends on the kind of the table. Raises RunError for an unknown key, with
     similar ones."""
-    schema = json_schema()
     parts = [part for part in key.split(".") if part]
-    found, path = _find(schema, parts)
-    if not found or (path and parts[-1] != path[-1] and _is_key(schema, path, parts[-1])):
+    found, path = _find(parts)
+    keys = {name for table in tables_at(path) for name in table["properties"]}
+    # The last part may be the name of an item, unless it looks like one of its keys, misspelt.
+    named = bool(path) and parts[-1] != path[-1]
+    misspelt = named and difflib.get_close_matches(parts[-1], keys, n=1, cutoff=TYPO_SIMILARITY)
+    if not found or misspelt:
         raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":
-        return (_kind(schema, path, found),)
+        return (_kind(path, found),)
     groups: dict[str, Explanation] = {}
     for table, node in found:
-        one = _explain(schema, path, table, node)
+        one = _explain(path, table, node)
         same = json.dumps([one.meaning, one.type, one.allowed, one.unit, one.default, sorted(one.keys)])
         before = groups.get(same, one)
         kinds = tuple(dict.fromkeys([*before.kinds, *one.kinds]))
         groups[same] = replace(before, kinds=kinds, required=one.required and before.required)
-    everywhere = len(groups) == 1 and len(found) == len(_siblings(schema, path))
+    everywhere = len(groups) == 1 and len(found) == len(tables_at(path[:-1]))
     return tuple(replace(one, kinds=() if everywhere else one.kinds) for one in groups.values())
 
 
-def _find(schema: Node, parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
+def _find(parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
     """Every table with the key, with the node of the key; and the key without names of items."""
-    if not parts:
-        return [(schema, schema)], ()
-    current: list[tuple[Node, Node]] = [(schema, schema)]
+    current: list[tuple[Node, Node]] = [(json_schema(), json_schema())]
     path: tuple[str, ...] = ()
     named = False
     for part in parts:
-        inner = [table for _, node in current for table in tables(schema, node)] if path else [schema]
+        inner = [table for _, node in current for table in tables(node)]
         matches = [(table, table["properties"][part]) for table in inner if part in table["properties"]]
         if matches:
             current, path, named = matches, (*path, part), False
-        elif path and not named and _has_names(schema, current[0][1]):
+        elif path and not named and _table_type(current[0][1]) != "table":
             named = True
         else:
             return [], path
     return current, path
 
 
-def _has_names(schema: Node, node: Node) -> bool:
-    node = follow(schema, node)
-    return node.get("type") == "array" or "patternProperties" in node
-
-
-def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
-    """All tables at the place of a key, also those without it."""
-    if len(path) < 2:
-        return [schema]
-    return [table for _, node in _find(schema, list(path[:-1]))[0] for table in tables(schema, node)]
-
-
-def _is_key(schema: Node, path: tuple[str, ...], name: str) -> bool:
-    """Whether the name of an item looks like one of its keys, misspelt."""
-    keys = {key for table in _siblings(schema, (*path, "")) for key in table["properties"]}
-    return bool(difflib.get_close_matches(name, keys, n=1, cutoff=TYPO_SIMILARITY))
-
-
-def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Explanation:
-    inner = tables(schema, node) if path else (schema,)
-    place = heading(path[:-1])
+def _explain(path: tuple[str, ...], table: Node, node: Node) -> Explanation:
+    inner = tables(node)
     kind = table["properties"].get("kind", {}).get("const")
-    target = follow(schema, node)
+    target = follow(node)
     own = Explanation(
         key=".".join(path),
-        place=heading(path) if inner else place,
+        place=heading(path) if inner else heading(path[:-1]),
         meaning=_meaning(node, inner),
         required=bool(path) and path[-1] in table.get("required", ()),
         kinds=(kind,) if kind else (),
@@ -126,16 +108,16 @@ def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Ex
         allowed="" if inner else _allowed(target),
     )
     if inner:
-        return replace(own, keys=_keys(schema, inner), variants=_variants(inner))
+        return replace(own, keys=_keys(inner), variants=_variants(inner))
     default = toml_value(node["default"]) if "default" in node else ""
     return replace(own, default=default, example=_example(path, default, own.kinds))
 
 
-def _kind(schema: Node, path: tuple[str, ...], found: list[tuple[Node, Node]]) -> Explanation:
+def _kind(path: tuple[str, ...], found: list[tuple[Node, Node]]) -> Explanation:
     """The key that distinguishes the kinds of a table."""
     options = [node["const"] for _, node in found]
     return replace(
-        _explain(schema, path, *found[0]),
+        _explain(path, *found[0]),
         type=_TYPES["string"],
         kinds=(),
         allowed=", ".join(map(toml_value, options)),
@@ -144,28 +126,27 @@ def _kind(schema: Node, path: tuple[str, ...], found: list[tuple[Node, Node]]) -
 
 
 def _meaning(node: Node, inner: tuple[Node, ...]) -> str:
-    if "description" in node:
-        return " ".join(str(node["description"]).split())
-    if len(inner) == 1:
-        return " ".join(str(inner[0]["description"]).split())
-    return f"One of {len(inner)} kinds."
+    if "description" not in node and len(inner) > 1:
+        return f"One of {len(inner)} kinds."
+    return str((node if "description" in node else inner[0])["description"])
 
 
 def _variants(inner: tuple[Node, ...]) -> dict[str, str]:
     if len(inner) < 2:
         return {}
-    return {one["properties"]["kind"]["const"]: " ".join(str(one["description"]).split()) for one in inner}
+    return {one["properties"]["kind"]["const"]: one["description"] for one in inner}
 
 
-def _keys(schema: Node, inner: tuple[Node, ...]) -> dict[str, str]:
+def _keys(inner: tuple[Node, ...]) -> dict[str, str]:
     found: dict[str, str] = {}
     for table in inner:
         for key, node in table["properties"].items():
-            found.setdefault(key, _meaning(node, tables(schema, node)))
+            found.setdefault(key, _meaning(node, tables(node)))
     return found
 
 
 def _table_type(node: Node) -> str:
+    node = follow(node)
     if node.get("type") == "array":
         return "list of tables"
     return "tables by name" if "patternProperties" in node else "table"
@@ -184,9 +165,10 @@ def _type(node: Node) -> str:
             items = least * [items]
         if isinstance(items, list):
             return f"[{', '.join(_type(item) for item in items)}]"
-        return f"list of {_type(items)}" + ("" if least is None else f", {least} or more")
+        kind = "the allowed values" if "enum" in items else _type(items)
+        return f"list of {kind}" + ("" if least is None else f", {least} or more")
     if node.get("type") == "object":
-        return "table of numbers by name"
+        return "tables of numbers by name"
     return _TYPES.get(node.get("type", ""), "value")
 
 
@@ -234,7 +216,7 @@ def _values(data: Any, path: tuple[str, ...], table: Any) -> Iterator[tuple[Any,
 
 
 def _nearest(key: str) -> str:
-    known = known_keys()
+    known = list(dict.fromkeys(key for key, _ in walk()))
     ends = [one.rpartition(".")[2] for one in known]
     last = key.rpartition(".")[2]
     last = SYNONYMS.get(last.lower(), last)
@@ -249,16 +231,12 @@ def _nearest(key: str) -> str:
 
 def value_keys() -> list[str]:
     """All dotted keys that hold values; names of items are left out."""
-    schema, found = json_schema(), dict[str, None]()
-    walk(schema, lambda path, node, table: None if tables(schema, node) else found.setdefault(".".join(path)))
-    return list(found)
+    return list(dict.fromkeys(key for key, node in walk() if not tables(node)))
 
 
 def all_explanations() -> list[Explanation]:
     """The explanations of all tables and keys, tables before their keys, in the order of the schema."""
-    schema, found = json_schema(), dict[str, None]()
-    walk(schema, lambda path, node, table: found.setdefault(".".join(path)))
-    explanations = [one for key in found for one in explain(key)]
+    explanations = [one for key in dict.fromkeys(key for key, _ in walk()) for one in explain(key)]
     places = list(dict.fromkeys(["the top of the file", *(one.place for one in explanations)]))
     return sorted(explanations, key=lambda one: (places.index(one.place), not one.keys))
 

@@ -3,7 +3,7 @@ It is generated from the model and its docstrings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -42,49 +42,49 @@ def json_schema() -> Node:
     return {"$schema": DIALECT, "title": TITLE, **_plain({**raw, "definitions": definitions})}
 
 
-def follow(schema: Node, node: Node) -> Node:
+def follow(node: Node) -> Node:
     """The node, with a reference to a definition resolved."""
     name = str(node.get("$ref", "")).rpartition("/")[2]
-    found: Node = schema["definitions"][name] if name else node
+    found: Node = json_schema()["definitions"][name] if name else node
     return found
 
 
-def tables(schema: Node, node: Node) -> tuple[Node, ...]:
+def tables(node: Node) -> tuple[Node, ...]:
     """The tables that a node allows: none, one, or one per kind; for lists and tables by name, the items."""
-    node = follow(schema, node)
+    node = follow(node)
     if "properties" in node:
         return (node,)
     inner = [node[key] for key in ("items", "additionalProperties") if isinstance(node.get(key), dict)]
     inner += node.get("oneOf", [])
     inner += node.get("patternProperties", {}).values()
-    return tuple(table for one in inner for table in tables(schema, one))
+    return tuple(table for one in inner for table in tables(one))
 
 
 def tables_at(path: tuple[str, ...]) -> tuple[Node, ...]:
     """The tables allowed at a path of keys and table names, as in `tables`."""
-    schema = json_schema()
-    found: tuple[Node, ...] = (schema,)
+    found: tuple[Node, ...] = (json_schema(),)
     for step in path:
         inner = [table["properties"][step] for table in found if step in table["properties"]]
         # A step that is not a key is the name of a table.
-        found = tuple(table for node in inner for table in tables(schema, node)) if inner else found
+        found = tuple(table for node in inner for table in tables(node)) if inner else found
     return found
 
 
-def known_keys() -> list[str]:
-    """All keys as dotted paths without the names of items."""
-    known: list[str] = []
-    walk(json_schema(), lambda path, node, table: known.append(".".join(path)))
-    return list(dict.fromkeys(known))
+def walk(path: tuple[str, ...] = (), table: Node | None = None) -> Iterator[tuple[str, Node]]:
+    """Every dotted key below a ``table`` at a path, by default the whole file, with its node; once for each
+    kind of table. Names of items are left out."""
+    for key, node in (table or json_schema())["properties"].items():
+        yield ".".join((*path, key)), node
+        for inner in tables(node):
+            yield from walk((*path, key), inner)
 
 
 def heading(path: tuple[str, ...]) -> str:
     """The TOML heading of the table at a path: [model], [[body]], [material.NAME]."""
-    schema = json_schema()
     if not path:
         return "the top of the file"
     node = follow(
-        schema, next(t["properties"][path[-1]] for t in tables_at(path[:-1]) if path[-1] in t["properties"])
+        next(t["properties"][path[-1]] for t in tables_at(path[:-1]) if path[-1] in t["properties"])
     )
     name = ".".join(path)
     if node.get("type") == "array":
@@ -108,18 +108,3 @@ def _plain(value: Any, keys_are_names: bool = False) -> Any:
         for key, item in value.items()
         if keys_are_names or key != "title"
     }
-
-
-Visit = Callable[[tuple[str, ...], Node, Node], None]
-
-
-def walk(schema: Node, visit: Visit) -> None:
-    """Calls ``visit`` with the path of every key (without names), its node and the table that holds it."""
-
-    def below(path: tuple[str, ...], table: Node) -> None:
-        for key, node in table["properties"].items():
-            visit((*path, key), node, table)
-            for inner in tables(schema, node):
-                below((*path, key), inner)
-
-    below((), schema)

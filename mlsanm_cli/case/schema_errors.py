@@ -119,11 +119,11 @@ def _kinds(path: KeyPath) -> list[str]:
 
 
 def _unknown_hint(data: Any, path: KeyPath) -> str:
-    from mlsanm_cli.case.schema import known_keys, tables_at
+    from mlsanm_cli.case.schema import tables_at, walk
 
-    below = [key for key in known_keys() if key.endswith(f".{path[-1]}")] if len(path) == 1 else []
-    if below:
-        return f"did you mean {' or '.join(below[:4])}?"
+    below = dict.fromkeys(key for key, _ in walk() if key.endswith(f".{path[-1]}"))
+    if below and len(path) == 1:
+        return f"did you mean {' or '.join(list(below)[:4])}?"
     found = tables_at(tuple(step for step in path[:-1] if isinstance(step, str)))
     kind = reduce(child, (*path[:-1], "kind"), data)
     own = [table for table in found if table["properties"].get("kind", {}).get("const", kind) == kind]

@@ -36,7 +36,7 @@ from mlsanm_cli.cli.text import as_json
 @click.option("--out", type=FILE, help="Directory of the runs.  [default: results/<case name>-sweep]")
 @click.option("--force", is_flag=True, help="Solve completed points again and overwrite runs of other cases.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of processes.")
-@click.option("--scheduler", metavar="ADDRESS", help="Solve on a Dask cluster.")
+@click.option("--scheduler", metavar="ADDRESS", help="Solve on the Dask cluster of this scheduler.")
 @cache_option
 @threads_option
 @common
@@ -76,12 +76,12 @@ def sweep(
 
 
 @click.command()
-@click.argument("rundirs", type=FILE, nargs=-1, required=True)
+@click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
 @click.option("--out", type=FILE, help="Output file.  [default: stdout]")
 @common
 @click.pass_obj
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
-    """Write a table of runs as CSV.
+    """Write the results of several runs as a CSV table.
 
     One row per run: the parameters that differ, status and results.
     """

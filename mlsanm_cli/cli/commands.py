@@ -110,7 +110,7 @@ def _show_version(context: click.Context, parameter: click.Parameter, wanted: bo
     help="Show the version.",
 )
 def cli() -> None:
-    """Frictional contact of 2D elastic bodies by a mesh-free method.
+    """Solve frictional contact of elastic bodies in the plane by a mesh-free method.
 
     A case is a TOML file; a run writes HDF5, VTU and JSON files to a directory.
     """

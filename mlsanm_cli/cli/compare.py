@@ -64,7 +64,8 @@ def compare(
 ) -> int:
     """Solve CASE by several methods and compare the results.
 
-    ANM, the selected methods and the method of CASE use the same operators. Exit code 1 if they disagree.
+    The asymptotic numerical method (ANM: power series), the selected methods and that of CASE use the same
+    operators. Exit code 1 if they disagree.
     """
     selected = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
     methods = tuple(name for name, wanted in selected.items() if wanted)

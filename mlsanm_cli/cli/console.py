@@ -15,37 +15,7 @@ from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
 from mlsanm_cli.closing import Closing
 
 INTERVAL = 0.5
-"""Seconds between two calls."""
-
-
-class Heartbeat:
-    """Calls ``beat`` from a separate thread about once per ``interval``, with the seconds since the last
-    :meth:`touch`."""
-
-    def __init__(self, beat: Callable[[float], None], interval: float = INTERVAL) -> None:
-        self._beat = beat
-        self._interval = interval
-        self._since = time.monotonic()
-        self._over = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    def touch(self) -> None:
-        """Restarts the time; the first call starts the thread."""
-        self._since = time.monotonic()
-        if self._thread is None and not self._over.is_set():
-            # An interrupted process does not wait for a daemon thread.
-            self._thread = threading.Thread(target=self._run, daemon=True)
-            self._thread.start()
-
-    def stop(self) -> None:
-        """Ends the calls."""
-        self._over.set()
-
-    def _run(self) -> None:
-        while not self._over.wait(self._interval):
-            elapsed = time.monotonic() - self._since
-            if elapsed >= self._interval:
-                self._beat(elapsed)
+"""Seconds between two updates of the elapsed time."""
 
 
 _COLUMNS = 80
@@ -72,10 +42,8 @@ class TerminalConsole(Closing):
         clock: Callable[[], float] = time.monotonic,
         width: int | None = None,
         interval: float = INTERVAL,
-        working: Callable[[], str] | None = None,
     ) -> None:
         self._stream = stream
-        self._working = working or _factorisation
         self._quiet = settings.quiet
         self._color = settings.paints(stream)
         self._live = is_terminal(stream) and not settings.quiet
@@ -90,14 +58,15 @@ class TerminalConsole(Closing):
         self._last: float | None = None
         # Two threads write: this one, and the one that shows the elapsed time.
         self._lock = threading.RLock()
-        self._heart = Heartbeat(self._show_elapsed, interval)
+        self._interval = interval
+        self._since = time.monotonic()
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
 
     def begin(self, text: str) -> None:
         """Shows a text until the first phase; on a terminal only."""
-        with self._lock:
-            if self._live:
-                self._doing = f"{text} ..."
-                self._rewrite(self._doing)
+        if self._live:
+            self.phase(text)
 
     def phase(self, text: str) -> None:
         """Starts a phase."""
@@ -149,7 +118,7 @@ class TerminalConsole(Closing):
 
     def close(self) -> None:
         """Cleans up the terminal: the last step remains, the phase is erased."""
-        self._heart.stop()
+        self._over.set()
         with self._lock:
             self._doing = ""
             self._finish_steps()
@@ -161,7 +130,11 @@ class TerminalConsole(Closing):
             if not self._shown:
                 return
             sign, room = f"  {seconds:.0f} s", self._columns() - 1
-            working, stopping = self._working(), _stopping()
+            # Modules that have not been imported have nothing to show.
+            progress = sys.modules.get("mlsanm_cli.operators.linear.progress")
+            context = sys.modules.get("mlsanm_cli.app.context")
+            working = str(progress.progress_text()) if progress else ""
+            stopping = str(context.Stopper.message) if context else ""
             parts = [*(self._row or [self._shown]), *([working] if working else [])]
             parts = [stopping] if stopping else parts
             shown = fitting(parts, room - len(sign))
@@ -195,7 +168,18 @@ class TerminalConsole(Closing):
         self._style = BOLD if text.endswith("...") else DIM
         self._put(_CLEAR + paint(text, self._style, self._color))
         self._shown, self._row = text, list(row)
-        self._heart.touch()
+        self._since = time.monotonic()
+        if self._thread is None and not self._over.is_set():
+            # An interrupted process does not wait for a daemon thread.
+            self._thread = threading.Thread(target=self._beat, daemon=True)
+            self._thread.start()
+
+    def _beat(self) -> None:
+        """Shows the elapsed time about once per interval while the line does not change."""
+        while not self._over.wait(self._interval):
+            elapsed = time.monotonic() - self._since
+            if elapsed >= self._interval:
+                self._show_elapsed(elapsed)
 
     def _columns(self) -> int:
         return self._width or _width_of(self._stream)
@@ -220,18 +204,6 @@ class TerminalConsole(Closing):
             self._stream.flush()
         except OSError:
             self._closed = True
-
-
-def _factorisation() -> str:
-    """Progress of the current factorisation, "" if there is none."""
-    module = sys.modules.get("mlsanm_cli.operators.linear.progress")
-    return "" if module is None else str(module.progress_text())
-
-
-def _stopping() -> str:
-    """The message after a signal that stops the run after its step, "" if there was none."""
-    module = sys.modules.get("mlsanm_cli.app.context")
-    return "" if module is None else str(module.Stopper.message)
 
 
 def fitting(columns: Sequence[str], width: int) -> str:

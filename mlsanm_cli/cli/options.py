@@ -90,7 +90,7 @@ def max_wall_option(function: Function) -> Function:
         "--max-wall",
         type=Seconds(min=0.0, min_open=True, max=MAX_WALL_SECONDS),
         metavar="SECONDS",
-        help="Stop after this time with exit code 75; `mlsanm resume` continues.",
+        help="Stop after this wall-clock time, with exit code 75; `mlsanm resume` continues.",
     )
     return option(function)
 

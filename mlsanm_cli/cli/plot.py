@@ -17,14 +17,20 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
 @click.command()
 @click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
 @click.option(
-    "--what", type=click.Choice(KINDS), multiple=True, help="Kind of picture. Repeatable.  [default: all]"
+    "--what",
+    type=click.Choice(KINDS),
+    multiple=True,
+    help="Kind of picture. Repeatable.  [default: all except hysteresis and line]",
 )
 @click.option(
     "--contact", metavar="NAME", shell_complete=completion.names("contact"), help="Draw this contact only."
 )
 @click.option("--field", type=click.Choice(FIELDS), help="Field shown on bodies or along a line.")
 @click.option(
-    "--at", type=float, multiple=True, help="Path position. Repeatable.  [default: saved positions]"
+    "--at",
+    type=float,
+    multiple=True,
+    help="Position on the load path. Repeatable.  [default: saved positions]",
 )
 @click.option(
     "--along", metavar="LINE", help="Draw a field along a boundary such as block.top, or a line X,Y:X,Y."

@@ -50,7 +50,9 @@ class PointType(click.ParamType[tuple[float, float]]):
 
 @click.command()
 @click.argument("rundir", type=FILE)
-@click.option("--at", type=float, multiple=True, help="Path position. Repeatable.  [default: the end]")
+@click.option(
+    "--at", type=float, multiple=True, help="Position on the load path. Repeatable.  [default: the end]"
+)
 @click.option(
     "--contact", metavar="NAME", shell_complete=completion.names("contact"), help="Results along a contact."
 )
@@ -73,8 +75,10 @@ class PointType(click.ParamType[tuple[float, float]]):
     shell_complete=completion.names("probe"),
     help="Results of a [[probe]] of the case.",
 )
-@click.option("--body", metavar="NAME", shell_complete=completion.names("body"), help="Body, with --point.")
-@click.option("--point", type=PointType(), help="Coordinates in the undeformed body.")
+@click.option(
+    "--body", metavar="NAME", shell_complete=completion.names("body"), help="Body with the --point."
+)
+@click.option("--point", type=PointType(), help="Coordinates of a point in the undeformed body.")
 @click.option(
     "--field",
     type=click.Choice(["displacement", "stress", "von_mises"]),
@@ -96,10 +100,11 @@ def probe(
     field: str | None,
     as_csv: bool,
 ) -> int:
-    """Print a result at any load level.
+    """Print a result at any position on the load path.
 
-    Between stored states it is evaluated from the power series of the run, or interpolated with an error
-    estimate if there are none. Without options, list the available results.
+    A position is the number of completed stages plus the fraction of the current one. Between stored states
+    results are evaluated from the power series of the run, or interpolated with an error estimate if there
+    are none. Without options, list the available results.
     """
     with numerics(1):
         from mlsanm_cli.app.results import probe as app

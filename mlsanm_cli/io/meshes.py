@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.io.self_contained import bounded_unpacking, check_self_contained
+from mlsanm_cli.io.self_contained import bounded_unpacking, check_includes, check_self_contained
 
 if TYPE_CHECKING:
     import meshio
@@ -68,7 +68,6 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
             )
         if len(cells) and not 0 <= cells.min() <= cells.max() < len(points):
             raise GeometryError("an element refers to a node that is not in the file")
-    _drop_weak_sets(mesh, path)
     chosen = [_chosen(mesh, number, kind, len(c), group) for number, (kind, c) in enumerate(blocks)]
     faces = [
         (kind, cells[mask]) for (kind, cells), mask in zip(blocks, chosen, strict=True) if kind in _RINGS
@@ -108,9 +107,13 @@ def _read(path: Path) -> meshio.Mesh:
             warnings.simplefilter("ignore")
             # numpy only warns about truncated data.
             warnings.filterwarnings("error", message="string or file could not be read")
-            if path.suffix.lower() == ".inp":
-                return meshio.read(io.StringIO(_as_plane_stress(path)), file_format="abaqus")
-            return meshio.read(path)
+            if path.suffix.lower() != ".inp":
+                return meshio.read(path)
+            text = path.read_text(encoding="utf-8", errors="replace")
+            check_includes(text)
+            mesh = meshio.read(io.StringIO(_as_plane_stress(text)), file_format="abaqus")
+        _drop_weak_sets(mesh, text)
+        return mesh
     except GeometryError:
         raise
     except (Exception, SystemExit) as error:
@@ -121,22 +124,20 @@ def _read(path: Path) -> meshio.Mesh:
         raise GeometryError(f"meshio cannot read it: {reason}", hint) from error
 
 
-def _as_plane_stress(path: Path) -> str:
+def _as_plane_stress(text: str) -> str:
     """An Abaqus file with one name for all plane elements of as many nodes: meshio knows few of these."""
     return re.sub(
         r"(?i)(\btype\s*=\s*)CP(?:S|E|EG)([3468])[A-Z]*",
         lambda found: found[1] + _PLANE[found[2]],
-        path.read_text(errors="replace"),
+        text,
     )
 
 
-def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
+def _drop_weak_sets(mesh: meshio.Mesh, text: str) -> None:
     """Drops the element sets of ``*ELEMENT, ELSET=`` lines of an Abaqus file for elements that are in other
     sets too: programs name every list of elements, and explicit sets are more specific. meshio keeps such
     lists apart only if all of them have a name."""
-    if path.suffix.lower() != ".inp":
-        return
-    lists = re.findall(r"(?im)^\*element\b(.*)$", path.read_text(errors="replace"))
+    lists = re.findall(r"(?im)^\*element\b(.*)$", text)
     names = [
         match[1] for match in (re.search(r"(?i)\belset\s*=\s*([^,\s]+)", text) for text in lists) if match
     ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import h5py
@@ -27,6 +26,8 @@ PATH: tuple[tuple[str, type[np.generic]], ...] = (
     *((name, np.int64) for name in ("order", "factorizations", "solves")),
 )
 """Columns of /path and their types."""
+NAMED = ("factors", "resultants", "displacements")
+"""Columns of /path by load, or by load or support."""
 
 Read = TypeVar("Read")
 
@@ -99,26 +100,32 @@ class SavedState:
 
 
 @dataclass(frozen=True)
-class RunData:
+class RunHead:
+    """The attributes of a run, and its case as given and resolved, as TOML."""
+
+    attributes: Mapping[str, str | int | float]
+    case_raw: str
+    case_resolved: str
+
+    @property
+    def status(self) -> str:
+        """running (or killed), done, failed or stopped."""
+        return str(self.attributes["status"])
+
+
+@dataclass(frozen=True)
+class RunData(RunHead):
     """A run as read from its directory; mappings keep the order of the case. ``maps[kind][name]`` (r, 1 + u)
     map 1 and the unknowns of the path (load factors, motions, pressures and tractions) to forces, slips or
     the values of a probe; only runs with power series have them."""
 
     directory: Path
-    attributes: Mapping[str, str | int | float]
-    case_raw: str
-    case_resolved: str
     bodies: Mapping[str, BodyData]
     path: PathData
     contacts: Mapping[str, ContactData]
     states: tuple[SavedState, ...]
     probes: Mapping[str, ProbeData]
     maps: Mapping[str, Mapping[str, FloatArray]]
-
-    @property
-    def status(self) -> str:
-        """running (or killed), done, failed or stopped."""
-        return str(self.attributes["status"])
 
     @property
     def is_finite(self) -> bool:
@@ -132,21 +139,13 @@ class RunData:
 
 
 @dataclass(frozen=True)
-class RunOrigin:
-    """The origin of a run: attributes, the case as given and resolved; its seconds and rows so far, and the
-    checkpoint from which it continues: texts, arrays, and mappings of them by name."""
+class RunOrigin(RunHead):
+    """The origin of a run: its seconds and rows so far, and the checkpoint from which it continues: texts,
+    arrays, and mappings of them by name."""
 
-    attributes: Mapping[str, str | int | float]
-    case_raw: str
-    case_resolved: str
     seconds: float
     rows: int
     checkpoint: Mapping[str, Any]
-
-    @property
-    def status(self) -> str:
-        """running (or killed), done, failed or stopped."""
-        return str(self.attributes["status"])
 
 
 def read_run(rundir: Path) -> RunData:
@@ -193,14 +192,14 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
             return read(root, file)
     except PermissionError as error:
         raise RunError(f"{file} cannot be read: {error.strerror}") from error
-    except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
-        # TypeError: a damaged dataset may appear to have no shape.
+    except (OSError, KeyError, ValueError, RuntimeError, TypeError, AttributeError) as error:
+        # TypeError, AttributeError: a damaged dataset may have no shape, or be None.
         raise RunError(
             f"{file} cannot be read: it is damaged ({error})", hint="run the case again with --force"
         ) from error
 
 
-def _attributes(root: Any, file: Path) -> Mapping[str, str | int | float]:
+def _head(root: Any, file: Path) -> dict[str, Any]:
     attributes = {name: _scalar(value) for name, value in root.attrs.items()}
     if "mlsanm_version" not in attributes or "status" not in attributes:
         raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
@@ -209,15 +208,14 @@ def _attributes(root: Any, file: Path) -> Mapping[str, str | int | float]:
             f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
             hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
         )
-    return MappingProxyType(attributes)
+    texts = {name: _text(root, name.replace("_", "/")) for name in ("case_raw", "case_resolved")}
+    return {"attributes": attributes, **texts}
 
 
 def _origin(root: Any, file: Path) -> RunOrigin:
     seconds = root["path/seconds"][-1:] if "path/seconds" in root else np.zeros(0)
     return RunOrigin(
-        attributes=_attributes(root, file),
-        case_raw=_text(root, "case/raw"),
-        case_resolved=_text(root, "case/resolved"),
+        **_head(root, file),
         seconds=float(seconds.sum()),
         rows=len(root["path/position"]) if "path" in root else 0,
         checkpoint=_tree(root["checkpoint"]) if "checkpoint" in root else {},
@@ -225,41 +223,29 @@ def _origin(root: Any, file: Path) -> RunOrigin:
 
 
 def _run(root: Any, file: Path) -> RunData:
-    attributes = _attributes(root, file)
-    path, contacts, probes = _history(root)
     return RunData(
+        **_head(root, file),
         directory=file.parent,
-        attributes=attributes,
-        case_raw=_text(root, "case/raw"),
-        case_resolved=_text(root, "case/resolved"),
-        bodies=MappingProxyType({name: _body(group) for name, group in items_of(root, "bodies")}),
-        path=path,
-        contacts=contacts,
+        bodies={name: _body(group) for name, group in items_of(root, "bodies")},
+        path=_path(root),
+        contacts={name: _contact(group) for name, group in items_of(root, "contacts")},
         states=_states(root),
-        probes=probes,
-        maps={kind: {name: data[...] for name, data in items_of(root, f"maps/{kind}")} for kind in MAPS},
+        probes={name: ProbeData(**_tree(group)) for name, group in items_of(root, "probes")},
+        maps={kind: _tree(dict(items_of(root, f"maps/{kind}"))) for kind in MAPS},
     )
 
 
-def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData], Mapping[str, ProbeData]]:
-    """The path, the contacts and the probes, without rows for a run without a first state."""
-    path: dict[str, Any] = {
+def _path(root: Any) -> PathData:
+    """The path, without rows for a run without a first state."""
+    columns: dict[str, Any] = {
         key: root[f"path/{key}"][...] if "path" in root else np.empty(0, kind) for key, kind in PATH
     }
-    named: dict[str, Any] = {
-        key: MappingProxyType({name: data[...] for name, data in items_of(root, f"path/{key}")})
-        for key in ("factors", "resultants", "displacements")
-    }
-    contacts = {name: _contact(group) for name, group in items_of(root, "contacts")}
-    probes = {
-        name: ProbeData(**{key: data[...] for key, data in group.items()})
-        for name, group in items_of(root, "probes")
-    }
-    return PathData(**path, **named), MappingProxyType(contacts), MappingProxyType(probes)
+    named: dict[str, Any] = {key: _tree(dict(items_of(root, f"path/{key}"))) for key in NAMED}
+    return PathData(**columns, **named)
 
 
 def _contact(group: Any) -> ContactData:
-    found = {name: data[...] for name, data in group.items()}
+    found = _tree(group)
     count = len(found["points"])
     kinds = {"status": np.int8}
     history = {
@@ -270,21 +256,9 @@ def _contact(group: Any) -> ContactData:
 
 
 def _states(root: Any) -> tuple[SavedState, ...]:
-    if "fields" not in root:
-        return ()
-    fields = root["fields"]
-    positions = fields["position"][...].tolist() if "position" in fields else []
+    positions = root["fields/position"][...].tolist() if "fields" in root else []
     return tuple(
-        SavedState(
-            position,
-            MappingProxyType(
-                {
-                    body: MappingProxyType({name: data[...] for name, data in group.items()})
-                    for body, group in fields[str(index)].items()
-                }
-            ),
-        )
-        for index, position in enumerate(positions)
+        SavedState(position, _tree(root[f"fields/{index}"])) for index, position in enumerate(positions)
     )
 
 

@@ -31,8 +31,6 @@ def check_self_contained(path: Path) -> None:
         )
     if name.endswith(".gz"):
         raise GeometryError("it is compressed", "unpack it first")
-    if name.endswith(".inp"):
-        _refuse_includes(path)
     with path.open("rb") as file:
         is_hdf5 = file.read(len(HDF5_SIGNATURE)) == HDF5_SIGNATURE
     if is_hdf5:
@@ -42,16 +40,15 @@ def check_self_contained(path: Path) -> None:
             check_hdf5(root)
 
 
-def _refuse_includes(path: Path) -> None:
+def check_includes(text: str) -> None:
     """Raises GeometryError for an Abaqus file with an INCLUDE line, in any spelling."""
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for number, line in enumerate(file, start=1):
-            # As meshio reads keywords: asterisks anywhere in them are ignored.
-            keyword = line.partition(",")[0].replace("*", "").strip().upper()
-            if keyword.startswith("INCLUDE") and "*" in line:
-                raise GeometryError(
-                    f"line {number} includes another file", "replace *INCLUDE by the lines of that file"
-                )
+    for number, line in enumerate(text.splitlines(), start=1):
+        # As meshio reads keywords: asterisks anywhere in them are ignored.
+        keyword = line.partition(",")[0].replace("*", "").strip().upper()
+        if keyword.startswith("INCLUDE") and "*" in line:
+            raise GeometryError(
+                f"line {number} includes another file", "replace *INCLUDE by the lines of that file"
+            )
 
 
 def check_hdf5(root: Any) -> None:

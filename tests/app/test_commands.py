@@ -180,7 +180,7 @@ def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
 def kept_of(name: str, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """What one kind of pictures is drawn from; none is."""
     calls: list[tuple[Any, ...]] = []
-    for kind in ("plot_pressure", "plot_path", "plot_cloud"):
+    for kind in ("plot_pressure", "draw_along_path", "plot_cloud"):
         monkeypatch.setattr(plot_module, kind, lambda *arguments, **words: None)
     monkeypatch.setattr(plot_module, name, lambda *arguments, **words: calls.append(arguments))
     return calls

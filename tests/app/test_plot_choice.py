@@ -96,14 +96,14 @@ def test_bodies_are_coloured_by_the_field_asked_for(
 def test_units_are_labels_and_change_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept: list[tuple[Any, ...]] = []
     monkeypatch.setattr(plot_module, "plot_pressure", lambda *given, **words: kept.append((*given, words)))
-    monkeypatch.setattr(plot_module, "plot_path", lambda *given: kept.append(given))
+    monkeypatch.setattr(overlay, "plot_curves", lambda *given: kept.append(given))
     units = '[units]\nlength = "mm"\nstress = "MPa"\nforce = "N/mm"\n'
     plain, named = solve(PATCH, tmp_path / "a"), solve(PATCH + units, tmp_path / "b")
     assert plain["contacts"] == named["contacts"]
     plot(tmp_path / "b", choice=Choice(what=("pressure", "force")))
     (*_, along, words), force = kept
     assert (along, words["pressure_label"]) == ("distance from the middle [mm]", "pressure [MPa]")
-    assert force[4] == "contact force per unit thickness [N/mm]"
+    assert force[3] == "contact force per unit thickness [N/mm]"
 
 
 def test_stages_and_loads_are_told_in_titles(bar_run: Path) -> None:

@@ -99,7 +99,7 @@ def test_fields_fill_the_body_and_points_lie_between(run: mlsanm.Run) -> None:
     x, y = block["points"][nearest]
     there = run.point("block", x, y, at=0.5)
     assert there["uy"] == pytest.approx(block["displacement"][nearest, 1], rel=1e-3)
-    with pytest.raises(mlsanm.RunError, match=r"saved at 0\.5, 1, not at 0\.7"):
+    with pytest.raises(mlsanm.RunError, match=r"saved at position 0\.5, 1, not at 0\.7"):
         run.fields("block", at=0.7)
     with pytest.raises(mlsanm.RunError, match="no body"):
         run.fields("blok")

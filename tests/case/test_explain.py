@@ -38,7 +38,7 @@ def test_required_keys_have_an_example_from_a_starter() -> None:
         ("solver.order", "at least 2, at most 40", "whole number"),
         ("solver.method", '"auto", "anm", "active-set"', "one of the allowed values"),
         ("mls.neighbors", "above 0", '"auto" or whole number'),
-        ("output.fields", 'each "displacement", "stress", "von_mises"', "list of one of the allowed values"),
+        ("output.fields", 'each "displacement", "stress", "von_mises"', "list of the allowed values"),
         ("body.shape.points", "", "list of [number, number], 3 or more"),
         ("material.stiffness", "", f"[{', '.join(3 * ['[number, number, number]'])}]"),
     ],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import pytest
@@ -97,18 +96,10 @@ def test_values_that_are_refused_by_name_are_left_out() -> None:
 
 
 def test_every_key_is_described_and_numbers_have_units() -> None:
-    silent, bare = [], []
-
-    def visit(path: tuple[str, ...], node: dict[str, Any], table: dict[str, Any]) -> None:
-        inner = schema.tables(SCHEMA, node)
-        if "description" not in node and not all("description" in one for one in inner or ({},)):
-            silent.append(path)
+    for key, node in schema.walk():
+        inner = schema.tables(node)
+        assert "description" in node or all("description" in one for one in inner or ({},)), key
         numbers = [node, *node.get("anyOf", ())]
         items = node.get("items")
         numbers += items if isinstance(items, list) else [items] if isinstance(items, dict) else []
-        if any(one.get("type") == "number" for one in numbers) and UNIT not in node:
-            bare.append(path)
-
-    schema.walk(SCHEMA, visit)
-    assert not silent
-    assert not bare
+        assert UNIT in node or not any(one.get("type") == "number" for one in numbers), key

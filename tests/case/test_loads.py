@@ -58,7 +58,7 @@ def _tuples(value: dict[str, object]) -> dict[str, object]:
          "positive definite"),
         (FULL.replace("[3, 1, 0]", "[3, 1.1, 0]"), False, "stiffness", 5, "not symmetric"),
         ("stiffness = [[3, 1], [1, 2]]\n", False, "stiffness", 5, "three rows of three numbers"),
-        ("stiffness = [[3, 1, nan], [1, 2, 0], [0, 0, 1]]\n", False, "stiffness", 5, "three rows"),
+        ("stiffness = [[3, 1, nan], [1, 2, 0], [0, 0, 1]]\n", False, "stiffness", 5, "nan and inf"),
         (ISOTROPIC + "alpha = [1, 2, 3]\n", False, "alpha", 7, "isotropic"),
         (WOOD + "alpha = [1, 2]\n", False, "alpha", 9, "a list of three"),
         (WOOD + 'alpha = "1e-5"\n', False, "alpha", 9, "expected a number"),

@@ -84,7 +84,7 @@ def test_platen_control(keys: str, control: object) -> None:
         (("spacing = 4.0", "h = 4.0"), "body.cylinder.h", 14, 'did you mean "spacing"'),
         (("spacing = 4.0", "spacing = -4.0"), "body.cylinder.spacing", 14, "a number above 0"),
         (("spacing = 4.0", "spacing = true"), "body.cylinder.spacing", 14, "a number above 0"),
-        (("spacing = 4.0", "spacing = nan"), "body.cylinder.spacing", 14, "a number above 0"),
+        (("spacing = 4.0", "spacing = nan"), "body.cylinder.spacing", 14, "nan and inf"),
         (("spacing = 4.0", "spacing = 4.0\nseed = 1.0"), "body.cylinder.seed", 15, "whole number"),
         (("E = 210e3", "E = 0"), "material.steel.E", 8, "greater than 0"),
         (("E = 210e3\n", ""), "material.steel.E", 7, "missing"),

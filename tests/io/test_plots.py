@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.spatial import Delaunay
 
 from mlsanm_cli.contact.geometry.profile import is_singular, regular_peak
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots import cloud as plot_cloud
 from mlsanm_cli.io.plots import figures, plots
 from mlsanm_cli.io.plots.cloud import CloudBody
-from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
+from mlsanm_cli.io.plots.plots import PlotCurve, ReferenceCurve, plot_curves, plot_pressure
 from mlsanm_cli.io.run_dir import PICTURE_SIGNATURE
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def two_levels() -> Any:
 def square(count: int = 8) -> CloudBody:
     axis = np.linspace(0.0, 1.0, count)
     points = np.array([(x, y) for x in axis for y in axis])
-    return CloudBody(points, 0.01 * points, points[:, 0])
+    return CloudBody(points, 0.01 * points, points[:, 0], Delaunay(points).simplices.astype(np.int64))
 
 
 def draw(directory: Path, kind: str, suffix: str) -> bytes:
@@ -52,7 +53,7 @@ def draw(directory: Path, kind: str, suffix: str) -> bytes:
     if kind == "pressure":
         plot_pressure(path, "interface", ARC, two_levels(), LEVELS, HERTZ)
     elif kind == "path":
-        plot_path(path, ARC, {"a": ARC, "b": ARC**2}, "position", "force")
+        plot_curves(path, [PlotCurve(ARC, ARC, "a"), PlotCurve(ARC, ARC**2, "b", False)], "x", "y", "t")
     else:
         plot_cloud.plot_cloud(path, [square(4)], "von Mises", "scene", 2.0, (0.0, 0.5, 0.0, 0.5))
     return path.read_bytes()
@@ -95,8 +96,9 @@ def test_pictures_need_no_display_and_no_pyplot(tmp_path: Path) -> None:
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from pathlib import Path\n"
         "import numpy as np\n"
-        "from mlsanm_cli.io.plots.plots import plot_path\n"
-        "plot_path(Path(sys.argv[2]), np.arange(3.), {'a': np.arange(3.)}, 'x', 'y')\n"
+        "from mlsanm_cli.io.plots.plots import PlotCurve, plot_curves\n"
+        "curve = PlotCurve(np.arange(3.), np.arange(3.), 'a')\n"
+        "plot_curves(Path(sys.argv[2]), [curve], 'x', 'y', 't')\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
     bare = {key: value for key, value in os.environ.items() if key not in {"DISPLAY", "MPLBACKEND"}}
@@ -137,28 +139,6 @@ def test_open_contact_and_single_node_still_give_a_picture(kept: list[Figure]) -
         assert left < right
 
 
-def annulus() -> CloudBody:
-    rings = []
-    for radius in np.linspace(1.0, 2.0, 11):
-        angle = np.arange(int(2 * np.pi * radius / 0.1)) * 2 * np.pi / int(2 * np.pi * radius / 0.1)
-        rings.append(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
-    points = np.concatenate(rings)
-    return CloudBody(points, np.zeros_like(points), points[:, 0])
-
-
-def test_holes_stay_open_and_the_outline_is_the_boundary() -> None:
-    body = annulus()
-    shape = plot_cloud._shape(body)
-    corners = body.points[shape.triangles]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum()
-    assert area == pytest.approx(3.0 * np.pi, rel=2e-3)
-    radii = np.linalg.norm(body.points[np.unique(shape.outline)], axis=1)
-    assert set(np.round(radii, 12)) == {1.0, 2.0}
-    assert len(shape.outline) == 62 + 125
-    assert 0.09 < shape.spacing.min() < shape.spacing.max() < 0.102
-
-
 def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure]) -> None:
     smooth = np.linspace(-3.0, 5.0, 300)
     points = np.random.default_rng(0).random((300, 2))
@@ -170,9 +150,8 @@ def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure
     ):
         values = smooth.copy()
         values[: len(extreme)] = extreme
-        plot_cloud.plot_cloud(
-            Path("a.png"), [CloudBody(points, np.zeros((300, 2)), values)], "von Mises", "s"
-        )
+        body = CloudBody(points, np.zeros((300, 2)), values, Delaunay(points).simplices.astype(np.int64))
+        plot_cloud.plot_cloud(Path("a.png"), [body], "von Mises", "s")
         bar = kept[-1].axes[-1]
         assert bar.get_title() == words
         meshes = [item for item in kept[-1].axes[0].collections if type(item).__name__ == "TriMesh"]
@@ -180,10 +159,10 @@ def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure
 
 
 def test_wrong_names_and_places_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="written as"), figures.picture(tmp_path / "a.bmp", 1.0, 1.0):
+    with pytest.raises(RunError, match="formats are"), figures.picture(tmp_path / "a.bmp", 1.0, 1.0):
         pass
     with pytest.raises(RunError, match="cannot write"):
-        plot_path(tmp_path / "none" / "a.png", ARC, {"a": ARC}, "x", "y")
+        plot_curves(tmp_path / "none" / "a.png", [], "x", "y", "t")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ from mlsanm_cli.app.assessment.references import check_reference, reference_prof
 from mlsanm_cli.app.comparison.differences import (
     CONVERGENCE_RATIO,
     SOFTER,
-    Difference,
     agreement,
     difference,
     other_law_limit,
@@ -23,7 +23,7 @@ from mlsanm_cli.app.comparison.differences import (
     surface_error,
 )
 from mlsanm_cli.app.comparison.measure import Measured, Method, chosen_methods, measure, method_of
-from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
+from mlsanm_cli.app.comparison.precision import Curves, draw_precision, precision_curves
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.run import RESULTS, set_up
@@ -76,62 +76,36 @@ def compare(
     (or a method other than ANM failed) or "failed" (ANM failed). Raises CaseError or RunError, with nothing
     written, for an invalid case or an unsuitable method, NumericalError for a scene that cannot be set up.
     """
-    clock = Clock()
-    loaded = load_with_files(case_path, overrides)
-    if loaded.case.model.strain == "finite":
+    context = RunContext(Clock(), console)
+
+    def changed(*changes: str) -> LoadedCase:
+        return load_with_files(case_path, (*overrides, *changes))
+
+    loaded, directory = changed(), out or RESULTS / case_path.stem
+    levels = f"output.at={_levels(loaded.case, options.levels)!r}"
+    finite, curves = loaded.case.model.strain == "finite", None
+    if finite:
         from mlsanm_cli.app.comparison.finite_strain import compare_finite, refuse
 
         refuse(bool(loaded.case.contact) or len(loaded.case.body) > 1, options.methods, options.analytic)
-        return compare_finite(
-            loaded,
-            case_path,
-            _levels(loaded.case, options.levels),
-            overrides=overrides,
-            tolerance=options.tolerance,
-            repeat=options.repeat,
-            directory=out or RESULTS / case_path.stem,
-            force=force,
-            threads=threads,
-            console=console,
-            argv=argv,
-        )
-    check_reference(loaded)
-    context = RunContext(clock, console)
-    methods = chosen_methods(loaded.case, options.methods)
-    _refuse(loaded.case, options, methods)
-    levels = f"output.at={_levels(loaded.case, options.levels)!r}"
-
-    def case_of(method: Method) -> Case:
-        return load_with_files(case_path, (*overrides, levels, *method.changes)).case
-
-    cases = [case_of(method) for method in methods]
-    directory = out or RESULTS / case_path.stem
+    else:
+        check_reference(loaded)
+        _refuse(loaded.case, options)
     run_dir.check_comparison(directory, force)
-    # The monolithic formulation has nodal pressures, which all methods must share.
-    monolithic = (MONOLITHIC_FORMULATION,) if any(method.is_monolithic for method in methods) else ()
-    # Contact grids are refined for the levels of the case, not for the additional ones.
-    shared = load_with_files(case_path, (*overrides, *monolithic))
-    warnings: list[str] = []
-    prepared = build_scene(shared, context)
-    announce(shared.case, prepared, context, warnings.append)
-    built = replace(set_up(shared.case, prepared, context, warnings.append).built, case=loaded.case)
-    rows = []
-    for method, case in zip(methods, cases, strict=True):
-        console.phase(f"following the path: {method.name}")
-        rows.append(measure(built, method, case, options.repeat))
-    warnings += [*factor_notes(built.scene), *_checked(built, rows[0])]
-    result = _result(built, loaded, rows, options, clock, case_of) | {
+    if finite:
+        found = compare_finite(changed(levels), options.tolerance, options.repeat, context)
+    else:
+        found, curves = _compare(loaded, options, context, partial(changed, levels), changed)
+    result = {
+        "case": str(loaded.path),
+        "title": loaded.case.title,
+        "overrides": list(overrides),
+        "warnings": [],
+        **found,
+        "seconds": context.clock.seconds,
         "provenance": attributes(loaded, argv, threads),
-        "warnings": warnings,
     }
-    curves = None
-    if options.picture and rows[0].done:
-        console.phase("following the paths at larger eta, for the picture")
-        curves = precision_curves(built, rows, case_of)
-        result["precision"] = curves.figures
-        if not curves.smooth:
-            warnings.append("no picture: the exact law has no state at some level")
-    for warning in warnings:
+    for warning in result["warnings"]:
         console.warning(warning)
     run_dir.prepare_comparison(directory, force)
     if curves is not None and curves.smooth:
@@ -140,7 +114,45 @@ def compare(
     return {**result, "directory": str(directory)}
 
 
-def _refuse(case: Case, options: CompareOptions, methods: Sequence[Method]) -> None:
+def _compare(
+    loaded: LoadedCase,
+    options: CompareOptions,
+    context: RunContext,
+    with_levels: Callable[..., LoadedCase],
+    changed: Callable[..., LoadedCase],
+) -> tuple[dict[str, Any], Curves | None]:
+    """Follows the path by all methods at small strain; entries of comparison.json, and curves of the picture.
+    Changes of the case are applied with and without the levels of the comparison."""
+
+    def case_of(method: Method) -> Case:
+        return with_levels(*method.changes).case
+
+    methods = chosen_methods(loaded.case, options.methods)
+    cases = list(map(case_of, methods))
+    # The monolithic formulation has nodal pressures, which all methods must share.
+    monolithic = (MONOLITHIC_FORMULATION,) if any(method.is_monolithic for method in methods) else ()
+    # Contact grids are refined for the levels of the case, not for the additional ones.
+    shared, warnings = changed(*monolithic), list[str]()
+    prepared = build_scene(shared, context)
+    announce(shared.case, prepared, context, warnings.append)
+    built = replace(set_up(shared.case, prepared, context, warnings.append).built, case=loaded.case)
+    rows = []
+    for method, case in zip(methods, cases, strict=True):
+        context.console.phase(f"following the path: {method.name}")
+        rows.append(measure(built, method, case, options.repeat))
+    warnings += [*factor_notes(built.scene), *_checked(built, rows[0])]
+    result = _result(built, rows, options, context.clock, case_of)
+    curves = None
+    if options.picture and rows[0].done:
+        context.console.phase("following the paths at larger eta, for the picture")
+        curves = precision_curves(built, rows, case_of)
+        result["precision"] = curves.figures
+        if not curves.smooth:
+            warnings.append("no picture: the exact law has no state at some level")
+    return result | {"warnings": warnings}, curves
+
+
+def _refuse(case: Case, options: CompareOptions) -> None:
     """Raises RunError if there is nothing to compare."""
     if not case.touching:
         raise RunError(
@@ -149,7 +161,7 @@ def _refuse(case: Case, options: CompareOptions, methods: Sequence[Method]) -> N
         )
     if options.analytic and case.reference is None:
         raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
-    if len(methods) == 1 and not options.analytic:
+    if len(chosen_methods(case, options.methods)) == 1 and not options.analytic:
         raise RunError(
             "no method to compare with ANM", "add --newton, --active-set, --monolithic or --analytic"
         )
@@ -179,13 +191,12 @@ def _checked(built: CondensedScene, base: Measured) -> list[str]:
 
 def _result(
     built: CondensedScene,
-    loaded: LoadedCase,
     rows: Sequence[Measured],
     options: CompareOptions,
     clock: Clock,
     case_of: Callable[[Method], Case],
 ) -> dict[str, Any]:
-    case = loaded.case
+    case = built.case
     limits = {
         "same_law": same_law_limit(case) if options.tolerance is None else options.tolerance,
         "other_law": other_law_limit(case),
@@ -193,16 +204,12 @@ def _result(
     table = [_figures(built, row, rows, limits, clock, options.analytic, case_of) for row in rows]
     return {
         "status": agreement(table),
-        "case": str(loaded.path),
-        "title": case.title,
-        "overrides": list(loaded.overrides),
         "levels": sorted(rows[0].states),
         "limits": limits,
         "nodes": sum(len(body.model.cloud.points) for body in built.scene.bodies.values()),
         "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
         "eta": {contact.name: contact.regularization.eta for contact in case.contact},
         "methods": table,
-        "seconds": clock.seconds,
     }
 
 
@@ -224,10 +231,12 @@ def _figures(
         return found
     if analytic:
         found["reference_error"] = _reference_error(built, row)
-    against = _against(row, rows)
+    before = [one for one in rows[: rows.index(row)] if one.done]
+    # The first of the preceding methods with the same law, else ANM.
+    against = next(iter([*(one for one in before if one.law == row.law), *before]), None)
     if against is not None:
         limit = limits["same_law" if against.law == row.law else "other_law"]
-        apart: Difference = difference(built, row.states, against.states)
+        apart = difference(built, row.states, against.states)
         found |= {
             "against": against.method.name,
             "difference": asdict(apart),
@@ -250,13 +259,6 @@ def _errors_by_law(
     softer = measure(built, method, case_of(method))
     before = surface_error(built, softer.states, exact.states) if softer.done else 0.0
     return before, surface_error(built, smooth.states, exact.states)
-
-
-def _against(row: Measured, rows: Sequence[Measured]) -> Measured | None:
-    """The first of the preceding methods with the same law, else ANM."""
-    before = [one for one in rows[: rows.index(row)] if one.done]
-    same = [one for one in before if one.law == row.law]
-    return next(iter([*same, *before]), None)
 
 
 def _reference_error(built: CondensedScene, row: Measured) -> dict[str, float | None]:

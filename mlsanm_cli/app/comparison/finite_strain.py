@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.comparison.differences import agreement, same_law_limit
 from mlsanm_cli.app.comparison.measure import ANM, NEWTON, Measured, Method, measure_path
-from mlsanm_cli.app.context import Clock, Console, RunContext
+from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import FiniteState, FiniteStep, renewals_of
-from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.summary import write_json_atomic
 
 OTHER_EQUATIONS_LIMIT = 1e-2
 """Largest difference, relative to the largest displacement, if Newton's method could not use the equations of
@@ -29,52 +24,28 @@ the power series and renewed them in other states: a part of the discretisation 
 
 
 def compare_finite(
-    loaded: LoadedCase,
-    case_path: Path,
-    levels: list[float],
-    *,
-    overrides: tuple[str, ...],
-    tolerance: float | None,
-    repeat: int,
-    directory: Path,
-    force: bool,
-    threads: int,
-    console: Console,
-    argv: tuple[str, ...],
-) -> Mapping[str, Any]:
-    """Follows the path by both methods; returns the mapping of comparison.json with the directory."""
-    clock = Clock()
-    wanted = load_with_files(case_path, (*overrides, f"output.at={levels!r}"))
-    run_dir.check_comparison(directory, force)
-    prepared = build_scene(wanted, RunContext(clock, console))
-    with clock.phase("operators"):
-        scene = finite_scene(wanted.case, prepared)
-    console.phase(f"following the path: {ANM}")
+    loaded: LoadedCase, tolerance: float | None, repeat: int, context: RunContext
+) -> dict[str, Any]:
+    """Follows the path by both methods, with states at the levels of the case; entries of comparison.json."""
+    prepared = build_scene(loaded, context)
+    with context.phase("operators"):
+        scene = finite_scene(loaded.case, prepared)
+    context.console.phase(f"following the path: {ANM}")
     series, renewals = _followed(scene, ANM, repeat, None)
-    console.phase(f"following the path: {NEWTON}")
+    context.console.phase(f"following the path: {NEWTON}")
     newton, renewed = _followed(scene, NEWTON, repeat, renewals)
-    rows = [series, newton]
     shared = len(renewed) == len(renewals)
-    limit = same_law_limit(wanted.case) if shared else OTHER_EQUATIONS_LIMIT
+    limit = same_law_limit(loaded.case) if shared else OTHER_EQUATIONS_LIMIT
     limit = limit if tolerance is None else tolerance
-    table = [_figures(row, series, limit, clock) for row in rows]
-    result = {
+    table = [_figures(row, series, limit, context.clock) for row in (series, newton)]
+    return {
         "status": agreement(table),
-        "case": str(loaded.path),
-        "title": loaded.case.title,
-        "overrides": list(overrides),
-        "levels": sorted(rows[0].states),
+        "levels": sorted(series.states),
         "limits": {"displacement": limit},
         "nodes": scene.unknowns // 2,
         "contact_unknowns": 0,
         "methods": table,
-        "seconds": clock.seconds,
-        "provenance": attributes(loaded, argv, threads),
-        "warnings": [],
     }
-    run_dir.prepare_comparison(directory, force)
-    write_json_atomic(directory / run_dir.COMPARISON_FILE, result)
-    return {**result, "directory": str(directory)}
 
 
 def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:

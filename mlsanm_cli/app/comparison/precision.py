@@ -43,8 +43,14 @@ def precision_curves(
     law has no states."""
     case = built.case
     exact = next((row for row in rows if row.done and row.law.startswith("exact")), None)
-    states = exact.states if exact is not None else _exact_states(built, case_of)
-    if not states:
+
+    def measured(name: str, factor: float = 1.0) -> Measured:
+        method = method_of(case, name, factor)
+        return measure(built, method, case_of(method))
+
+    # Without an exact method the polished ANM has states of the exact law, unless it fails.
+    of_law = measured(POLISHED) if exact is None else exact
+    if not of_law.done:
         return Curves({}, None)
     eta = max(contact.regularization.eta for contact in case.touching)
     smooth = {}
@@ -52,31 +58,15 @@ def precision_curves(
         if row.law.startswith("exact"):
             continue
         factors = () if row.method.is_monolithic else ETA_FACTORS
-        points = [
-            (f * eta, measure(built, *_with_eta(built, row, f, case_of)))
-            for f in factors
-            if f * eta <= MAX_ETA
-        ]
+        points = [(f * eta, measured(row.method.name, f)) for f in factors if f * eta <= MAX_ETA]
         points.append((eta, row))
-        smooth[row.method.name] = [_point(built, states, value, one) for value, one in points if one.done]
+        smooth[row.method.name] = [
+            _point(built, of_law.states, value, one) for value, one in points if one.done
+        ]
     own = exact if exact is not None and exact.method.name == ACTIVE_SET else None
     return Curves(
         smooth, None if own is None else {"seconds": own.seconds, "factorizations": own.factorizations}
     )
-
-
-def _with_eta(
-    built: CondensedScene, row: Measured, factor: float, case_of: Callable[[Method], Case]
-) -> tuple[Method, Case]:
-    method = method_of(built.case, row.method.name, factor)
-    return method, case_of(method)
-
-
-def _exact_states(built: CondensedScene, case_of: Callable[[Method], Case]) -> Mapping[float, State]:
-    """States of the exact law, from the polished ANM; empty if it fails."""
-    method = method_of(built.case, POLISHED)
-    found = measure(built, method, case_of(method))
-    return found.states if found.done else {}
 
 
 def _point(

@@ -19,7 +19,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.functionals import platen_displacements, slave_arc, slave_points
+from mlsanm_cli.solve.functionals import platen_displacements, slave_arc
 from mlsanm_cli.solve.state import State
 from mlsanm_cli.startup import cKDTree
 
@@ -73,7 +73,7 @@ def _contact(
 ) -> VtuPart:
     record = recording.contact_record(built, pairing, state)
     chosen = pairing.candidate
-    points = slave_points(built, pairing)
+    points = pairing.points[pairing.candidate]
     normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
     data: dict[str, NDArray[Any]] = {
         "pressure": record.pressure,
@@ -161,7 +161,7 @@ def large_slides(
         closed = recording.contact_record(built, pairing, state).pressure > 0.0
         if not closed.any():
             continue
-        own = _at(slave_points(built, pairing)[closed], pairing.slave_body, clouds, displacements)
+        own = _at(pairing.points[pairing.candidate][closed], pairing.slave_body, clouds, displacements)
         if pairing.master_body is None:
             other = np.tile(obstacle_shift(built.case, pairing.name, moved), (len(own), 1))
         else:

@@ -38,7 +38,7 @@ from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc, slave_points
+from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc
 from mlsanm_cli.solve.state import State
 
 PER_HALF_WIDTH = 12.0
@@ -131,7 +131,7 @@ def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[s
         found |= body_datasets(name, cloud, built.scene.bodies[name].model.settings.degree)
     for pairing in built.condensed.reported:
         geometry = {
-            "points": slave_points(built, pairing),
+            "points": pairing.points[pairing.candidate],
             "normal": pairing.normal[pairing.candidate],
             "arc_length": slave_arc(pairing),
             "weight": pairing.weight[pairing.candidate],
@@ -212,7 +212,7 @@ def step_row(built: CondensedScene, state: State, path: Mapping[str, float]) -> 
 def interface_columns(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
     """Columns of a contact's CSV."""
     record = contact_record(built, pairing, state)
-    points = slave_points(built, pairing)
+    points = pairing.points[pairing.candidate]
     return {
         "x": points[:, 0],
         "y": points[:, 1],

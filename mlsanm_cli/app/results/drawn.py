@@ -25,9 +25,7 @@ from mlsanm_cli.case import (
     value_at,
 )
 from mlsanm_cli.case.checks.finite import pivot_of
-from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
-from mlsanm_cli.io.plots.figures import SUFFIXES
 from mlsanm_cli.io.plots.marks import ConditionMarks
 from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
 
@@ -200,8 +198,6 @@ def _at(given: float | str, place: FloatArray) -> float:
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
     """Draws the bodies coloured by their spacing, with supports, loads, obstacles and contacts. Raises
     RunError for an unknown suffix, and if the file cannot be written."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise RunError(f"{path}: picture formats are {', '.join(SUFFIXES)}", "the suffix selects the format")
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     bodies = [
         CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)

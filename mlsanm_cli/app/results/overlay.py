@@ -20,6 +20,8 @@ from mlsanm_cli.io.run_reader import ContactData, RunData
 
 LINE_POINTS, MIN_INSIDE = 301, 2
 """Points of a line, and least number of them in a body that it crosses."""
+POSITION = "position on the load path (stages)"
+TANGENTIAL = "tangential force on the master, per unit thickness"
 COLUMNS = ("ux", "uy", "xx", "yy", "xy", "von_mises")
 
 
@@ -28,35 +30,36 @@ def draw_together(path: Path, runs: Sequence[RunData], cases: Sequence[Case], ch
     kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
     if kind == "line":
         draw_line(path, runs, cases, choice)
-        return
-    if kind not in ("pressure", "force", "peak", "loop", "hysteresis"):
+    elif kind in ("pressure", "force", "peak", "loop", "hysteresis"):
+        draw_along_path(path, runs, cases, kind, choice)
+    else:
         raise RunError(
             "several runs need one kind of picture",
             "add --what pressure, force, peak, loop or hysteresis, or --along",
         )
-    units = cases[0].units
+
+
+def draw_along_path(
+    path: Path, runs: Sequence[RunData], cases: Sequence[Case], kind: str, choice: Choice
+) -> None:
+    """Draws pressures, forces, peak pressures, or else tangential forces over slip, of one run or several."""
+    units, names = cases[0].units, _names(runs) if len(runs) > 1 else [""]
     curves = [
-        curve
-        for run, name in zip(runs, _names(runs), strict=True)
-        for curve in _of_run(run, name, kind, choice)
+        curve for run, name in zip(runs, names, strict=True) for curve in _of_run(run, name, kind, choice)
     ]
     if not curves:
         raise RunError(
             f"the runs have no data for {kind}", "pressures and peaks need a contact, loops need friction"
         )
-    position = "position on the load path (stages)"
-    words = {
-        "pressure": (
-            units.label("arc length", "length"),
-            units.label("pressure", "stress"),
-            "Contact pressure",
-        ),
-        "force": (position, units.label("contact force per unit thickness", "force"), "Contact force"),
-        "peak": (position, units.label("peak pressure", "stress"), "Peak contact pressure"),
-    }
-    slip = units.label("mean slip of the surfaces", "length")
-    tangential = units.label("tangential force on the master, per unit thickness", "force")
-    plot_curves(path, curves, *words.get(kind, (slip, tangential, "Tangential force")))
+    force = "contact force" if any(run.contacts for run in runs) else "force of loads and supports"
+    x, y = {
+        "pressure": (units.label("arc length", "length"), units.label("contact pressure", "stress")),
+        "force": (POSITION, units.label(f"{force} per unit thickness", "force")),
+        "peak": (POSITION, units.label("peak contact pressure", "stress")),
+    }.get(kind, (units.label("mean slip of the surfaces", "length"), units.label(TANGENTIAL, "force")))
+    title = {"pressure": "Contact pressure", "force": force.capitalize(), "peak": "Peak contact pressure"}
+    alone = f", {curves[0].label}" if len(curves) == 1 else ""
+    plot_curves(path, curves, x, y, title.get(kind, "Tangential force") + alone)
 
 
 def draw_line(path: Path, runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> None:
@@ -90,23 +93,28 @@ def slips(contact: ContactData) -> FloatArray:
 
 
 def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[PlotCurve]:
-    joined = bool(run.path.order.any())
+    position = np.asarray(run.path.position)
+    # Exact contact is solved at a few positions: what lies between them is not on a straight line.
+    joined = not run.contacts or bool(run.path.order.any())
+    if not run.contacts and kind == "force":
+        for load, force in run.path.resultants.items():
+            label = f"{name}, {load}" if name else load
+            yield PlotCurve(position, np.hypot(*force.T), label, joined)
     for contact_name, contact in run.contacts.items():
         if choice.contact not in (None, contact_name):
             continue
-        label = name if len(run.contacts) == 1 or choice.contact else f"{name}, {contact_name}"
+        single = name and (len(run.contacts) == 1 or choice.contact)
+        label = name if single else ", ".join(filter(None, (name, contact_name)))
         if kind == "pressure":
-            for level in choice.at or (float(run.path.position[-1]),):
+            for level in choice.at or (float(position[-1]),):
                 legend = f"{label}, position {level:.4g}" if choice.at else label
                 pressure = pressures_at(run, level)[contact_name]
                 order, arc = along_surface(contact, pressure)
                 yield PlotCurve(arc, pressure[order], legend)
         elif kind == "force":
-            force = np.hypot(*pressing_force(run, contact_name).T)
-            yield PlotCurve(np.asarray(run.path.position), force, label, joined)
+            yield PlotCurve(position, np.hypot(*pressing_force(run, contact_name).T), label, joined)
         elif kind == "peak":
-            peak = contact.pressure.max(axis=1, initial=0.0)
-            yield PlotCurve(np.asarray(run.path.position), peak, label, joined)
+            yield PlotCurve(position, contact.pressure.max(axis=1, initial=0.0), label, joined)
         elif not np.isnan(contact.slip).any():
             yield PlotCurve(slips(contact), tangential_force(run, contact_name), label)
 
@@ -137,17 +145,12 @@ def _along(
             continue
         ((seen, _),) = seen_at(run, case, name, points[inside], [level])
         values = np.full(LINE_POINTS, np.nan)
-        values[inside] = _column(seen, field)
+        magnitude = np.hypot(seen[:, 0], seen[:, 1])
+        values[inside] = magnitude if field == "displacement" else seen[:, COLUMNS.index(field)]
         found.append((name, share * float(np.hypot(*(last - first))), values))
     if not found:
         raise RunError(f"the line {along} crosses no body", "give coordinates of the undeformed bodies")
     return [("" if len(found) == 1 else name, x, y) for name, x, y in found]
-
-
-def _column(seen: FloatArray, field: str) -> FloatArray:
-    if field == "displacement":
-        return np.hypot(seen[:, 0], seen[:, 1])
-    return np.asarray(seen[:, COLUMNS.index(field)], dtype=np.float64)
 
 
 def _on_boundary(

@@ -3,7 +3,9 @@ interpolated ones."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_series
 
+NOTHING = partial(np.zeros, 0)
 STORED, SERIES, LINEAR, INTERPOLATED = "stored", "series", "linear", "interpolated"
 POSITION_TOLERANCE = 1e-12
 """Difference per stage below which positions are equal."""
@@ -35,10 +38,10 @@ class Level:
     row: int
     share: float
     factors: FloatArray
-    pressure: FloatArray
-    gap: FloatArray
-    motion: FloatArray
-    traction: FloatArray
+    pressure: FloatArray = field(default_factory=NOTHING)
+    gap: FloatArray = field(default_factory=NOTHING)
+    motion: FloatArray = field(default_factory=NOTHING)
+    traction: FloatArray = field(default_factory=NOTHING)
 
     @property
     def unknowns(self) -> FloatArray:
@@ -58,7 +61,6 @@ def level_at(run: RunData, position: float) -> Level:
     """The level of a path position. Raises RunError if the path does not reach it, and between stored states
     at finite strain."""
     rows = np.asarray(run.path.position)
-    finite = run.is_finite
     if not len(rows):
         raise RunError(f"{run.directory} holds no finished step yet")
     # Not relative to the requested position, which may be infinite.
@@ -69,14 +71,12 @@ def level_at(run: RunData, position: float) -> Level:
             f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {last:g}",
             "a position is the number of completed stages plus the fraction of the current one",
         )
-    nothing = np.zeros(0)
     same = np.flatnonzero(np.abs(rows - position) <= slack)
     if len(same):
         row = int(same[0])
-        factors = _factors(run, row, 1.0)
-        return Level(float(rows[row]), STORED, row, 1.0, factors, nothing, nothing, nothing, nothing)
+        return Level(float(rows[row]), STORED, row, 1.0, _factors(run, row, 1.0))
     row = int(np.flatnonzero(rows > position)[0])
-    if finite:
+    if run.is_finite:
         raise RunError(
             f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
             "and results at finite strain are not interpolated",
@@ -92,18 +92,15 @@ def level_at(run: RunData, position: float) -> Level:
         branch = Branch(np.hstack(parts), arrays["position"], length, arrays.get("denominator"))
         x, _ = branch.evaluate(branch.parameter_at(position))
         ends = np.cumsum([part.shape[1] for part in parts])[:-1]
-        values = {"traction": nothing, **dict(zip(names, np.split(x, ends), strict=True))}
+        values = dict(zip(names, np.split(x, ends), strict=True))
         return Level(position, SERIES, row, share, factors, **values)
     linear = not run.unilateral_contacts or np.array_equal(factors, _factors(run, row - 1, 1.0))
-    how = LINEAR if linear else INTERPOLATED
-    return Level(position, how, row, share, factors, nothing, nothing, nothing, nothing)
+    return Level(position, LINEAR if linear else INTERPOLATED, row, share, factors)
 
 
 def _factors(run: RunData, row: int, share: float) -> FloatArray:
     """Load factors (L,), which are linear within a stage."""
-    history = np.array([np.asarray(values) for values in run.path.factors.values()])
-    if share == 1.0:
-        return np.asarray(history[:, row], dtype=np.float64)
+    history = np.array(list(run.path.factors.values()))
     return np.asarray(share * history[:, row] + (1.0 - share) * history[:, row - 1], dtype=np.float64)
 
 
@@ -201,6 +198,13 @@ def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
     for name, rows in run.maps["bonds"].items():
         found[name] = np.split(rows @ level.unknowns, 2)[0]
     return {name: found[name] for name in run.contacts}
+
+
+def refuse_unknown(name: str, names: Collection[str], what: str) -> None:
+    """Raises RunError for a name that is not one of the ``names`` of this kind of items of a run."""
+    if name not in names:
+        there = f"there are: {', '.join(names)}" if names else "there is none"
+        raise RunError(f'the run has no {what} "{name}"', there)
 
 
 def pressing_force(run: RunData, name: str) -> FloatArray:

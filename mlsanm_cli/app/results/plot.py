@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,12 +11,13 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.references import ReferenceProfile, profile_on
 from mlsanm_cli.app.results.drawn import marks_at
-from mlsanm_cli.app.results.overlay import draw_line, draw_together, slips
+from mlsanm_cli.app.results.overlay import TANGENTIAL, draw_along_path, draw_line, draw_together, slips
 from mlsanm_cli.app.results.path_lookup import (
     level_at,
     mean_normal,
     pressing_force,
     pressures_at,
+    refuse_unknown,
     tangential_force,
 )
 from mlsanm_cli.app.results.probe import probe_contact
@@ -32,16 +33,14 @@ from mlsanm_cli.app.results.views import (
     refuse_nonsense,
     shown_bodies,
 )
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plots.animation import animate_bodies, animate_pressure
 from mlsanm_cli.io.plots.cloud import plot_cloud
-from mlsanm_cli.io.plots.figures import SUFFIXES
 from mlsanm_cli.io.plots.friction import plot_loop, plot_traction
-from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
+from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_pressure
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 MAX_LEVELS = 6
@@ -74,19 +73,15 @@ def plot(
     for run in runs:
         if not run.path.rows:
             raise RunError(f"{run.directory} holds no finished step yet", "there is nothing to draw")
-        if choice.contact is not None and choice.contact not in run.contacts:
-            there = f"there are: {', '.join(run.contacts)}" if run.contacts else "there is none"
-            raise RunError(f'the run has no contact "{choice.contact}"', there)
+        if choice.contact is not None:
+            refuse_unknown(choice.contact, run.contacts, "contact")
     cases = [stored_case(run.case_resolved) for run in runs]
     if len(runs) > 1:
         assert choice.out is not None
-        _refuse_suffix(choice.out, SUFFIXES)
         draw_together(choice.out, runs, cases, choice)
         return [choice.out]
     run, case = runs[0], cases[0]
     if choice.animate:
-        if choice.out is not None:
-            _refuse_suffix(choice.out, (".gif", ".mp4"))
         return animate(run, case, choice)
     pictures = list(_pictures(run, case, choice))
     if not pictures:
@@ -94,13 +89,13 @@ def plot(
         raise RunError(f"the run has nothing for {kinds}", f"kinds are: {', '.join(KINDS)}")
     if choice.out is None:
         return _written(run, pictures, formats)
-    _refuse_suffix(choice.out, SUFFIXES)
     if len(pictures) > 1:
         names = ", ".join(" ".join(filter(None, (kind, subject))) for kind, subject, _ in pictures)
         raise RunError(
             f"-o names one picture, but there are {len(pictures)}: {names}", "add --what or --contact"
         )
-    pictures[0][2](choice.out)
+    ((_, _, draw),) = pictures
+    draw(choice.out)
     return [choice.out]
 
 
@@ -114,11 +109,6 @@ def _written(
             draw(file)
             files.append(file)
     return files
-
-
-def _refuse_suffix(file: Path, suffixes: Sequence[str]) -> None:
-    if file.suffix.lower() not in suffixes:
-        raise RunError(f"{file}: picture formats are {', '.join(suffixes)}", "the suffix selects the format")
 
 
 def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:
@@ -137,11 +127,8 @@ def _all_pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[st
         if friction[name] and np.isfinite(friction[name]):
             yield "loop", name, partial(_draw_loop, run=run, case=case, name=name)
             yield "hysteresis", name, partial(_draw_loop, run=run, case=case, name=name, over_slip=True)
-    if run.contacts:
-        yield "force", "", partial(_draw_forces, run=run, case=case)
-        yield "peak", "", partial(_draw_peaks, run=run, case=case)
-    else:
-        yield "force", "", partial(_draw_resultants, run=run, case=case)
+    for kind in ("force", "peak") if run.contacts else ("force",):
+        yield kind, "", partial(draw_along_path, runs=[run], cases=[case], kind=kind, choice=choice)
     if run.states:
         yield "bodies", "", partial(_draw_bodies, run=run, case=case, choice=choice)
     if choice.along is not None:
@@ -229,7 +216,7 @@ def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool 
         force,
         case.units.label(label, "length"),
         f"Tangential force, {name}",
-        force_label=case.units.label("tangential force on the master, per unit thickness", "force"),
+        force_label=case.units.label(TANGENTIAL, "force"),
     )
 
 
@@ -240,32 +227,6 @@ def _reference(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
         return None
     contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
     return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
-
-
-def _draw_forces(path: Path, run: RunData, case: Case) -> None:
-    forces = {name: pressing_force(run, name) for name in run.contacts}
-    curves = {name: np.hypot(*force.T) for name, force in forces.items()}
-    label = case.units.label("contact force per unit thickness", "force")
-    _draw_curves(path, run, curves, label, "Contact force along the path")
-
-
-def _draw_peaks(path: Path, run: RunData, case: Case) -> None:
-    curves = {name: contact.pressure.max(axis=1, initial=0.0) for name, contact in run.contacts.items()}
-    label = case.units.label("peak pressure", "stress")
-    _draw_curves(path, run, curves, label, "Peak contact pressure along the path")
-
-
-def _draw_resultants(path: Path, run: RunData, case: Case) -> None:
-    curves = {name: np.hypot(*force.T) for name, force in run.path.resultants.items()}
-    label = case.units.label("force per unit thickness", "force")
-    _draw_curves(path, run, curves, label, "Forces of loads and supports")
-
-
-def _draw_curves(path: Path, run: RunData, curves: Mapping[str, FloatArray], y: str, title: str) -> None:
-    # Exact contact is solved at a few positions: what lies between them is not on a straight line.
-    joined = not run.contacts or bool(run.path.order.any())
-    alone = f"{title}, {next(iter(curves))}" if len(curves) == 1 else title
-    plot_path(path, run.path.position, curves, "position on the load path (stages)", y, alone, joined)
 
 
 def _draw_bodies(path: Path, run: RunData, case: Case, choice: Choice) -> None:

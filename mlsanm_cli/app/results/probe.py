@@ -17,6 +17,7 @@ from mlsanm_cli.app.results.path_lookup import (
     displacement_at,
     level_at,
     pressing_force,
+    refuse_unknown,
 )
 from mlsanm_cli.app.results.views import boundary_edges
 from mlsanm_cli.app.scene.assemble import mls_settings
@@ -65,7 +66,7 @@ def probe_contact(
 ) -> list[Row]:
     """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them by default."""
     run, case = _read(rundir)
-    _known(name, run.contacts, "contact")
+    refuse_unknown(name, run.contacts, "contact")
     frictional = bool(_friction(case)[name])
     for wanted in quantities:
         if wanted in ("traction", "slip") and not frictional:
@@ -87,7 +88,7 @@ def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact:
     """Force (x, y) that a load or support exerts on its body, or a contact on its slave. With ``contact`` the
     name is that of a contact, even if a load has it too."""
     run, case = _read(rundir)
-    _known(name, [*run.path.resultants, *run.contacts], "load, support or contact")
+    refuse_unknown(name, [*run.path.resultants, *run.contacts], "load, support or contact")
     if name in run.path.resultants and name in run.contacts and not contact:
         raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
     rows = []
@@ -111,7 +112,7 @@ def probe_named(
 ) -> list[Row]:
     """Displacement and stress at a ``[[probe]]`` of the case."""
     run, case = _read(rundir)
-    _known(name, run.probes, "[[probe]]")
+    refuse_unknown(name, run.probes, "[[probe]]")
     body, point = next((p.body, np.array([p.point])) for p in case.probe if p.name == name)
     rows = []
     for level in _levels(run, at):
@@ -141,7 +142,7 @@ def probe_point(
     the local polynomials of the run's degree, fitted to the nodal displacements. Not for the ghost scheme,
     whose ghosts are not stored: without them stresses at surfaces had errors of 100 %."""
     run, case = _read(rundir)
-    _known(body, run.bodies, "body")
+    refuse_unknown(body, run.bodies, "body")
     levels = _levels(run, at)
     found = seen_at(run, case, body, np.array([point], dtype=np.float64), levels)
     return [
@@ -190,12 +191,6 @@ def _levels(run: RunData, at: Sequence[float]) -> list[Level]:
     if not at and run.path.rows:
         at = (float(run.path.position[-1]),)
     return [level_at(run, position) for position in at or (0.0,)]
-
-
-def _known(name: str, names: Any, what: str) -> None:
-    if name not in names:
-        there = f"there are: {', '.join(names)}" if names else "there is none"
-        raise RunError(f'the run has no {what} "{name}"', there)
 
 
 def _position(level: Level) -> Row:

@@ -161,13 +161,14 @@ def shown_bodies(
 
 def chosen_state(run: RunData, position: float | None) -> SavedState:
     """The state saved at a position, by default the last one. RunError where none is."""
-    if position is None:
+    if position is None and run.states:
         return run.states[-1]
+    wanted = max(run.path.position.tolist(), default=0.0) if position is None else position
     for state in run.states:
-        if abs(state.position - position) <= POSITION_TOLERANCE * max(abs(position), 1.0):
+        if abs(state.position - wanted) <= POSITION_TOLERANCE * max(abs(wanted), 1.0):
             return state
-    places = ", ".join(f"{state.position:g}" for state in run.states) or "nowhere"
-    raise RunError(f"fields are saved at position {places}, not at {position:g}", "name it in output.at")
+    places = ", ".join(f"{state.position:g}" for state in run.states) or "(none)"
+    raise RunError(f"fields are saved at position {places}, not at {wanted:g}", "name it in output.at")
 
 
 def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -75,17 +75,7 @@ def _memo(memory: int) -> Memo:
 class Silent:
     """Console without output: warnings are counted and stored in summaries."""
 
-    def phase(self, text: str) -> None:
+    def phase(self, *given: Any, **named: Any) -> None:
         """No output."""
 
-    def step(self, index: int, position: float, residual: float, text: str) -> None:
-        """No output."""
-
-    def note(self, text: str) -> None:
-        """No output."""
-
-    def warning(self, text: str) -> None:
-        """No output."""
-
-    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
-        """No output."""
+    step = note = warning = table = phase

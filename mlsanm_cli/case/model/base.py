@@ -4,32 +4,28 @@ from __future__ import annotations
 
 import ast
 import inspect
-import math
 import re
 import textwrap
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
-    PlainValidator,
-    WithJsonSchema,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 
 from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
 
-NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
-MAX_NAME_LENGTH = 80
-"""Names become parts of file names."""
-MAX_DEGREE = 6
 Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
@@ -93,75 +89,38 @@ def _two_items(value: Any) -> Any:
     return value
 
 
-def _name(value: Any) -> str:
-    if isinstance(value, str) and len(value) > MAX_NAME_LENGTH:
-        raise PydanticCustomError("name", f"a name has at most {MAX_NAME_LENGTH} characters")
-    if not isinstance(value, str) or NAME_PATTERN.fullmatch(value) is None:
-        raise PydanticCustomError("name", "a name consists of letters, digits, _ and -, and is not a number")
-    return value
+def expecting(text: str) -> WrapValidator:
+    """Reports a value that fits no member of a union with one ``text``; nan, inf and faulty expressions with
+    their own."""
 
-
-def _auto_or_whole(value: Any, most: int | None) -> int | Literal["auto"]:
-    if value == "auto":
-        return "auto"
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= (most or value):
-        whole = f"from 1 to {most}" if most else "above 0"
-        raise PydanticCustomError("auto_or_whole", f'expected "auto" or a whole number {whole}')
-    return value
-
-
-def _auto_or_length(value: Any) -> float | Literal["auto"]:
-    if value == "auto":
-        return "auto"
-    number = float("nan")
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
-            number = float(value)
-        except OverflowError:
-            number = float("inf")
-    if not 0.0 < number < float("inf"):
-        raise PydanticCustomError("auto_or_length", 'expected "auto" or a number above 0')
-    return number
+            return handler(value)
+        except ValidationError as error:
+            found = {one["type"]: one["msg"] for one in error.errors(include_url=False)}
+            if "finite_number" in found:
+                raise PydanticKnownError("finite_number") from error
+            raise PydanticCustomError(
+                "expected", "{text}", {"text": found.get("expression", text)}
+            ) from error
+
+    return WrapValidator(check)
 
 
-def _finite(value: Any, expected: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("number_or_word", "{expected}", {"expected": expected})
-    if not math.isfinite(value):
-        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
-    return float(value)
-
-
-def _coefficient(value: Any) -> float | Literal["bonded"]:
-    if value == "bonded":
-        return "bonded"
-    number = _finite(value, 'expected a number of at least 0, or "bonded"')
-    if number < 0.0:
-        raise PydanticKnownError("greater_than_equal", {"ge": 0})
-    return number
-
-
-def _rotation(value: Any) -> float | Literal["fixed", "free"]:
-    if isinstance(value, str) and value in ("fixed", "free"):
-        return "fixed" if value == "fixed" else "free"
-    return _finite(value, 'expected "fixed", "free", or an angle in radian')
-
-
-def _amount(value: Any) -> float | str:
-    if not isinstance(value, str):
-        return _finite(value, "expected a number, or an expression in x and y in quotes")
+def _expression(text: str) -> str:
     try:
-        compile_expression(value)
+        compile_expression(text)
     except ExpressionError as error:
         raise PydanticCustomError("expression", "{problem}", {"problem": str(error)}) from error
-    return value
+    return text
 
 
 Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
 """Two finite numbers."""
 
 Amount = Annotated[
-    float | str, PlainValidator(_amount), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
+    float | Annotated[str, AfterValidator(_expression)],
+    expecting("expected a number, or an expression in x and y in quotes"),
 ]
 """A finite number, or an expression in x and y."""
 
@@ -173,39 +132,28 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 Name = Annotated[
     str,
-    PlainValidator(_name),
-    WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$", "maxLength": MAX_NAME_LENGTH}),
+    Field(pattern=r"^[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*$", max_length=80),
+    expecting("a name has at most 80 letters, digits, _ and -, and is not a number"),
 ]
-"""The name of a body, load, contact or material."""
+"""The name of a body, load, contact or material, part of file names."""
 
 AutoCount = Annotated[
-    int | Literal["auto"],
-    PlainValidator(partial(_auto_or_whole, most=None)),
-    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "exclusiveMinimum": 0}]}),
+    Literal["auto"] | Annotated[int, Field(gt=0)], expecting('expected "auto" or a whole number above 0')
 ]
 AutoDegree = Annotated[
-    int | Literal["auto"],
-    PlainValidator(partial(_auto_or_whole, most=MAX_DEGREE)),
-    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "minimum": 1, "maximum": MAX_DEGREE}]}),
+    Literal["auto"] | Annotated[int, Field(ge=1, le=6)],
+    expecting('expected "auto" or a whole number from 1 to 6'),
 ]
-AutoLength = Annotated[
-    float | Literal["auto"],
-    PlainValidator(_auto_or_length),
-    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0.0}]}),
-]
-
+AutoLength = Annotated[Literal["auto"] | Positive, expecting('expected "auto" or a number above 0')]
 
 Rotation = Annotated[
-    float | Literal["fixed", "free"],
-    PlainValidator(_rotation),
-    WithJsonSchema({"anyOf": [{"enum": ["fixed", "free"]}, {"type": "number"}]}),
+    Literal["fixed", "free"] | float, expecting('expected "fixed", "free", or an angle in radian')
 ]
 """Rotation of a plate: fixed, free, or a prescribed angle."""
 
 Coefficient = Annotated[
-    float | Literal["bonded"],
-    PlainValidator(_coefficient),
-    WithJsonSchema({"anyOf": [{"const": "bonded"}, {"type": "number", "minimum": 0.0}]}),
+    Literal["bonded"] | Annotated[float, Field(ge=0.0)],
+    expecting('expected a number of at least 0, or "bonded"'),
 ]
 """A coefficient of friction, or bonded surfaces."""
 

@@ -10,6 +10,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from itertools import pairwise
 
 from mlsanm_cli.case.report import suggestion
 
@@ -39,7 +40,7 @@ FUNCTIONS: Mapping[str, tuple[Operation, int, int]] = {
     "tanh": (math.tanh, 1, 1),
 }
 """Functions with their smallest and largest number of arguments."""
-NAMES = ("x", "y", "pi")
+NAMES: Mapping[str, Value] = {"x": lambda x, y: x, "y": lambda x, y: y, "pi": lambda x, y: math.pi}
 _BINARY: Mapping[type[ast.operator], Operation] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -108,29 +109,40 @@ def value_at(text: str, x: float, y: float) -> float:
 def _compiled(node: ast.expr, depth: int) -> Value:
     if depth == 0:
         raise ExpressionError(f"an expression is nested at most {MAX_DEPTH} levels deep")
-    if isinstance(node, ast.Constant):
-        return _number(node.value)
-    if isinstance(node, ast.Name):
-        return _name(node.id)
-    parts = [_compiled(part, depth - 1) for part in _operands(node)]
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-        sign = -1.0 if isinstance(node.op, ast.USub) else 1.0
-        return lambda x, y: sign * parts[0](x, y)
-    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        return _applied(_BINARY[type(node.op)], parts)
-    if isinstance(node, ast.IfExp):
-        test, yes, no = parts
-        return lambda x, y: yes(x, y) if test(x, y) else no(x, y)
-    if isinstance(node, ast.BoolOp):
-        every = all if isinstance(node.op, ast.And) else any
-        return lambda x, y: float(every(part(x, y) for part in parts))
-    if isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
-        tests = [_COMPARED[type(op)] for op in node.ops]
-        return lambda x, y: float(
-            all(test(a(x, y), b(x, y)) for test, a, b in zip(tests, parts[:-1], parts[1:], strict=True))
-        )
-    if isinstance(node, ast.Call):
-        return _applied(_function(node), parts)
+
+    def part(inner: ast.expr) -> Value:
+        return _compiled(inner, depth - 1)
+
+    match node:
+        case ast.Constant(constant):
+            return _number(constant)
+        case ast.Name(name):
+            return _name(name)
+        case ast.UnaryOp(ast.USub() | ast.UAdd() as sign, operand):
+            value = part(operand)
+            return value if isinstance(sign, ast.UAdd) else lambda x, y: -value(x, y)
+        case ast.BinOp(left, sign, right) if type(sign) in _BINARY:
+            return _applied(_BINARY[type(sign)], [part(left), part(right)])
+        case ast.IfExp(test, body, orelse):
+            chosen, yes, no = part(test), part(body), part(orelse)
+            return lambda x, y: yes(x, y) if chosen(x, y) else no(x, y)
+        case ast.BoolOp(sign, values):
+            every, parts = all if isinstance(sign, ast.And) else any, list(map(part, values))
+            return lambda x, y: float(every(one(x, y) for one in parts))
+        case ast.Compare(left, signs, others) if all(type(sign) in _COMPARED for sign in signs):
+            tests, parts = [_COMPARED[type(sign)] for sign in signs], list(map(part, [left, *others]))
+            return lambda x, y: float(
+                all(test(a(x, y), b(x, y)) for test, (a, b) in zip(tests, pairwise(parts), strict=True))
+            )
+        case ast.Call(ast.Name(name), arguments, keywords) if name in FUNCTIONS:
+            function, least, most = FUNCTIONS[name]
+            if keywords or not least <= len(arguments) <= most:
+                wanted = f"{least}" if least == most else f"{least} or more"
+                raise ExpressionError(f"{name} takes {wanted} arguments, not {len(arguments)}")
+            return _applied(function, list(map(part, arguments)))
+        case ast.Call(called):
+            hint = suggestion(_quoted(called), FUNCTIONS, "functions")
+            raise ExpressionError(f"{_quoted(called)} cannot be called", hint)
     power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
     hint = "powers are written x**2" if power else ""
     raise ExpressionError(f"{_quoted(node)} is not allowed in an expression in x and y", hint)
@@ -138,23 +150,6 @@ def _compiled(node: ast.expr, depth: int) -> Value:
 
 def _applied(operation: Operation, parts: list[Value]) -> Value:
     return lambda x, y: operation(*(part(x, y) for part in parts))
-
-
-def _operands(node: ast.expr) -> list[ast.expr]:
-    """The operands of a node, empty for unsupported nodes."""
-    if isinstance(node, ast.UnaryOp):
-        return [node.operand]
-    if isinstance(node, ast.BinOp):
-        return [node.left, node.right]
-    if isinstance(node, ast.IfExp):
-        return [node.test, node.body, node.orelse]
-    if isinstance(node, ast.BoolOp):
-        return node.values
-    if isinstance(node, ast.Compare):
-        return [node.left, *node.comparators]
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS:
-        return node.args
-    return []
 
 
 def _number(value: object) -> Value:
@@ -168,27 +163,11 @@ def _number(value: object) -> Value:
 
 
 def _name(name: str) -> Value:
-    if name == "x":
-        return lambda x, y: x
-    if name == "y":
-        return lambda x, y: y
-    if name == "pi":
-        return lambda x, y: math.pi
+    if name in NAMES:
+        return NAMES[name]
     if name in FUNCTIONS:
         raise ExpressionError(f"{name} is a function", f"write {name}(...)")
     raise ExpressionError(f'"{name}" is not defined', suggestion(name, [*NAMES, *FUNCTIONS], "known"))
-
-
-def _function(call: ast.Call) -> Operation:
-    if not isinstance(call.func, ast.Name) or call.func.id not in FUNCTIONS:
-        raise ExpressionError(
-            f"{_quoted(call.func)} cannot be called", suggestion(_quoted(call.func), FUNCTIONS, "functions")
-        )
-    function, least, most = FUNCTIONS[call.func.id]
-    if call.keywords or not least <= len(call.args) <= most:
-        wanted = f"{least}" if least == most else f"{least} or more"
-        raise ExpressionError(f"{call.func.id} takes {wanted} arguments, not {len(call.args)}")
-    return function
 
 
 def _quoted(node: ast.expr) -> str:

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, PlainValidator, WithJsonSchema
-from pydantic_core import PydanticCustomError
+from pydantic import Field
 
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section
+from mlsanm_cli.case.model.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section, expecting
 from mlsanm_cli.case.report import Report
 
 Triple = tuple[float, float, float]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
-
-_TRIPLE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-_MATRIX = {"type": "array", "items": _TRIPLE, "minItems": 3, "maxItems": 3}
 
 FORMS: dict[Form, tuple[str, ...]] = {
     "isotropic": ("E", "nu"),
@@ -31,34 +27,6 @@ SYMMETRY_TOLERANCE = 1e-9
 """Largest asymmetry of a stiffness, relative to its largest entry."""
 MIN_DETERMINANT = 1e-12
 """Of the leading minors of a positive definite stiffness or compliance scaled to a unit diagonal."""
-
-
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _triple(value: Any) -> Triple:
-    if not isinstance(value, tuple) or len(value) != 3 or not all(map(_number, value)):
-        raise PydanticCustomError("triple", "expected three numbers")
-    return float(value[0]), float(value[1]), float(value[2])
-
-
-def _matrix(value: Any) -> tuple[Triple, Triple, Triple]:
-    try:
-        if isinstance(value, tuple) and len(value) == 3:
-            return _triple(value[0]), _triple(value[1]), _triple(value[2])
-    except PydanticCustomError:
-        pass
-    raise PydanticCustomError("matrix", "expected three rows of three numbers, in the order xx, yy, xy")
-
-
-def _expansion(value: Any) -> float | Triple:
-    if _number(value):
-        return float(value)
-    try:
-        return _triple(value)
-    except PydanticCustomError as error:
-        raise PydanticCustomError("expansion", "expected a number, or a list of three") from error
 
 
 class Material(Section):
@@ -86,19 +54,17 @@ class Material(Section):
     angle: Annotated[float, ANGLE] | None = None
     """Angle from the x axis to axis 1, counter-clockwise; 0 by default."""
     stiffness: (
-        Annotated[tuple[Triple, Triple, Triple], PlainValidator(_matrix), WithJsonSchema(_MATRIX), STRESS]
-        | None
-    ) = None
-    """Matrix from strains xx, yy, 2xy to stresses xx, yy, xy; symmetric and positive definite."""
-    alpha: (
         Annotated[
-            float | Triple,
-            PlainValidator(_expansion),
-            WithJsonSchema({"anyOf": [{"type": "number"}, _TRIPLE]}),
-            EXPANSION,
+            tuple[Triple, Triple, Triple],
+            expecting("expected three rows of three numbers, in the order xx, yy, xy"),
+            STRESS,
         ]
         | None
     ) = None
+    """Matrix from strains xx, yy, 2xy to stresses xx, yy, xy; symmetric and positive definite."""
+    alpha: Annotated[float | Triple, expecting("expected a number, or a list of three"), EXPANSION] | None = (
+        None
+    )
     """Coefficient of thermal expansion; for orthotropic materials also [a1, a2, a3] along the axes; with
     `stiffness` the strains [xx, yy, 2xy] per degree of a body that is free in the plane."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -27,48 +27,52 @@ class TableError(ValueError):
     """A table file that cannot be read or is invalid."""
 
 
-def inline_tables(data: Mapping[str, Any], base: Path) -> tuple[dict[str, Any], list[tuple[KeyPath, str]]]:
+def with_items(data: dict[str, Any], section: str, change: Callable[[int, Any], Any]) -> dict[str, Any]:
+    """The content of a case with the items of a list, if there is one, replaced by ``change`` of their number
+    and content."""
+    items = data.get(section)
+    if not isinstance(items, tuple):
+        return data
+    return {**data, section: tuple(change(number, item) for number, item in enumerate(items))}
+
+
+def inline_tables(data: dict[str, Any], base: Path) -> tuple[dict[str, Any], list[tuple[KeyPath, str]]]:
     """The content of a case with the rows of tables in place of file names, which are relative to ``base``.
     Also returns the problems found, by key; there the file name remains."""
-    content = dict(data)
     problems: list[tuple[KeyPath, str]] = []
-    loads = data.get("load")
-    if isinstance(loads, tuple):
-        changed = []
-        for index, load in enumerate(loads):
-            if isinstance(load, Mapping) and isinstance(load.get("table"), str):
-                try:
-                    load = {
-                        **load,
-                        "table": read_table(base / load["table"], HEADERS.get(load.get("kind", ""))),
-                    }
-                except TableError as error:
-                    problems.append((("load", index, "table"), str(error)))
-            changed.append(load)
-        content["load"] = tuple(changed)
-    bodies = data.get("body")
-    if isinstance(bodies, tuple):
-        content["body"] = tuple(_with_points(k, body, base, problems) for k, body in enumerate(bodies))
-    return content, problems
 
+    def inlined(item: Any, key: KeyPath, to: str, header: tuple[str, ...] | None, most: int) -> Any:
+        """The item with rows under the key ``to`` in place of the file named by the last part of ``key``."""
+        name = key[-1]
+        try:
+            rows = read_table(base / item[name], header, most)
+        except TableError as error:
+            problems.append((key, str(error)))
+            return item
+        return {**{other: value for other, value in item.items() if other != name}, to: rows}
 
-def _with_points(index: int, body: Any, base: Path, problems: list[tuple[KeyPath, str]]) -> Any:
-    """A body with the points of its curves in place of file names."""
-    shape = body.get("shape") if isinstance(body, Mapping) else None
-    sides = shape.get("sides") if isinstance(shape, Mapping) else None
-    if not isinstance(sides, tuple) or not isinstance(shape, Mapping):
+    def of_load(index: int, load: Any) -> Any:
+        match load:
+            case {"table": str(), **others}:
+                header = HEADERS.get(str(others.get("kind")))
+                return inlined(load, ("load", index, "table"), "table", header, MAX_ROWS)
+        return load
+
+    def of_body(index: int, body: Any) -> Any:
+        match body:
+            case {"shape": {"sides": tuple(sides)} as shape}:
+                here: KeyPath = ("body", index, "shape", "sides")
+                filled = tuple(of_side((*here, number, "file"), side) for number, side in enumerate(sides))
+                return {**body, "shape": {**shape, "sides": filled}}
         return body
-    changed = []
-    for number, side in enumerate(sides):
-        file = side.get("file") if isinstance(side, Mapping) else None
-        if isinstance(file, str) and file and "points" not in side and "to" not in side:
-            try:
-                points = read_table(base / file, POINT_HEADER, MAX_POINTS)
-                side = {**{key: value for key, value in side.items() if key != "file"}, "points": points}
-            except TableError as error:
-                problems.append((("body", index, "shape", "sides", number, "file"), str(error)))
-        changed.append(side)
-    return {**body, "shape": {**shape, "sides": tuple(changed)}}
+
+    def of_side(key: KeyPath, side: Any) -> Any:
+        match side:
+            case {"file": str(file), **others} if file and not others.keys() & {"points", "to"}:
+                return inlined(side, key, "points", POINT_HEADER, MAX_POINTS)
+        return side
+
+    return with_items(with_items(data, "load", of_load), "body", of_body), problems
 
 
 def read_table(

@@ -16,7 +16,7 @@ from mlsanm_cli.case.checks.relations import run_checks
 from mlsanm_cli.case.checks.valid_parts import LISTS, Geometry, GeometryInspector, validate
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.tables import inline_tables
+from mlsanm_cli.case.model.tables import inline_tables, with_items
 from mlsanm_cli.case.reading.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report, nearest
@@ -133,50 +133,50 @@ def stored_case(text: str) -> Case:
 
 def _anchored(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The content with absolute paths of the files of shapes."""
-    bodies = data.get("body")
-    if not isinstance(bodies, tuple):
-        return data
-    return {**data, "body": tuple(_anchored_body(body, folder) for body in bodies)}
 
-
-def _anchored_body(body: Any, folder: Path) -> Any:
-    shape = body.get("shape") if isinstance(body, Mapping) else None
-    file = shape.get("file") if isinstance(shape, Mapping) else None
-    if not isinstance(file, str) or not file:
+    def anchored(number: int, body: Any) -> Any:
+        match body:
+            case {"shape": {"file": str(file)} as shape} if file:
+                return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
         return body
-    assert isinstance(body, Mapping)
-    assert isinstance(shape, Mapping)
-    return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
+
+    return with_items(data, "body", anchored)
 
 
 def _with_law(data: dict[str, Any]) -> dict[str, Any]:
     """The content with the regularised law in contacts that name no law, if another contact, a parameter of
     that law, the method, the formulation or polishing requires it; never at finite strain."""
-    model, contacts, solver = data.get("model"), data.get("contact"), data.get("solver", {})
-    if not (isinstance(model, Mapping) and isinstance(contacts, tuple) and isinstance(solver, Mapping)):
-        return data
-    asked = (
-        solver.get("method") in ("anm", "newton")
-        or solver.get("formulation") == "monolithic"
-        or solver.get("polish") is True
-        or any(map(_is_regularized, contacts))
-    )
-    if model.get("strain") == "finite" or not asked:
-        return data
-    return {**data, "contact": tuple(_regularized(one) for one in contacts)}
+    match data:
+        case {"model": {"strain": "finite"}}:
+            return data
+        case (
+            {"solver": {"method": "anm" | "newton"}}
+            | {"solver": {"formulation": "monolithic"}}
+            | {"solver": {"polish": True}}
+        ):
+            return with_items(data, "contact", _regularized)
+        case {"contact": tuple(contacts)} if any(map(_is_regularized, contacts)):
+            return with_items(data, "contact", _regularized)
+    return data
 
 
 def _is_regularized(contact: Any) -> bool:
     """Whether a contact names the regularised law, or only parameters of it."""
-    given = contact.get("regularization") if isinstance(contact, Mapping) else None
-    return bool(given) and isinstance(given, Mapping) and given.get("law", REGULARIZED) == REGULARIZED
+    match contact:
+        case {"regularization": {**given}}:
+            return bool(given) and given.get("law", REGULARIZED) == REGULARIZED
+    return False
 
 
-def _regularized(contact: Any) -> Any:
-    given = contact.get("regularization", {}) if isinstance(contact, Mapping) else None
-    if not isinstance(given, Mapping) or contact.get("friction") == "bonded":
-        return contact
-    return {**contact, "regularization": {"law": REGULARIZED, **given}}
+def _regularized(number: int, contact: Any) -> Any:
+    match contact:
+        case {"friction": "bonded"}:
+            return contact
+        case {"regularization": {**given}}:
+            return {**contact, "regularization": {"law": REGULARIZED, **given}}
+        case {**keys} if "regularization" not in keys:
+            return {**contact, "regularization": {"law": REGULARIZED}}
+    return contact
 
 
 def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:

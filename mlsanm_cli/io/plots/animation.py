@@ -16,7 +16,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing
 from mlsanm_cli.io.plots.cloud import CloudBody, draw_cloud, range_of, window_of
-from mlsanm_cli.io.plots.figures import COLOURS, style
+from mlsanm_cli.io.plots.figures import COLOURS, refuse_suffix, style
 from mlsanm_cli.io.plots.marks import ConditionMarks
 from mlsanm_cli.io.plots.plots import visible_range
 
@@ -102,6 +102,7 @@ def _figure(width: float, height: float) -> Figure:
 def _write(path: Path, frames: Callable[[], Iterator[Figure]], colours: int) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+    refuse_suffix(path, (".gif", ".mp4"))
     pixels = []
     with style():
         for figure in frames():

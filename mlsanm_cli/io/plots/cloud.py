@@ -17,14 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
-    from matplotlib.patches import Rectangle
-    from matplotlib.tri import Triangulation
 
 Window = tuple[float, float, float, float]
 
-# A Delaunay triangle is part of the body if its circumradius is at most this multiple of the node spacing;
-# larger ones lie in a hole or beside a concave side.
-_MAX_CIRCUMRADIUS = 2.5
 # Diameter of the dot at a node, in node spacings.
 _DOT_SIZE = 0.25
 # The colours end at this quantile of the nodal values if the largest is more than twice as high, so that
@@ -38,13 +33,13 @@ _MAX_HEIGHT = 7.0
 
 @dataclass(frozen=True)
 class CloudBody:
-    """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), and ``scalar`` (n,) for the colour.
-    ``triangles`` (t, 3) fill it; without them Delaunay triangles are selected by the node spacing."""
+    """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), ``scalar`` (n,) for the colour, and the
+    ``triangles`` (t, 3) that fill it."""
 
     points: FloatArray
     displacement: FloatArray
     scalar: FloatArray
-    triangles: IntArray | None = None
+    triangles: IntArray
 
 
 @dataclass(frozen=True)
@@ -68,15 +63,6 @@ class ColourRange:
         """Words with the values beyond the ends."""
         words = [f"down to {self.least:.3g}"] * (self.least < self.low)
         return "\n".join(words + [f"up to {self.largest:.3g}"] * (self.largest > self.high))
-
-
-@dataclass(frozen=True)
-class _Shape:
-    """Distances to the nearest node (n,), triangles (t, 3) of the body, outline as node pairs (k, 2)."""
-
-    spacing: FloatArray
-    triangles: IntArray
-    outline: IntArray
 
 
 def plot_cloud(
@@ -116,14 +102,16 @@ def draw_cloud(
     unit: str = "",
 ) -> None:
     """Draws the bodies into a figure with a panel for each view and colours between the ``limits``."""
-    shapes = [_shape(body) for body in bodies]
+    from matplotlib.patches import Rectangle
+
+    shapes = [spacing_and_outline(body) for body in bodies]
     size = float(np.ptp(np.concatenate([body.points for body in bodies]), axis=0).max())
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=list(map(_width, views)))[0]
     for axes, view in zip(panels, views, strict=True):
-        for body, shape in zip(bodies, shapes, strict=True):
-            colours = _draw_body(axes, body, shape, scale)
+        for body, (spacing, outline) in zip(bodies, shapes, strict=True):
+            colours = _draw_body(axes, body, outline, scale)
             colours.set_clim(limits.low, limits.high)
-            _draw_nodes(axes, body.points + scale * body.displacement, shape.spacing)
+            _draw_nodes(axes, body.points + scale * body.displacement, spacing)
         if marks is not None:
             # Arrows have a length relative to the scene, too long for a detail.
             shown = marks if view is views[0] else ConditionMarks(obstacles=marks.obstacles)
@@ -132,7 +120,9 @@ def draw_cloud(
     times = "" if scale == 1.0 else f", displacements x {scale:g}"
     panels[0].set_title(f"{title}{times}")
     if len(views) > 1:
-        panels[0].add_patch(_frame(views[1]))
+        x0, x1, y0, y1 = views[1]
+        frame = Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
+        panels[0].add_patch(frame)
         panels[1].set_title("detail in the frame")
     bar = figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9, extend=limits.extend)
     if limits.beyond:
@@ -144,51 +134,28 @@ def _width(view: Window) -> float:
     return (view[1] - view[0]) / (view[3] - view[2])
 
 
-def _shape(body: CloudBody) -> _Shape:
-    from matplotlib.tri import Triangulation
-
-    given = body.triangles
-    if given is None:
-        given = Triangulation(body.points[:, 0], body.points[:, 1]).triangles.astype(np.int64)
-    triangles = given
-    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]]
-    vectors = body.points[sides[..., 1]] - body.points[sides[..., 0]]
-    lengths = np.linalg.norm(vectors, axis=2)
+def spacing_and_outline(body: CloudBody) -> tuple[FloatArray, IntArray]:
+    """Distances to the nearest node (n,), and the edges (k, 2) of the triangles that are part of one only."""
+    sides = body.triangles[:, [[0, 1], [1, 2], [2, 0]]]
+    lengths = np.linalg.norm(body.points[sides[..., 1]] - body.points[sides[..., 0]], axis=2)
     # The nearest neighbour of a node is always connected to it by an edge of a Delaunay triangle.
     spacing = np.full(len(body.points), np.inf)
     for end in (0, 1):
         np.minimum.at(spacing, sides[..., end].ravel(), lengths.ravel())
-    # Circumradius = product of the edges / (4 area), compared without dividing by an area that may vanish.
-    double_area = np.abs(vectors[:, 0, 0] * vectors[:, 1, 1] - vectors[:, 0, 1] * vectors[:, 1, 0])
-    largest = _MAX_CIRCUMRADIUS * spacing[triangles].max(axis=1)
-    guessed = lengths.prod(axis=1) <= 2.0 * double_area * largest
-    kept = guessed if body.triangles is None else np.ones(len(triangles), dtype=bool)
-    unique, counts = np.unique(np.sort(sides[kept].reshape(-1, 2), axis=1), axis=0, return_counts=True)
-    return _Shape(spacing, triangles[kept], unique[counts == 1])
+    unique, counts = np.unique(np.sort(sides.reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    return spacing, unique[counts == 1]
 
 
-def _draw_body(axes: Axes, body: CloudBody, shape: _Shape, scale: float) -> ScalarMappable:
+def _draw_body(axes: Axes, body: CloudBody, outline: IntArray, scale: float) -> ScalarMappable:
     from matplotlib.collections import LineCollection
-
-    deformed = body.points + scale * body.displacement
-    colours = axes.tripcolor(
-        _triangulation(deformed, shape.triangles),
-        body.scalar,
-        shading="gouraud",
-        cmap="viridis",
-        rasterized=True,
-    )
-    axes.add_collection(
-        LineCollection(list(body.points[shape.outline]), colors=_OUTLINE_COLOUR, linewidths=0.8)
-    )
-    axes.add_collection(LineCollection(list(deformed[shape.outline]), colors="black", linewidths=0.5))
-    return colours
-
-
-def _triangulation(points: FloatArray, triangles: IntArray) -> Triangulation:
     from matplotlib.tri import Triangulation
 
-    return Triangulation(points[:, 0], points[:, 1], triangles)
+    deformed = body.points + scale * body.displacement
+    mesh = Triangulation(deformed[:, 0], deformed[:, 1], body.triangles)
+    colours = axes.tripcolor(mesh, body.scalar, shading="gouraud", cmap="viridis", rasterized=True)
+    axes.add_collection(LineCollection(list(body.points[outline]), colors=_OUTLINE_COLOUR, linewidths=0.8))
+    axes.add_collection(LineCollection(list(deformed[outline]), colors="black", linewidths=0.5))
+    return colours
 
 
 def _draw_nodes(axes: Axes, points: FloatArray, spacing: FloatArray) -> None:
@@ -219,13 +186,6 @@ def _finish(axes: Axes, view: Window, unit: str) -> None:
     axes.locator_params(axis="x", nbins=6)
     axes.set_xlabel(f"x [{unit}]" if unit else "x")
     axes.set_ylabel(f"y [{unit}]" if unit else "y")
-
-
-def _frame(window: Window) -> Rectangle:
-    from matplotlib.patches import Rectangle
-
-    corner, size = (window[0], window[2]), (window[1] - window[0], window[3] - window[2])
-    return Rectangle(corner, *size, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
 
 
 def range_of(bodies: Sequence[CloudBody]) -> ColourRange:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mlsanm_cli import __version__
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing
 
 if TYPE_CHECKING:
@@ -68,14 +69,19 @@ def resolution(dpi: int) -> Iterator[None]:
         _STYLE["savefig.dpi"] = before
 
 
+def refuse_suffix(file: Path, suffixes: Sequence[str]) -> None:
+    """Raises RunError for a file whose suffix is not one of these."""
+    if file.suffix.lower() not in suffixes:
+        raise RunError(f"{file}: picture formats are {', '.join(suffixes)}", "the suffix selects the format")
+
+
 @contextmanager
 def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
     """Yields an empty figure of ``width`` x ``height`` inches and saves it at the end of the block. The
-    suffix of ``path`` selects the format: .png, .svg or .pdf. Raises ValueError for others, RunError if the
-    file cannot be written."""
+    suffix of ``path`` selects the format: .png, .svg or .pdf. Raises RunError for others, and if the file
+    cannot be written."""
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.suffix!r}")
+    refuse_suffix(path, SUFFIXES)
     # pyplot would need a window system, and keeps figures open.
     from matplotlib.figure import Figure
 

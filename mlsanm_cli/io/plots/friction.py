@@ -77,7 +77,7 @@ def plot_loop(
     x_label: str,
     title: str,
     *,
-    force_label: str = "tangential force on the master, per unit thickness",
+    force_label: str,
 ) -> None:
     """Draws the tangential force of a contact against a displacement along the load path, both (S+1,). Raises
     RunError if ``path`` cannot be written."""

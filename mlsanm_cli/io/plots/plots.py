@@ -3,7 +3,7 @@ work-precision diagrams, the error of methods against their cost."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -85,31 +85,6 @@ def plot_pressure(
         figure.align_ylabels()
 
 
-def plot_path(
-    path: Path,
-    x: FloatArray,
-    curves: Mapping[str, FloatArray],
-    x_label: str,
-    y_label: str,
-    title: str = "Load path",
-    joined: bool = True,
-) -> None:
-    """Draws quantities along the load path, one marker per step. ``x`` (S+1,), for instance the position or a
-    platen's displacement, and curves of the same length; without ``joined`` markers only, for steps between
-    which nothing is known. Raises RunError if ``path`` cannot be written."""
-    with picture(path, 6.0, 3.8) as figure:
-        axes = figure.subplots()
-        for index, (label, values) in enumerate(curves.items()):
-            style = _nodes(len(x)) | {"marker": MARKERS[index % len(MARKERS)]}
-            style |= {} if joined else {"linestyle": "none", "markersize": 5.0}
-            axes.plot(x, values, label=label, color=COLOURS[index % len(COLOURS)], **style)
-        axes.set_title(title)
-        axes.set_xlabel(x_label)
-        axes.set_ylabel(y_label)
-        if len(curves) > 1:
-            axes.legend(loc="best")
-
-
 def _draw_difference(
     axes: Axes, arc: FloatArray, pressure: FloatArray, reference: ReferenceCurve, colour: Any
 ) -> None:
@@ -179,20 +154,17 @@ class PlotCurve:
 def plot_curves(path: Path, curves: Sequence[PlotCurve], x_label: str, y_label: str, title: str) -> None:
     """Draws curves in one picture, distinguished by colours, then by line styles. Raises RunError if ``path``
     cannot be written."""
-    with picture(path, 7.2, 4.2) as figure:
+    with picture(path, 7.2, 3.8) as figure:
         axes = figure.subplots()
         for index, curve in enumerate(curves):
-            axes.plot(
-                curve.x,
-                curve.y,
-                label=curve.label,
-                color=COLOURS[index % len(COLOURS)],
-                linestyle=_STYLES[index // len(COLOURS) % len(_STYLES)] if curve.joined else "none",
-                marker=MARKERS[index % len(MARKERS)],
-                markersize=2.2 if curve.joined else 5.0,
-                markeredgewidth=0.0,
-                linewidth=1.0,
-            )
+            style = _nodes(len(curve.x)) | {
+                "label": curve.label,
+                "color": COLOURS[index % len(COLOURS)],
+                "linestyle": _STYLES[index // len(COLOURS) % len(_STYLES)],
+                "marker": MARKERS[index % len(MARKERS)],
+            }
+            style |= {} if curve.joined else {"linestyle": "none", "markersize": 5.0}
+            axes.plot(curve.x, curve.y, **style)
         axes.set_title(title)
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
