@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from mlsanm_cli.app.output.writer import body_datasets
+from mlsanm_cli.app.output.writer import body_datasets, contact_datasets
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
@@ -130,13 +130,9 @@ def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[s
     for name, cloud in clouds.items():
         found |= body_datasets(name, cloud, built.scene.bodies[name].model.settings.degree)
     for pairing in built.condensed.reported:
-        geometry = {
-            "points": pairing.points[pairing.candidate],
-            "normal": pairing.normal[pairing.candidate],
-            "arc_length": slave_arc(pairing),
-            "weight": pairing.weight[pairing.candidate],
-        }
-        found |= {place("contacts", pairing.name, key): array for key, array in geometry.items()}
+        normal, weight = pairing.normal[pairing.candidate], pairing.weight[pairing.candidate]
+        points, arc = pairing.points[pairing.candidate], slave_arc(pairing)
+        found |= contact_datasets(pairing.name, points, normal, arc, weight)
     bonds = built.condensed.bonds
     for name, own in bonds.spans.items() if bonds.pairings else ():
         pair = (bonds.pressure.take(own), bonds.traction.take(own))
@@ -283,7 +279,7 @@ def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stre
     return Fields(*shown, fields.rest, stressed)
 
 
-def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, Value]:
+def stored_fields(number: int, fields: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Value]:
     """The requested fields of the saved state with this number, as datasets."""
     return {
         place("fields", str(number), body, name): np.ascontiguousarray(getattr(values, name))

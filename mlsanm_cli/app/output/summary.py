@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -55,6 +55,18 @@ def head(ending: Ending, recorder: RunWriter, steps: int, position: float | None
         "iterations": recorder.iterations,
         "factorizations": recorder.factorizations,
         "solves": recorder.solves,
+    }
+
+
+def tail(recorder: RunWriter, quality: Quality, limits: Mapping[str, Any], clock: Clock) -> dict[str, Any]:
+    """The last entries of every summary."""
+    return {
+        "quality": quality.figures,
+        "limits": limits,
+        "seconds": clock.seconds,
+        "wall_seconds": clock.wall_seconds,
+        "peak_memory_mb": peak_memory_mb(),
+        "warnings": recorder.warnings,
     }
 
 
@@ -121,15 +133,9 @@ def summarise(
     if recorder.polished:
         summary["polish"] = polish_figures(recorder.polished)
     summary["stability"] = built.stability if built is not None else ending.stability
-    summary["quality"] = quality.figures
     if adapted is not None and adapted.refined:
         summary["adapt"] = [asdict(one) for one in adapted.passes]
-    summary["limits"] = limits(case, built)
-    summary["seconds"] = clock.seconds
-    summary["wall_seconds"] = clock.wall_seconds
-    summary["peak_memory_mb"] = peak_memory_mb()
-    summary["warnings"] = recorder.warnings
-    return summary
+    return summary | tail(recorder, quality, limits(case, built), clock)
 
 
 def limits(case: Case, built: CondensedScene | None) -> dict[str, Any]:
