@@ -22,8 +22,9 @@ BLOCK_SIZE = 256
 """Columns of the dense array computed at once."""
 SAMPLES = 32
 """Rows and columns sampled for the largest entry."""
-OWN_DISTANCE = 0.314
-"""Geometric mean of the distances of two points weighted by the same hat, over its half-width."""
+OWN_DISTANCE = 0.44
+"""Distance over a hat's width at which the kernel stands for the compliance of a node itself; with 0.31, the
+geometric mean of distances within a hat, iterations take 20 % more products, with 0.55 25 %."""
 
 
 @dataclass(frozen=True, eq=False)
