@@ -11,7 +11,6 @@ Equation (2) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from types import MappingProxyType
@@ -22,10 +21,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
-from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
@@ -49,7 +47,6 @@ def assemble(
     held_nodes: Sequence[tuple[int, int]],
     solver: LinearSolver,
     springs: Springs = MappingProxyType({}),
-    timed: Timed = nullcontext,
     touching: Collection[str] = (),
     unloaded: int = 0,
 ) -> ElasticBody:
@@ -58,7 +55,7 @@ def assemble(
     ``held`` are the surfaces with held components, ``held_nodes`` (node, component) pairs held at zero, the
     last ``unloaded`` of which only fix the position and take no force from their pieces. Components with
     ``springs`` have the row sigma n + k u. A body with free rigid motions is pinned, which affects nothing
-    but these motions. ``touching`` are the surfaces in contact. The system is factorised within ``timed()``.
+    but these motions. ``touching`` are the surfaces in contact.
     """
     cloud = model.cloud
     free = free_motions(cloud, held, held_nodes, springs)
@@ -72,10 +69,7 @@ def assemble(
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, grips))
     pulls = spring_rows(cloud, table, len(model.nodes))
-    rows = _rows(model, held, single)
-    if springs:
-        rows = sparse.csr_array(rows + pulls)
-    rows = compact(rows)
+    rows = compact(sparse.csr_array(_rows(model, held, single) + pulls))
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
     if model.settings.square:
@@ -94,16 +88,13 @@ def assemble(
     chosen = [held, held_nodes, springs, solver, sorted(touching), unloaded]
     content = digest(model.rows_content, weight, curves, chosen)
     equations = BodyEquations(content, factorise)
-    single_held = tuple(held_nodes)
     body = ElasticBody(
-        model, held, springs, free, first_row, count, pieces, loads, equations, timed, single_held
+        model, held, springs, free, first_row, count, pieces, loads, equations, tuple(held_nodes)
     )
     if not free.components:
         return body
-    pinned = replace(body, timed=nullcontext)
-    return replace(
-        body, equations=BodyEquations(content, partial(_without_pins, pinned, single[len(held_nodes) :]))
-    )
+    unpinned = partial(_without_pins, body, single[len(held_nodes) :])
+    return replace(body, equations=BodyEquations(content, unpinned))
 
 
 def _strong(

@@ -8,21 +8,51 @@ single held nodes. A corner node has the rows of both its surfaces.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.deferred import BodyEquations, Timed
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.system import LinearSystem
+
+Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
+"""Returns a context manager that measures the time of an operation."""
+
+
+class BodyEquations:
+    """A body's equations, factorised by ``factorise`` on first use, within ``timed()`` of the run: never if
+    all results are known. The callable is then dropped with the rows it holds. ``content`` is a digest of
+    all input of the equations."""
+
+    def __init__(self, content: str, factorise: Callable[[], LinearSystem]) -> None:
+        self.content = content
+        self.timed: Timed = nullcontext
+        self._factorise: Callable[[], LinearSystem] | None = factorise
+        self._system: LinearSystem | None = None
+
+    @property
+    def system(self) -> LinearSystem:
+        """The factorised system. Raises NumericalError if it is singular."""
+        if self._system is None:
+            assert self._factorise is not None
+            with self.timed():
+                self._system = self._factorise()
+            self._factorise = None
+        return self._system
+
+    @property
+    def note(self) -> str:
+        """Remark on the factorisation for users; "" if there is none."""
+        return "" if self._system is None else self._system.note
 
 
 @dataclass(frozen=True)
@@ -34,9 +64,8 @@ class ElasticBody:
     spring stiffnesses, ``free`` the rigid motions that nothing holds. ``system`` then solves for balanced
     loads; the mean free motions of the solution are the right-hand sides of the rows from ``first_pin`` on.
     ``rows`` counts all rows, including three for each of the k ``pieces`` at the end, whose right-hand sides
-    are the loads in excess of those represented by the nodes' right-hand sides. ``equations`` are factorised
-    within ``timed()``. ``held_nodes`` are the (node, component) pairs held by supports; their rows follow
-    those of the surfaces.
+    are the loads in excess of those represented by the nodes' right-hand sides. ``held_nodes`` are the (node,
+    component) pairs held by supports; their rows follow those of the surfaces.
     """
 
     model: BodyModel
@@ -48,13 +77,12 @@ class ElasticBody:
     pieces: Pieces
     loads_on_pieces: Callable[[], sparse.csr_array]
     equations: BodyEquations
-    timed: Timed = nullcontext
     held_nodes: tuple[tuple[int, int], ...] = ()
 
     @property
     def system(self) -> LinearSystem:
         """The factorised system. Raises NumericalError if it is singular."""
-        return self.equations.factorised(self.timed)
+        return self.equations.system
 
     @property
     def content(self) -> str:

@@ -137,20 +137,21 @@ class BodyModel:
         """Number of displacement unknowns, including ghosts."""
         return 2 * len(self.nodes)
 
+    def stencils_at(self, points: FloatArray, order: int) -> Stencils:
+        """Stencils at ``points`` (e, 2) with derivatives up to ``order``."""
+        return build_stencils(
+            self.nodes, self.tree, points, order, self.settings, self.cloud.sight, tips=self.tips
+        )
+
     def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
         """Rows (e, 2N) of the displacement at ``points`` (e, 2) along ``directions`` (e, 2)."""
-        stencils = build_stencils(
-            self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
-        )
+        stencils = self.stencils_at(points, 0)
         along = np.repeat(directions, np.diff(stencils.indptr), axis=0)
         return pair_rows(stencils, stencils.weights * along)
 
     def values(self, points: FloatArray, displacement: FloatArray) -> FloatArray:
         """The nodal ``displacement`` (N, 2) evaluated at ``points`` (e, 2)."""
-        stencils = build_stencils(
-            self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
-        )
-        return np.asarray(scalar_rows(stencils, stencils.weights[:, 0]) @ displacement)
+        return self.stencils_at(points, 0).derivatives(displacement)[:, 0]
 
     def forces_through(
         self, centers: FloatArray, points: FloatArray, normals: FloatArray
@@ -166,9 +167,7 @@ class BodyModel:
             return force_rows(stencils, c, arm, normals)
         # Mean pressure as a nodal field, as in the nodal equilibrium.
         even, flat = self.material.bulk_part, points.reshape(-1, 2)
-        there = build_stencils(
-            self.nodes, self.tree, flat, 0, self.settings, self.cloud.sight, tips=self.tips
-        )
+        there = self.stencils_at(flat, 0)
         values = scalar_rows(there, there.weights[:, 0])
         parts = force_sums(arm, normals)
         nested = [

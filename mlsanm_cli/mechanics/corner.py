@@ -41,13 +41,9 @@ class Images:
         """Displacements (e, 2, c) at ``z`` (e,)."""
         return summed(self.places.displacements, z, self.force)
 
-    def stress(self, z: ComplexArray) -> FloatArray:
-        """Stresses (e, 3, c) at ``z`` (e,)."""
-        return summed(self.places.stresses, z, self.force)
-
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at ``z`` (e,) on outward ``normal`` vectors (e,)."""
-        return traction(self.stress(z), normal)
+        return traction(summed(self.places.stresses, z, self.force), normal)
 
 
 @dataclass(frozen=True)
@@ -156,11 +152,8 @@ class Corner:
         """Displacements (k, k, 2, 2) of points ``z`` (k,) of the first face due to unit forces there, minus
         :meth:`Wedge.compliance`, for curved faces."""
         count, x = len(z), np.maximum(self.distance(z), MIN_DISTANCE * self.length)
-        unit = np.eye(2 * count).reshape(count, 2, 2 * count)
-        moved = sum(
-            (line.displacement(z) for line in self.face_forces(x, unit)),
-            start=np.zeros((count, 2, 2 * count)),
-        )
+        lines = self.face_forces(x, _unit(count))
+        moved = sum((line.displacement(z) for line in lines), start=np.zeros((count, 2, 2 * count)))
         whole = [[self.wedge.compliance(x, x, c, d) for d in (0, 1)] for c in (0, 1)]
         return np.asarray(_parted(moved, count) - np.moveaxis(np.array(whole), (0, 1), (2, 3)))
 
@@ -181,9 +174,10 @@ class CorneredForces:
     @cached_property
     def _terms(self) -> tuple[tuple[FaceForces | Images, ...], ...]:
         """Force densities and images, per corner."""
-        count = len(self.place)
-        unit = np.eye(2 * count).reshape(count, 2, 2 * count)
-        away = [(corner, corner.distance(self.place)) for corner in self.corners]
+        unit, away = (
+            _unit(len(self.place)),
+            [(corner, corner.distance(self.place)) for corner in self.corners],
+        )
         return tuple((*corner.face_forces(x, unit), *corner.images(x, unit)) for corner, x in away)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
@@ -212,6 +206,11 @@ class CorneredForces:
 
 
 Forces: TypeAlias = SurfaceForces | CorneredForces
+
+
+def _unit(count: int) -> FloatArray:
+    """All unit forces (k, 2, 2k) at ``count`` points."""
+    return np.eye(2 * count).reshape(count, 2, 2 * count)
 
 
 def _parted(values: FloatArray, count: int) -> FloatArray:

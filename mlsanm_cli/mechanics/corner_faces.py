@@ -82,13 +82,11 @@ class FaceForces:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,), however near to the face."""
-        forces = SurfaceForces
-        return self._field(z, forces.displacements, forces.displacement, forces.displacement_of_each)
+        return self._field(z, SurfaceForces.displacements, SurfaceForces.displacement_of_each)
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, 3, c) at ``z`` (e,), however near to the face; on it, the limit from inside."""
-        forces = SurfaceForces
-        return self._field(z, forces.stresses, forces.stress, forces.stress_of_each)
+        return self._field(z, SurfaceForces.stresses, SurfaceForces.stress_of_each)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,)."""
@@ -116,13 +114,7 @@ class FaceForces:
         place, inward = self.face.places(np.exp(self.logarithm))
         return SurfaceForces(self.kernel, self.face.tip + place, inward, self.center)
 
-    def _field(
-        self,
-        z: ComplexArray,
-        by_all: Field,
-        field: Field,
-        field_of_each: Field,
-    ) -> FloatArray:
+    def _field(self, z: ComplexArray, by_all: Field, of_each: Field) -> FloatArray:
         x = self.face.distance(z)
         place, inward = self.face.places(x)
         w = (z - self.face.tip - place) * np.conj(inward)
@@ -136,8 +128,8 @@ class FaceForces:
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
         total = summed(partial(by_all, self._forces), inside, self.density)
         if len(near):
-            by = field(self._forces, inside[near]) * (1.0 - _window(apart))[..., None, None]
-            by += self._near_face(x[near], slope, field_of_each)
+            by = of_each(self._forces, inside[near, None]) * (1.0 - _window(apart))[..., None, None]
+            by += self._near_face(x[near], slope, of_each)
             total[near] = np.einsum("epcd,pdm->ecm", by, self.density, optimize=True)
         return total
 

@@ -16,7 +16,7 @@ intensity factors undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -28,29 +28,18 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
-"""Exponent of the weights. Corner displacements behave like distance^0.7, whose second derivatives are
-square-integrable with weights of exponent above 0.3.
-
-Clamped beam of 8 x 1, degree 2, spacing 0.05: the tip deflection is 0.16 of the exact one without weights,
-0.82 with exponent 1, 0.93 with 1.5; with 2 the stress at the clamped side becomes useless.
-"""
+"""Exponent of the weights; above 0.3 weighted second derivatives of the singular displacements are
+square-integrable. The tip of a clamped beam of 8 x 1 deflects by 0.16 of the exact value without weights,
+0.82 with exponent 1, 0.93 with 1.5; with 2 the stress at the clamped side becomes useless."""
 
 WEIGHT_REACH = 0.5
-"""Distance from such corners, in thicknesses, at which the weights reach 1.
-
-With five nodes across and ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
-frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %; without weights beams are up to
-1.6 % too soft.
-"""
+"""Distance from such corners, in thicknesses, at which the weights reach 1: clamped beams are then within
+0.8 %, a portal frame with small fillets within 1.6 %; with 1 the portal loses 3 %."""
 
 ONE_SIDED_WEIGHT = 0.2
-"""Factor on equilibrium rows at boundary nodes, away from such corners, from ONE_SIDED_DEGREE on.
-
-Second derivatives of one-sided fits miss 30 times as much of the next degree as those inside, 12 times at
-degree 2. By itself the truncation of these rows would cause twice the error that a ring under pressure has,
-opposite to that of tractions; what noise leaves of both decided over the worst clouds. Lower weights let
-bending be lost at fillets; below degree 4 rings and coarse holes need the rows.
-"""
+"""Factor on equilibrium rows at boundary nodes of narrow stencils, away from such corners: second derivatives
+of one-sided fits miss 30 times as much of the next degree as those inside. With lower weights bending is lost
+at fillets; below degree 4 rings and coarse holes need the rows."""
 
 MIN_DISTANCE = 0.5
 """Lower bound of distances, in spacings."""
@@ -93,7 +82,7 @@ def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) ->
     factor = np.ones(len(cloud.points))
     if settings.narrows:
         nodes = cloud.boundary_nodes
-        sharp = [node for node, turn in _corners(cloud) if abs(turn) > SMOOTH_TURN]
+        sharp = [node for node, turn, _ in _corners(cloud) if abs(turn) > SMOOTH_TURN]
         away = corner[nodes] ** (1.0 / POWER)
         if len(sharp):
             distance = nearest(cKDTree(cloud.points[sharp]), cloud.points[nodes])[0]
@@ -113,32 +102,28 @@ def singular_changes(cloud: Cloud, grips: Held, springs: Springs, touching: Coll
         for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
     }
     found = set()
-    for name, one in cloud.surfaces.items():
-        for other_name, other in cloud.surfaces.items():
-            if one.curve.closed or one.index[-1] != other.index[0] or held[name] == held[other_name]:
-                continue
-            (x, y), (u, v) = one.normal[-1], other.normal[0]
-            clamped = {sum(grips.get(each, FREE)) for each in (name, other_name)} == {0, 2}
-            wide = np.arctan2(x * v - y * u, x * u + y * v) < MAX_MIXED_ANGLE
-            if clamped or (wide and not {name, other_name} & set(touching)):
-                found.add(int(other.index[0]))
+    for node, turn, both in _corners(cloud):
+        if held[both[0]] != held[both[1]]:
+            clamped = {sum(grips.get(each, FREE)) for each in both} == {0, 2}
+            if clamped or (turn < MAX_MIXED_ANGLE and not {*both} & set(touching)):
+                found.add(node)
     return np.array(sorted(found), dtype=np.int64)
 
 
 def reentrant_corners(cloud: Cloud) -> IntArray:
     """Nodes where two surfaces meet at a sharp reentrant corner."""
-    return np.array([node for node, turn in _corners(cloud) if turn < -SMOOTH_TURN], dtype=np.int64)
+    return np.array([node for node, turn, _ in _corners(cloud) if turn < -SMOOTH_TURN], dtype=np.int64)
 
 
-def _corners(cloud: Cloud) -> list[tuple[int, float]]:
-    """Nodes where two surfaces meet, and the angle by which the outline turns there to the left."""
-    found = []
-    for one in cloud.surfaces.values():
-        for other in cloud.surfaces.values():
+def _corners(cloud: Cloud) -> Iterator[tuple[int, float, tuple[str, str]]]:
+    """Nodes where two surfaces meet, the angle by which the outline turns there to the left, and the surfaces
+    before and after."""
+    for name, one in cloud.surfaces.items():
+        for other_name, other in cloud.surfaces.items():
             if not one.curve.closed and one.index[-1] == other.index[0]:
                 (x, y), (u, v) = one.normal[-1], other.normal[0]
-                found.append((int(other.index[0]), float(np.arctan2(x * v - y * u, x * u + y * v))))
-    return found
+                turn = float(np.arctan2(x * v - y * u, x * u + y * v))
+                yield int(other.index[0]), turn, (name, other_name)
 
 
 def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:

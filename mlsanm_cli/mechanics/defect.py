@@ -41,22 +41,17 @@ DEGREES = (2, 3, 4)
 SINGULAR_REACH = 4.0
 """Distance in spacings from ends of clamped sides within which a defect is uncertain."""
 SINGULAR_SHARE = 0.5
-"""Part of the change by these rows alone, without those of pieces, that is uncertain. Stresses are singular
-there: fits of the next degree are as wrong as others, and the errors of equilibrium, of tractions and of
-pieces that they see, each as large as the error of the displacements or larger, all but cancel. In blocks
-held at their base, pushed aside and pressed, of 220 to 1,050 nodes and degrees 2 to 4, the change by all rows
-was 0.2 to 1.4 of the error, that by these alone 0.5 to 3 (6 once); the root of the sum of squares with half
-of it is 0.4 to 1.7 (3.4 once)."""
+"""Part of the change by these rows alone, without those of pieces, that is uncertain: stresses are singular
+there, fits of the next degree are as wrong as others, and the errors that they see all but cancel. In blocks
+pressed and pushed aside the change by all rows was 0.2 to 1.4 of the error; the root of the sum of squares
+with half of this is 0.4 to 1.7 (3.4 once)."""
 
 CORRECTION_TOLERANCE = 1e-3
 """Accepted relative error of a correction: an estimate has a digit or two."""
 ALGEBRAIC_FRACTION = 0.15
-"""Accepted algebraic error of the displacements, as a fraction of the correction computed from them.
-
-The algebraic error is smooth, and its own defect is small: with 0.3 the estimates of all published cases
-agree with those of refined displacements to 2e-3. In nearly incompressible bodies it may be 500 times as
-large; there the displacements are refined as far as possible.
-"""
+"""Accepted algebraic error of the displacements, as a fraction of the correction computed from them: it is
+smooth and has a small defect itself (with 0.3 estimates agree to 2e-3). In nearly incompressible bodies it
+may be 500 times as large, and displacements are refined as far as possible."""
 ALGEBRAIC_FLOOR = 1e-13
 """The same as a fraction of the displacements, for scenes that the fits represent exactly."""
 
@@ -119,7 +114,10 @@ def correct(
     estimates the error of unrefined solutions: it is largest for smooth ones like this. Raises NumericalError
     as :func:`defect_of`.
     """
-    better = memo.value("next degree", body.model.content, partial(NextDegree.of, body.model, memo.keeps))
+    keep = memo.keeps and len(body.model.nodes) <= MAX_KEPT_NODES
+    better = memo.value(
+        "next degree", body.model.content, lambda: NextDegree(body.model, {} if keep else None)
+    )
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
@@ -163,14 +161,14 @@ def defect_of(
             f"use mls.degree {DEGREES[0]} to {DEGREES[-1]}",
         )
     better = better or NextDegree(model)
-    derivatives = better.of_displacement(displacement)
+    derivatives = better.at_nodes(displacement)
     less = model.stencils.derivatives(displacement) - derivatives
     lost, divergence, mean = stress_of(less, stiffness), model.divergence_of(less), None
     if model.material.nearly_incompressible:
         # The defect of the area change times the bulk modulus is large and not smooth. It enters by the
         # body's own fits, as in its rows; the next degree is compared on the mean stress, which is smooth.
         smooth = model.mean_stress(displacement)
-        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.of_stress(smooth))
+        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.at_nodes(smooth))
         mean = stress_of(less, model.material.bulk_part) + smooth, smooth
     source = np.zeros(body.rows)
     source[: 2 * len(less)] = divergence.T.ravel()
@@ -219,22 +217,10 @@ class NextDegree:
     model: BodyModel
     kept: dict[tuple[MlsSettings, int, bytes], Stencils] | None = field(default=None, compare=False)
 
-    @classmethod
-    def of(cls, model: BodyModel, keep: bool) -> NextDegree:
-        """Fits that are to be kept, unless that takes much memory."""
-        return cls(model, {} if keep and len(model.nodes) <= MAX_KEPT_NODES else None)
-
-    def of_displacement(self, displacement: FloatArray) -> FloatArray:
-        """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        return self._derivatives(
-            displacement, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
-        )
-
-    def of_stress(self, stress: FloatArray) -> FloatArray:
-        """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, without ghosts."""
-        return self._derivatives(
-            stress, self.model.cloud.points, next_degree(self.model.settings, self.model.material)
-        )
+    def at_nodes(self, values: FloatArray) -> FloatArray:
+        """Derivatives (n, 6, c) at the cloud's points of displacements (N, 2) or stresses (n, 3)."""
+        settings = next_degree(self.model.settings, self.model.material)
+        return self._derivatives(values, self.model.cloud.points, settings)
 
     def stress_around(
         self,
@@ -252,9 +238,9 @@ class NextDegree:
         settings = replace(model.settings, narrow=False)
         fits = settings, next_degree(settings, model.material)
         own, better = (self._derivatives(displacement, places, some) for some in fits)
-        less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
-        near = [less[:, :, 0], less[:, :, 1] + x * less[:, :, 3] + y * less[:, :, 4]]
-        near.append(less[:, :, 2] + x * less[:, :, 4] + y * less[:, :, 5])
+        value, d_x, d_y, d_xx, d_xy, d_yy = np.moveaxis((own - better)[:, None], 2, 0)
+        x, y = np.moveaxis(points - places[:, None], 2, 0)[..., None]
+        near = value, d_x + x * d_xx + y * d_xy, d_y + x * d_xy + y * d_yy
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
         if mean is None:
             return stress_of(whole, c).reshape(*points.shape[:2], 3)

@@ -99,9 +99,8 @@ def stress_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
 
 def divergence_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
     """div sigma (e, 2) from ``derivatives`` (e, 6, 2) of the displacement."""
-    xx, xy, yy = derivatives[:, 3], derivatives[:, 4], derivatives[:, 5]
-    by_x = np.stack([xx[:, 0], xy[:, 1], xx[:, 1] + xy[:, 0]], axis=1) @ c.T
-    by_y = np.stack([xy[:, 0], yy[:, 1], xy[:, 1] + yy[:, 0]], axis=1) @ c.T
+    # Derivatives by x and y of value, d/dx and d/dy.
+    by_x, by_y = (stress_of(derivatives[:, kinds], c) for kinds in ((1, 3, 4), (2, 4, 5)))
     return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
 
 
@@ -109,12 +108,6 @@ def divergence_of_stress(derivatives: FloatArray) -> FloatArray:
     """div sigma (e, 2) from ``derivatives`` (e, 3 | 6, 3) of the stress."""
     by_x, by_y = derivatives[:, 1], derivatives[:, 2]
     return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
-
-
-def value_rows(stencils: Stencils, component: int) -> sparse.csr_array:
-    """Rows (e, 2n) of the displacement component x (0) or y (1)."""
-    value = stencils.weights[:, 0]
-    return vector_rows(stencils, value if component == 0 else None, value if component == 1 else None)
 
 
 def traction_of(stress: FloatArray, normal: FloatArray) -> FloatArray:
@@ -126,7 +119,5 @@ def traction_of(stress: FloatArray, normal: FloatArray) -> FloatArray:
 
 def von_mises(stress: FloatArray, across: FloatArray) -> FloatArray:
     """Von Mises stress (n,) of plane ``stress`` (n, 3) and out-of-plane stress ``across`` (n,)."""
-    xx, yy, xy = stress[:, XX], stress[:, YY], stress[:, XY]
-    zz = across
-    result: FloatArray = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
-    return result
+    (xx, yy, xy), zz = stress.T, across
+    return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2))

@@ -20,17 +20,13 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.rigid import rigid_pattern
-from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes
 
 RANK_TOLERANCE = 1e-13
 """Rigid motions with a mean square below this fraction of a unit motion's are undetermined (round-off)."""
 
 MAX_STEPS = 500
-EXTENSION_TOLERANCE = 1e-6
-"""Residual reduction and step limit of the extension of boundary values, whose accuracy hardly matters."""
-
-
+"""Step limit of the extension of boundary values, whose accuracy hardly matters."""
 TIP_RADIUS = 3.0
 """Triangles within this many spacings of a reentrant corner are integrated with fitted stresses: linear
 stress loses 10 % of the energy of a bracket with six nodes across."""
@@ -89,6 +85,8 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
     """A smooth nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2). Approximately harmonic
     (conjugate gradients on the triangles); 0 in a component without known values."""
+    from scipy.sparse.linalg import cg  # for few runs
+
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
     rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
@@ -96,22 +94,11 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
     matrix = sparse.csr_array((entries.ravel(), (rows, columns)), shape=(count, count))
     result = np.where(known, values, 0.0)
     for component in (0, 1):
-        free = ~known[:, component]
-        if free.all():
-            continue
-        field = result[:, component]
-        rest = -np.where(free, matrix @ field, 0.0)
-        way, size = rest.copy(), float(rest @ rest)
-        enough = EXTENSION_TOLERANCE**2 * size
-        for _ in range(MAX_STEPS):
-            if size <= enough:
-                break
-            image = np.where(free, matrix @ way, 0.0)
-            step = size / float(way @ image)
-            field += step * way
-            rest -= step * image
-            before, size = size, float(rest @ rest)
-            way = rest + size / before * way
+        free = np.flatnonzero(~known[:, component])
+        if len(free) < count:
+            rest = -(matrix @ result[:, component])[free]
+            found, _ = cg(matrix[free][:, free], rest, atol=0.0, maxiter=MAX_STEPS)
+            result[free, component] = found
     return result
 
 
@@ -180,10 +167,8 @@ def _beyond_linear(
     total, areas = 0.0, _areas(cloud, own)
     for share, weight in zip(shares, weights, strict=True):
         points = np.einsum("k,tkc->tc", share, cloud.points[own])
-        fits = build_stencils(
-            model.nodes, model.tree, points, 1, model.settings, cloud.sight, tips=model.tips
-        )
-        here = stress_of(fits.derivatives(displacement), c) + np.einsum("k,tkc->tc", share, linear[own])
+        fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c)
+        here = fitted + np.einsum("k,tkc->tc", share, linear[own])
         total += weight * float(areas @ ((here @ compliance) * here).sum(axis=1))
     values = stress[own]
     products, sums = (values @ compliance * values).sum(axis=(1, 2)), values.sum(axis=1)
@@ -197,8 +182,8 @@ def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArr
     size = float(np.ptp(cloud.points, axis=0).max())
     middle = cloud.areas @ cloud.points / cloud.areas.sum()
     center = (float(middle[0]), float(middle[1]))
-    patterns = np.stack([rigid_pattern(cloud.points, center, axis).ravel() for axis in range(3)], axis=1)
-    patterns[:, 2] /= size
+    patterns = RigidBodyModes(center, (0, 1, ROTATION)).patterns(cloud.points)
+    patterns[:, ROTATION] /= size
     chosen, free = np.zeros(3), np.eye(3)
     for one in [*levels, np.repeat(cloud.areas[:, None], 2, axis=1)]:
         weight = one.ravel() / max(float(one.sum()), np.finfo(float).tiny)

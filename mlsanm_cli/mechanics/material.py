@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 
@@ -50,6 +51,13 @@ class PlaneMaterial:
         area = np.array([1.0, 1.0, 0.0])
         return float(1.0 / (area @ np.linalg.solve(self.stiffness, area))) - self.shear
 
+    @property
+    def roots(self) -> NDArray[np.complex128]:
+        """The two characteristic roots with positive imaginary parts."""
+        a = np.linalg.inv(self.stiffness)
+        found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
+        return np.asarray(found[found.imag > 0.0], dtype=np.complex128)
+
     @cached_property
     def stretch(self) -> float:
         """Factor >= 1 by which stresses vary faster in space than in an isotropic material.
@@ -58,10 +66,7 @@ class PlaneMaterial:
         isotropic in coordinates stretched by this factor in one direction. Independent of the axes: the
         larger (1 + |t|) / (1 - |t|) with t = (1 + i root) / (1 - i root).
         """
-        a = np.linalg.inv(self.stiffness)
-        found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
-        roots = found[found.imag > 0.0]
-        size = np.abs((1.0 + 1j * roots) / (1.0 - 1j * roots))
+        size = np.abs((1.0 + 1j * self.roots) / (1.0 - 1j * self.roots))
         return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(ROOT_DIGITS))
 
     @property

@@ -139,9 +139,7 @@ def kernel_of(material: PlaneMaterial) -> PointForceField:
     even = np.array([[first + 2.0 * shear, first, 0.0], [first, first + 2.0 * shear, 0.0], [0.0, 0.0, shear]])
     if np.abs(c - even).max() <= ISOTROPY_TOLERANCE * np.abs(c).max():
         return Isotropic(float(shear), float((first + 3.0 * shear) / (first + shear)))
-    a = np.linalg.inv(c)
-    found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
-    roots = np.asarray(found[found.imag > 0.0], dtype=np.complex128)
+    a, roots = np.linalg.inv(c), material.roots
     p = a[0, 0] * roots**2 + a[0, 1] - a[0, 2] * roots
     q = a[0, 1] * roots + a[1, 1] / roots - a[1, 2]
     return Anisotropic(roots, p, q)
@@ -211,16 +209,11 @@ class SurfaceForces:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
-        w = z[:, None] - self.place
-        if self.center is None:
-            return self.kernel.displacement(w, np.broadcast_to(self.inward, w.shape))
-        other = np.broadcast_to((z - self.center)[:, None], w.shape)
-        return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
+        return self.displacement_of_each(z[:, None])
 
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, k, 3, 2) at points ``z`` (e,)."""
-        own = self.kernel.stress(z[:, None] - self.place)
-        return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
+        return self.stress_of_each(z[:, None])
 
     def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
         """Displacements (2, e, 2k) at points ``z`` (e,) by forces x, then y, without pairs in ``left_out``
@@ -242,15 +235,15 @@ class SurfaceForces:
         return np.array([] if self.center is None else [self.center.real, self.center.imag])
 
     def displacement_of_each(self, z: ComplexArray) -> FloatArray:
-        """Displacements (k, 2, 2) by each force at its own point ``z`` (k,)."""
+        """Displacements (..., k, 2, 2) by each force at its own point ``z`` (..., k or 1)."""
         w = z - self.place
         if self.center is None:
-            return self.kernel.displacement(w, self.inward)
-        other = z - self.center
+            return self.kernel.displacement(w, np.broadcast_to(self.inward, w.shape))
+        other = np.broadcast_to(z - self.center, w.shape)
         return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
 
     def stress_of_each(self, z: ComplexArray) -> FloatArray:
-        """Stresses (k, 3, 2) by each force at its own point ``z`` (k,)."""
+        """Stresses (..., k, 3, 2) by each force at its own point ``z`` (..., k or 1)."""
         own = self.kernel.stress(z - self.place)
         return own if self.center is None else own - self.kernel.stress(z - self.center)
 

@@ -17,7 +17,7 @@ Equation (3) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, corner_moments, measure
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Measures, Rule, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
@@ -105,51 +105,43 @@ class Pieces:
     def fluxes(self, model: BodyModel, held: Held, wanted: BoolArray) -> sparse.csr_array:
         """Rows (3k, 2N) of minus the force and moment that leave every piece through inner faces and through
         ``held`` components of the outline; at least those of ``wanted`` pieces (k,) are filled."""
-        total: sparse.csr_array = sparse.csr_array((3 * self.count, model.unknowns))
-        for level in self.levels:
-            edges = self._edges(level, wanted, _rule(model))
-            forces = model.forces_through(edges.middle, edges.points, edges.normals)
-            out, into = (self._spread(level[at], edges.middle) for at in (edges.one, edges.other))
-            total = sparse.csr_array(total + (into - out) @ forces)
-        for name, components in held.items():
-            if any(components):
-                surface = self.cloud.surfaces[name]
-                halves = Halves.of(surface, _rule(model))
-                points, normals = _along(surface, halves)
-                forces = model.forces_through(points, points[:, None], normals[:, None])
-                kept = sparse.diags_array(np.repeat([*components, False], len(points)).astype(float))
-                for level in self.levels:
-                    spread = self._spread(level[surface.index[halves.own]], points)
-                    total = sparse.csr_array(total - spread @ (kept @ forces))
+        parts = (
+            matrix @ model.forces_through(*places)
+            for matrix, *places in self._faces(held, wanted, _rule(model))
+        )
+        return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, model.unknowns))))
+
+    def flux_of(self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held) -> FloatArray:
+        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2), values (e, t,
+        3)."""
+        total = np.zeros(3 * self.count)
+        for matrix, middle, points, normals in self._faces(held, np.ones(self.count, dtype=bool), GAUSS[2]):
+            force = traction_of(stress(middle, points).reshape(-1, 3), normals.reshape(-1, 2))
+            x, y = force.T.reshape(2, *points.shape[:2])
+            a, b = np.moveaxis(points - middle[:, None], 2, 0)
+            total += matrix @ np.concatenate([x.sum(axis=1), y.sum(axis=1), (a * y - b * x).sum(axis=1)])
         return total
 
-    def flux_of(
-        self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held, rule: Rule = GAUSS[2]
-    ) -> FloatArray:
-        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2), values (e, t,
-        3), with a quadrature ``rule`` on every face."""
-        total = np.zeros(3 * self.count)
+    def _faces(
+        self, held: Held, wanted: BoolArray, rule: Rule
+    ) -> Iterator[tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]]:
+        """Faces of ``wanted`` pieces (k,), inner ones and ``held`` parts of the outline: the matrix (3k, 3e)
+        from forces and moments about centres (e, 2) to minus those that leave the pieces, the centres,
+        quadrature points (e, t, 2), and normals times weights (e, t, 2)."""
         for level in self.levels:
-            edges = self._edges(level, np.ones(self.count, dtype=bool), rule)
-            points, normals = edges.points.reshape(-1, 2), edges.normals.reshape(-1, 2)
-            force = traction_of(stress(edges.middle, edges.points).reshape(-1, 3), normals)
-            one, other = (np.repeat(level[at], edges.points.shape[1]) for at in (edges.one, edges.other))
-            total += self.gathered(other, points, force) - self.gathered(one, points, force)
+            faces, chosen = self.cloud.faces.between(level), np.append(wanted, False)
+            edges = faces.select(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
+            out, into = (self._spread(level[at], edges.middle) for at in (edges.one, edges.other))
+            yield sparse.csr_array(into - out), edges.middle, edges.points, edges.normals
         for name, components in held.items():
             if any(components):
                 surface = self.cloud.surfaces[name]
                 halves = Halves.of(surface, rule)
                 points, normals = _along(surface, halves)
-                force = traction_of(stress(points, points[:, None])[:, 0], normals) * np.array(components)
-                for level in self.levels:
-                    total -= self.gathered(level[surface.index[halves.own]], points, force)
-        return total
-
-    def _edges(self, level: IntArray, wanted: BoolArray, rule: Rule) -> Edges:
-        """Boundaries between ``wanted`` pieces (k,) of one level and the rest of the body."""
-        faces = self.cloud.faces.between(level)
-        chosen = np.append(wanted, False)
-        return faces.select(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
+                kept = sparse.diags_array(np.repeat([*components, False], len(points)).astype(float))
+                parts = (self._spread(level[surface.index[halves.own]], points) for level in self.levels)
+                spread = sum(parts, sparse.csr_array((3 * self.count, 3 * len(points))))
+                yield sparse.csr_array(-spread @ kept), points, points[:, None], normals[:, None]
 
     def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
         """Matrix (3k, 3e) from forces x, y and moments about ``center`` (e, 2) to those on pieces ``owner``
@@ -173,43 +165,31 @@ class Pieces:
         linear between nodes along normal and tangent of the exact outline. Right-hand sides of equilibrium do
         not count here: see :meth:`of_force`."""
         own = np.arange(3 * self.count)
-        parts = [(own, rows - len(own) + own, np.ones(len(own)))]
+        entries = (np.ones(len(own)), (own, rows - len(own) + own))
+        total = sparse.csr_array(entries, shape=(len(own), rows))
         for name, surface in self.cloud.surfaces.items():
-            parts += self._of_tractions(surface, first_row[name], held.get(name, FREE))
-        row, column, value = (np.concatenate(some) for some in zip(*parts, strict=True))
-        return sparse.csr_array((value, (row, column)), shape=(3 * self.count, rows))
-
-    def _of_tractions(
-        self, surface: Surface, first: int, held: tuple[bool, bool]
-    ) -> list[tuple[IntArray, IntArray, FloatArray]]:
-        """Entries (row, column, value) of :meth:`loads` for one surface, whose rows begin at ``first``."""
-        halves, size = Halves.of(surface), len(surface.index)
-        points, normal = surface.curve.points(halves.arc), surface.curve.normals(halves.arc)
-        parts, straight = [], np.broadcast_to(np.eye(2), (len(halves.own), 2, 2))
-        for level in self.levels:
-            owner = level[surface.index[halves.own]]
+            axes = np.flatnonzero(~np.array(held.get(name, FREE)))
+            halves, size = Halves.of(surface), len(surface.index)
+            points, normal = surface.curve.points(halves.arc), surface.curve.normals(halves.arc)
+            straight = np.broadcast_to(np.eye(2), (len(halves.own), 2, 2))
             for who, share in ((halves.own, halves.share), (halves.other, 1.0 - halves.share)):
-                turn = turned_along(surface.normal[who], normal) if not any(held) else straight
-                for axis in (0, 1):
-                    if held[axis]:
-                        continue
-                    column = first + axis * size + who
+                turn = turned_along(surface.normal[who], normal) if len(axes) == 2 else straight
+                for axis in axes.tolist():
                     force = (halves.length * share)[:, None] * turn[:, :, axis]
-                    rows, values, kept = self.entries(owner, points, force)
-                    parts.append((rows, np.tile(column[kept], 3), values))
-        return parts
+                    column = first_row[name] + axis * size + who
+                    total = total + self.per_column(surface.index[halves.own], points, force, column, rows)
+        return sparse.csr_array(total)
 
-    def entries(
-        self, owner: IntArray, points: FloatArray, force: FloatArray
-    ) -> tuple[IntArray, FloatArray, IntArray]:
-        """Row numbers (3e,) and values (3e,) of forces (e, 2) at ``points`` (e, 2) on pieces ``owner`` (e,),
-        and the indices of those with a piece (-1 for none)."""
-        kept = np.flatnonzero(owner >= 0)
-        owner, force = owner[kept], force[kept]
-        arm = self.arm(owner, points[kept])
-        moment = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
-        rows = np.concatenate([owner, self.count + owner, 2 * self.count + owner])
-        return rows, np.concatenate([*force.T, moment]), kept
+    def per_column(
+        self, nodes: IntArray, points: FloatArray, force: FloatArray, column: IntArray, columns: int
+    ) -> sparse.csr_array:
+        """Force and moment (3k, columns) on the pieces of ``nodes`` (e,) by forces (e, 2) at ``points`` (e,
+        2), each by the unit value of its ``column`` (e,)."""
+        count = 2 * len(nodes)
+        entries = (force.T.ravel(), (np.arange(count), np.tile(column, 2)))
+        nodal = sparse.csr_array(entries, shape=(count, columns))
+        parts = (self._spread(level[nodes], points)[:, :count] @ nodal for level in self.levels)
+        return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, columns))))
 
     def of_traction(self, surface: Surface, traction: FloatArray) -> FloatArray:
         """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface."""
@@ -256,10 +236,11 @@ class Pieces:
         return total
 
     def gathered(self, owner: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces ``owner`` (e,), -1 for none, by forces (e, 2) at ``points``
-        (e, 2)."""
-        rows, values, _ = self.entries(owner, points, force)
-        return np.asarray(np.bincount(rows, values, 3 * self.count))
+        """Force and moment (3k, ...) on the pieces ``owner`` (e,), -1 for none, by forces (e, 2, ...) at
+        ``points`` (e, 2)."""
+        spread = self._spread(owner, points)[:, : 2 * len(owner)]
+        flat = np.concatenate([force[:, 0], force[:, 1]]).reshape(2 * len(owner), -1)
+        return np.asarray(spread @ flat).reshape(3 * self.count, *force.shape[2:])
 
     def totals(self, center: tuple[float, float]) -> sparse.csr_array:
         """Matrix (3, 3k) from the pieces' forces and moments to force x, force y and moment about ``center``

@@ -10,9 +10,9 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows, value_rows
+from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.operators.rows import scalar_rows
+from mlsanm_cli.operators.rows import scalar_rows, vector_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 
@@ -33,8 +33,7 @@ def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
     """Rows (5e, 2N) of u_x, u_y, sigma_xx, sigma_yy, sigma_xy at ``points`` (e, 2), quantity by quantity.
     Value and derivatives of the local polynomial at the point itself, as at nodes."""
     cloud, settings = model.cloud, model.settings
-    stencils = build_stencils(model.nodes, model.tree, points, 1, settings, cloud.sight, tips=model.tips)
-    among = stencils
+    among = stencils = model.stencils_at(points, 1)
     if settings.scheme == "ghost" and model.material.nearly_incompressible:
         among = build_stencils(cloud.points, cloud.tree, points, 0, settings, cloud.sight)
     return point_rows(stencils, model.material, among, lambda: model.stencils)
@@ -48,7 +47,8 @@ def point_rows(
     points on its nodes."""
     hidden = material.nearly_incompressible
     even = material.bulk_part if hidden else np.zeros((3, 3))
-    blocks = [value_rows(stencils, component) for component in (0, 1)]
+    value = stencils.weights[:, 0]
+    blocks = [vector_rows(stencils, value, None), vector_rows(stencils, None, value)]
     blocks += [stress_rows(stencils, material.stiffness - even, part) for part in (XX, YY, XY)]
     if hidden:
         mean = scalar_rows(among, among.weights[:, 0]) @ stress_rows(nodal(), even, XX)
@@ -58,5 +58,4 @@ def point_rows(
 
 def stress_of_expansion(material: PlaneMaterial) -> FloatArray:
     """Stress (3,) that corresponds to free thermal expansion by one degree, to be subtracted."""
-    result: FloatArray = material.stiffness @ material.expansion
-    return result
+    return np.asarray(material.stiffness @ material.expansion)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
@@ -108,16 +107,15 @@ def _on_pieces(
         return total
     along = gripped.any() or sent is not None
     if not (along or isinstance(forces, CorneredForces)):
-        first, last, own = _parts(surface)
-        ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
+        *ends, own = _parts(surface)
         through = forces.through(*ends)
         at_center = None if forces.center is None else forces.through_center(*ends)
         for level in pieces.levels:
             owner = level[surface.index[own]]
-            _add(body, total, owner, -through, np.stack([forces.place.real, forces.place.imag], axis=1))
+            total -= _along_lines(body, owner, through, as_real(forces.place))
             if at_center is not None and forces.center is not None:
-                center = np.array([[forces.center.real, forces.center.imag]])
-                _add(body, total, owner, -np.repeat(at_center[:, None], count, axis=1), center)
+                center = as_real(np.array([forces.center]))
+                total -= _along_lines(body, owner, np.repeat(at_center[:, None], count, axis=1), center)
     if along or springs.any():
         halves = _halves(surface, forces)
         points, z = surface.curve.points(halves.arc), as_complex(surface.curve.points(halves.arc))
@@ -127,7 +125,7 @@ def _on_pieces(
         force = halves.length[:, None, None, None] * np.where(gripped[:, None], 0.0, values)
         for level in pieces.levels:
             owner = level[surface.index[halves.own]]
-            total += _gathered(body, owner, points, force)
+            total += pieces.gathered(owner, points, np.moveaxis(force, 2, 1))
     return total
 
 
@@ -139,7 +137,7 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
     for name, surface in body.model.cloud.surfaces.items():
         halves = _halves(surface, forces)
         points = surface.curve.points(halves.arc)
-        missing -= _total(points, halves.length[:, None, None, None] * sent[name])
+        missing -= _moment(points[:, None], halves.length[:, None, None, None] * sent[name]).sum(axis=1)
         if _bears(surface, forces.place):
             bearing.append((surface.index[halves.own], points, halves.length))
     own, points, length = (np.concatenate(some) for some in zip(*bearing, strict=True))
@@ -148,13 +146,12 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
     shapes[:, 0, 0] = shapes[:, 1, 1] = 1.0
     shapes[:, 2] = np.stack([-arm[:, 1], arm[:, 0]], axis=1) / np.abs(arm).max()
     shapes *= length[:, None, None]
-    moments = points[:, :1] * shapes[:, :, 1] - points[:, 1:] * shapes[:, :, 0]
-    sums = np.stack([shapes[:, :, 0].sum(axis=0), shapes[:, :, 1].sum(axis=0), moments.sum(axis=0)])
+    sums = _moment(points, shapes.transpose(0, 2, 1)).sum(axis=1)
     share = np.linalg.solve(sums, missing.reshape(3, -1)).reshape(missing.shape)
     force = -np.einsum("esc,skf->ekcf", shapes, share)
     total = np.zeros((3 * body.pieces.count, *missing.shape[1:]))
     for level in body.pieces.levels:
-        total += _gathered(body, level[own], points, force)
+        total += body.pieces.gathered(level[own], points, np.moveaxis(force, 2, 1))
     return total
 
 
@@ -189,43 +186,24 @@ def _tractions(surface: Surface, forces: Forces, halves: Halves) -> FloatArray:
     return forces.traction(z, normal, surface.curve.curvature(halves.arc))
 
 
-def _parts(surface: Surface) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Start and end arc lengths of the half intervals between neighbouring nodes, and their nodes."""
-    arc, count = surface.arc_length, len(surface.index)
-    nodes = np.arange(count)
-    after = nodes[1:]
+def _parts(surface: Surface) -> tuple[ComplexArray, ComplexArray, IntArray]:
+    """Start and end points of the half intervals between neighbouring nodes, and their nodes."""
+    arc, after = surface.arc_length, np.arange(1, len(surface.index))
     if surface.curve.closed:
         arc, after = np.append(arc, surface.curve.length), np.append(after, 0)
-    middle = 0.5 * (arc[1:] + arc[:-1])
-    first, last = np.concatenate([arc[:-1], middle]), np.concatenate([middle, arc[1:]])
-    return first, last, np.concatenate([nodes[: len(middle)], after])
+    nodes, middles = (as_complex(surface.curve.points(s)) for s in (arc, 0.5 * (arc[1:] + arc[:-1])))
+    first, last = np.concatenate([nodes[:-1], middles]), np.concatenate([middles, nodes[1:]])
+    return first, last, np.concatenate([np.arange(len(middles)), after])
 
 
-def _sums(owner: IntArray, count: int) -> sparse.csr_array:
-    """Summation matrix (count, e) of values by ``owner`` (e,), -1 for none."""
-    kept = np.flatnonzero(owner >= 0)
-    return sparse.csr_array((np.ones(len(kept)), (owner[kept], kept)), shape=(count, len(owner)))
-
-
-def _add(body: ElasticBody, total: FloatArray, owner: IntArray, force: FloatArray, at: FloatArray) -> None:
-    """Add ``force`` (e, k, 2, 2) on the pieces ``owner`` (e,), with lines of action through ``at`` (k or 1,
-    2)."""
-    pieces, shape = body.pieces, force.shape[1:]
-    sums = (_sums(owner, pieces.count) @ force.reshape(len(force), -1)).reshape(-1, *shape)
+def _along_lines(body: ElasticBody, owner: IntArray, force: FloatArray, at: FloatArray) -> FloatArray:
+    """Force and moment (3p, k, 2) on the pieces ``owner`` (e,), -1 for none, by ``force`` (e, k, 2, 2) with
+    lines of action through ``at`` (k or 1, 2)."""
+    pieces = body.pieces
+    sums = pieces.gathered(owner, pieces.whole.middle[owner], np.moveaxis(force, 2, 1))
+    x, y, _ = sums.reshape(3, pieces.count, *sums.shape[1:])
     arm = (at - pieces.whole.middle[:, None]) / pieces.size[:, None, None]
-    moment = arm[:, :, :1] * sums[:, :, 1] - arm[:, :, 1:] * sums[:, :, 0]
-    total += np.concatenate([sums[:, :, 0], sums[:, :, 1], moment])
-
-
-def _gathered(body: ElasticBody, owner: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
-    """Force and moment (3p, k, 2) on the pieces ``owner`` (e,) by ``force`` (e, k, 2, 2) at ``points``
-    (e, 2)."""
-    pieces, shape = body.pieces, force.shape[1:]
-    arm = np.where((owner >= 0)[:, None], pieces.arm(owner, points), 0.0)
-    moment = arm[:, 0, None, None] * force[:, :, 1] - arm[:, 1, None, None] * force[:, :, 0]
-    sums = _sums(owner, pieces.count)
-    parts = [force[:, :, 0], force[:, :, 1], moment]
-    return np.concatenate([(sums @ one.reshape(len(one), -1)).reshape(-1, shape[0], 2) for one in parts])
+    return np.concatenate([x, y, arm[:, :, :1] * y - arm[:, :, 1:] * x])
 
 
 def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
@@ -237,17 +215,15 @@ def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], force
     force = halves.length[:, None, None, None] * np.where(
         held[:, None], _tractions(surface, forces, halves), 0.0
     )
-    total = _total(points - np.array(center), force)
+    total = _moment((points - np.array(center))[:, None], force).sum(axis=1)
     if held.all() and not isinstance(forces, CorneredForces):
-        first, last, _ = _parts(surface)
-        ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
+        *ends, _ = _parts(surface)
         whole = forces.through(*ends).sum(axis=0)
-        arm = np.stack([forces.place.real, forces.place.imag], axis=1) - np.array(center)
+        arm = as_real(forces.place) - np.array(center)
         total = _moment(arm, whole)
         if forces.center is not None:
             more = np.repeat(forces.through_center(*ends).sum(axis=0)[None], len(arm), axis=0)
-            about = np.array([[forces.center.real, forces.center.imag]]) - np.array(center)
-            total = total + _moment(about, more)
+            total = total + _moment(as_real(np.array([forces.center])) - np.array(center), more)
     return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
 
 
@@ -258,18 +234,12 @@ def spring_pull_of(body: ElasticBody, name: str, forces: Forces) -> FloatArray:
     halves = Halves.of(surface, FINE)
     points = surface.curve.points(halves.arc)
     moved = forces.displacement(as_complex(points))
-    total = _total(points, -halves.length[:, None, None, None] * springs[:, None] * moved)
+    pull = -halves.length[:, None, None, None] * springs[:, None] * moved
+    total = _moment(points[:, None], pull).sum(axis=1)
     return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
 
 
-def _total(arm: FloatArray, force: FloatArray) -> FloatArray:
-    """Sums (3, k, 2) of ``force`` (e, k, 2, 2) and of its moments with ``arm`` (e, 2)."""
-    x, y = arm[:, 0, None, None], arm[:, 1, None, None]
-    moment = x * force[:, :, 1] - y * force[:, :, 0]
-    return np.stack([force[:, :, 0].sum(axis=0), force[:, :, 1].sum(axis=0), moment.sum(axis=0)])
-
-
 def _moment(arm: FloatArray, force: FloatArray) -> FloatArray:
-    """``force`` (k, 2, 2) and its moment with ``arm`` (k or 1, 2): (3, k, 2)."""
-    moment = arm[:, :1] * force[:, 1] - arm[:, 1:] * force[:, 0]
-    return np.stack([force[:, 0], force[:, 1], moment])
+    """``force`` (..., 2, c) and its moment with ``arm`` (..., 2): (3, ..., c)."""
+    x, y = force[..., 0, :], force[..., 1, :]
+    return np.stack([x, y, arm[..., :1] * y - arm[..., 1:] * x])

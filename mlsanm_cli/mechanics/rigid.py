@@ -60,7 +60,7 @@ def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBody
     middle = areas @ points / areas.sum()
     size = float(np.ptp(points, axis=0).max())
     center = (float(middle[0]), float(middle[1]))
-    whole = np.stack([rigid_pattern(points, center, component).ravel() for component in range(3)], axis=1)
+    whole = RigidBodyModes(center, (0, 1, ROTATION)).patterns(points)
     whole[:, ROTATION] /= size
     return left_free(whole[held.ravel()], center, size)
 

@@ -16,7 +16,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.mechanics.rigid import rigid_pattern
+from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, rigid_pattern
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.memo import digest
 
@@ -166,14 +166,12 @@ class Scene:
     bodies: Mapping[str, ElasticBody]
     loads: tuple[str, ...]
     surface_loads: tuple[SurfaceLoad, ...]
-    platens: tuple[Platen, ...]
+    rigid_constraints: tuple[RigidConstraint, ...]
     supports: Mapping[str, tuple[tuple[str, str], ...]]
     held_nodes: Mapping[str, tuple[bool, bool]]
     body_forces: tuple[BodyForce, ...] = ()
     heatings: tuple[Heating, ...] = ()
     probes: tuple[Probe, ...] = ()
-    obstacles: tuple[Obstacle, ...] = ()
-    floating: tuple[FloatingBody, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
 
@@ -233,21 +231,16 @@ class Scene:
         model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
         even = model.material.stiffness @ model.material.expansion
         area = model.cloud.areas
-        across = float(np.abs(even).max() * (area @ degrees) / np.sqrt(area.sum()))
-        return max(
-            across,
-            *(
-                float(
-                    (surface.weight * degrees[surface.index]) @ np.hypot(*traction_of(even, surface.normal).T)
-                )
-                for surface in model.cloud.surfaces.values()
-            ),
-        )
+        forces = [np.abs(even).max() * (area @ degrees) / np.sqrt(area.sum())]
+        for surface in model.cloud.surfaces.values():
+            traction = np.hypot(*traction_of(even, surface.normal).T)
+            forces.append((surface.weight * degrees[surface.index]) @ traction)
+        return float(max(forces))
 
     @property
-    def rigid_constraints(self) -> tuple[RigidConstraint, ...]:
-        """Everything that moves rigidly."""
-        return (*self.platens, *self.obstacles, *self.floating)
+    def platens(self) -> list[Platen]:
+        """The rigid plates."""
+        return [one for one in self.rigid_constraints if isinstance(one, Platen)]
 
     @property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
@@ -268,7 +261,12 @@ class Scene:
             return patterns
         names = sorted({name for motion in self.loose_motions for name in motion})
         free = {name: self._loose_patterns(name) for name in names}
-        weighted = {name: np.repeat(self._areas(name), 2)[:, None] * free[name] for name in names}
+        weighted = {}
+        for name in names:
+            model = self.bodies[name].model
+            # Ghosts carry no displacement of the body.
+            areas = np.pad(model.cloud.areas, (0, len(model.ghosts)))
+            weighted[name] = np.repeat(areas, 2)[:, None] * free[name]
         gram = sum(weighted[name].T @ free[name] for name in names)
         mean = sum(weighted[name].T @ self._patterns(name) for name in names)
         return patterns - self._loose_patterns(body) @ np.linalg.solve(gram, mean)
@@ -284,15 +282,6 @@ class Scene:
 
     def _loose_patterns(self, body: str) -> FloatArray:
         """Displacements (2N, d) of a body in the ``loose_motions``."""
-        nodes = self.bodies[body].model.nodes
-        still = np.zeros(3)
-        motions = np.stack([motion.get(body, still) for motion in self.loose_motions], axis=1)
-        axes = [rigid_pattern(nodes, (0.0, 0.0), component).ravel() for component in range(3)]
-        return np.asarray(np.stack(axes, axis=1) @ motions)
-
-    def _areas(self, body: str) -> FloatArray:
-        """Weight (N,) of every node in a mean."""
-        model = self.bodies[body].model
-        areas = np.zeros(len(model.nodes))
-        areas[: len(model.cloud.areas)] = model.cloud.areas
-        return areas
+        motions = np.stack([motion.get(body, np.zeros(3)) for motion in self.loose_motions], axis=1)
+        modes = RigidBodyModes((0.0, 0.0), (0, 1, ROTATION))
+        return np.asarray(modes.patterns(self.bodies[body].model.nodes) @ motions)

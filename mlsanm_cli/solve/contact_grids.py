@@ -27,7 +27,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
-from mlsanm_cli.solve.direction_updates import rolls_away, turns, unturned
+from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
 
@@ -200,7 +200,7 @@ def _turned(
     now: dict[str, float] = {}
     held = scene.held_motions
     for state in reversed(states):
-        if rolls_away(scene, condensed, state):
+        if rolling(scene, condensed, state):
             continue
         now = turns(scene, condensed, state) | now
         if len(now) == len(grids):

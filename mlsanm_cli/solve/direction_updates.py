@@ -29,14 +29,13 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus, SetSystem
-from mlsanm_cli.contact.laws.set_search import NoStateError
+from mlsanm_cli.contact.laws.set_search import UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, RigidConstraint, Scene
+from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, Scene
 
 MAX_CARRIED = 1e-8
 """Largest force of fixed motions relative to the contact force."""
@@ -89,12 +88,8 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
 
 def _moves(scene: Scene, bodies: Sequence[str | None]) -> bool:
     """Whether one of the bodies has unknown rigid motions."""
-    return any(
-        name in constraint.bodies
-        for constraint, _ in scene.unknown_motions
-        if not isinstance(constraint, Obstacle)
-        for name in bodies
-    )
+    constraints = (one for one, _ in scene.unknown_motions if not isinstance(one, Obstacle))
+    return any(name in constraint.bodies for constraint in constraints for name in bodies)
 
 
 def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
@@ -112,15 +107,14 @@ def _seen(
     """Initial angle from the normal of the other surface to that of the base, on average over the places
     ``pressed`` (e,) of a patch that carry a ``share`` (e,) of its force, and the curvatures of the base and
     the other surface at its ``middle``. At the tip of a wedge the angle itself is that of one side."""
-    offset = CURVATURE_RANGE * (grid.last - grid.first)
-    base = grid.facing.slave_first
-    s = np.array([middle, middle - offset, middle + offset])
-    place, inward = grid.facing.side(s, base)
-    there, outward = grid.facing.side(s, not base)
-    sides = (place, inward), (there, outward)
-    bends = [float(abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1])) for at, one in sides]
-    away, opposite = grid.facing.side(pressed, base)[1], grid.facing.side(pressed, not base)[1]
-    return float(share @ np.angle(away / -opposite) / share.sum()), bends
+    offset, base = CURVATURE_RANGE * (grid.last - grid.first), grid.facing.slave_first
+    ends = np.array([middle - offset, middle + offset])
+    bends, normals = [], []
+    for side in (base, not base):
+        (one, other), (first, last) = grid.facing.side(ends, side)
+        bends.append(float(abs(np.angle(last / first)) / abs(other - one)))
+        normals.append(grid.facing.side(pressed, side)[1])
+    return float(share @ np.angle(normals[0] / -normals[1]) / share.sum()), bends
 
 
 def _rotation(model: BodyModel, points: FloatArray, rest: FloatArray, moved: FloatArray) -> float:
@@ -144,8 +138,8 @@ def unturned(
     held = [motion for motion in held if not any(way[2] for way in motion.values())]
     if not held:
         return {}
-    work, along, names = np.zeros(len(held)), list[FloatArray](), list[str]()
-    pressed = 0.0
+    reach = max(float(np.hypot(*way[:2])) for motion in held for way in motion.values())
+    work, along, sizes, pressed = np.zeros(len(held)), list[FloatArray](), dict[str, float](), 0.0
     for pairing in condensed.pairings:
         span = condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
@@ -154,10 +148,10 @@ def unturned(
         force = pairing.grid.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
         middle = condensed.weight[span] * state.pressure[span] @ pairing.grid.hats.place / size
         places = pairing.grid.facing.side(np.array([middle]), True)[0][0]
-        more = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn
+        more, before = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn, complex(force[0], force[1])
         # The force rotates about the middle of its patch.
-        push = complex(force[0], force[1]) * np.exp(1j * more)
-        moment = force[2] + (np.conj(places) * (push - complex(force[0], force[1]))).imag
+        push = before * np.exp(1j * more)
+        moment = force[2] + (np.conj(places) * (push - before)).imag
         quarter = 1j * push
         own = np.zeros(len(held))
         for number, motion in enumerate(held):
@@ -165,20 +159,14 @@ def unturned(
             way = ways[0] - ways[1]
             work[number] += way @ np.array([push.real, push.imag, moment])
             own[number] = way @ np.array([quarter.real, quarter.imag, (np.conj(places) * quarter).imag])
-        if np.abs(own).max(initial=0.0) > CURVATURE_RANGE * size * _reach(held):
+        if np.abs(own).max(initial=0.0) > CURVATURE_RANGE * size * reach:
             along.append(own / np.sqrt(size))
-            names.append(pairing.name)
+            sizes[pairing.name] = size
         pressed += size
-    if not along or np.abs(work).max() <= MAX_CARRIED * pressed * _reach(held):
+    if not along or np.abs(work).max() <= MAX_CARRIED * pressed * reach:
         return {}
-    sizes = [float(condensed.weight[condensed.spans[n]] @ state.pressure[condensed.spans[n]]) for n in names]
-    least = np.linalg.lstsq(np.stack(along, axis=1), -work, rcond=CURVATURE_RANGE)[0] / np.sqrt(sizes)
-    return {name: float(angle) for name, angle in zip(names, least, strict=True)}
-
-
-def _reach(held: Sequence[Mapping[str, FloatArray]]) -> float:
-    """Largest magnitude of the held motions."""
-    return max(float(np.hypot(*way[:2])) for motion in held for way in motion.values())
+    least = np.linalg.lstsq(np.stack(along, axis=1), -work, rcond=CURVATURE_RANGE)[0]
+    return {name: float(one / np.sqrt(size)) for (name, size), one in zip(sizes.items(), least, strict=True)}
 
 
 INSTABILITY_RATIO = 0.8
@@ -187,16 +175,6 @@ unstable."""
 MIN_SHIFT, MIN_ROTATION = 0.1, 1e-3
 """Rotations that move contacts by less than this part of their width, or below this angle (radian), need not
 be caused by loads."""
-
-
-class RollingError(NoStateError):
-    """Loads rotate bodies without resistance."""
-
-    def __init__(self, turned: Turned) -> None:
-        how, what = ("roll or tip", "them") if len(turned.bodies) > 1 else ("rolls or tips", "it")
-        message = f"{turned.names} {how} over: the loads turn {what}, and nothing resists that"
-        NumericalError.__init__(self, message, turned.hint)
-        self.sliding = True
 
 
 @dataclass(frozen=True)
@@ -220,18 +198,22 @@ class Turned:
         )
 
     @property
-    def error(self) -> RollingError | None:
+    def error(self) -> UnbalancedError | None:
         """The error, None if the rotation is resisted."""
-        return RollingError(self) if self.share >= INSTABILITY_RATIO else None
+        if self.share < INSTABILITY_RATIO:
+            return None
+        how, what = ("roll or tip", "them") if len(self.bodies) > 1 else ("rolls or tips", "it")
+        message = f"{self.names} {how} over: the loads turn {what}, and nothing resists that"
+        return UnbalancedError(message, self.hint)
 
 
-def rolls_away(scene: Scene, condensed: Condensed, state: ExactState) -> bool:
-    """Whether loads rotate a body without resistance in a state, which then is not on any path."""
+def rolling(scene: Scene, condensed: Condensed, state: ExactState) -> UnbalancedError | None:
+    """The error that loads rotate a body without resistance in a state, which then is not on any path."""
     nodes = condensed.friction_nodes
     stuck, closed = state.stuck[nodes], state.active[nodes]
     sets = ContactStatus(state.active, stuck, np.where(closed & ~stuck, np.sign(state.traction), 0.0))
-    turned = turned_by_loads(scene, condensed, (state.motion, state.pressure, state.traction), sets)
-    return turned is not None and turned.error is not None
+    turned = turned_by_loads(scene, condensed, state.unknowns[1:], sets)
+    return turned.error if turned else None
 
 
 def turned_by_loads(
@@ -243,17 +225,13 @@ def turned_by_loads(
     """The body rotated by loads with the largest omitted moment, in a state of motions (k,), pressures (m,)
     and tractions (n,) with its ``sets``; None if there is none."""
     motion, pressure, traction = unknowns
-    turning: list[tuple[int, RigidConstraint, list[tuple[FloatArray, FloatArray]]]] = []
+    turning: list[tuple[int, Platen | FloatingBody, list[tuple[FloatArray, FloatArray]]]] = []
     for number, (constraint, one) in enumerate(scene.unknown_motions):
-        if (
-            one.component != ROTATION
-            or isinstance(constraint, Obstacle)
-            or abs(motion[number]) <= MIN_ROTATION
-        ):
-            continue
-        forces = _forces(condensed, constraint.bodies, pressure, traction)
-        if any(_moved(*each, constraint.center, abs(float(motion[number]))) for each in forces):
-            turning.append((number, constraint, forces))
+        angle = abs(float(motion[number]))
+        if one.component == ROTATION and not isinstance(constraint, Obstacle) and angle > MIN_ROTATION:
+            forces = _forces(condensed, constraint.bodies, pressure, traction)
+            if any(_moved(*each, constraint.center, angle) for each in forces):
+                turning.append((number, constraint, forces))
     if not turning:
         return None
     try:
@@ -271,7 +249,6 @@ def turned_by_loads(
     shares, ways = np.linalg.eig(rotations)
     worst = int(np.argmax(shares.real))
     number, constraint, _ = turning[int(np.argmax(np.abs(ways[:, worst])))]
-    assert not isinstance(constraint, Obstacle)
     return Turned(constraint.bodies, abs(float(motion[number])), float(shares.real[worst]))
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import replace
+from functools import partial
 
 from mlsanm_cli.contact.laws.contact_status import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
@@ -27,84 +29,63 @@ MAX_ROWS = 40
 
 def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Path of exact contact with Coulomb friction, from event to event."""
-    wanted, condensed = output_positions(built), built.condensed
     if start is None:
         typical = max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0)
-        event = first_event(condensed, built.stages[0], typical)
+        event = first_event(built.condensed, built.stages[0], typical)
         state, begun, reached = event.state, 0, 0.0
-        first = coulomb_state(built, state, 0.0)
-        saved = (first,) if 0.0 in wanted else ()
-        yield PathStep(first, saved, factorizations=event.solves, checkpoint=_checkpoint(first, state))
+        yield replace(_row(built, 0, event, event.solves), iterations=0, solves=0)
     else:
         state, begun, reached = _restored(start), start.stage, start.fraction
-    for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
-        if stage < begun:
-            continue
-        reached = reached if stage == begun else 0.0
-        places = {position - stage for position in stops(built) if stage < position <= stage + 1}
-        halts = sorted(place for place in places if place > reached)
-        rows = _Rows(built, stage, reached, places, wanted)
-        try:
-            for event in event_driven_path(condensed, state, end, halts, begin, reached):
-                state, reached = event.state, event.fraction
-                yield from rows.add(event)
-        except SlidingError as error:
-            yield from rows.last()
-            where = f" at position {stage + error.fraction:.9g}"
-            raise SlidingError(error.fraction, where) from error
-        except NumericalError as error:
-            yield from rows.last()
-            raise NumericalError(
-                f"{error.message} beyond position {stage + reached:.9g}", error.hint
-            ) from error
+    for stage in range(begun, len(built.stages) - 1):
+        state = yield from _stage_path(built, stage, state, reached)
+        reached = 0.0
 
 
-class _Rows:
-    """Steps of the events of a stage: all requested states, and a limited number of others."""
-
-    def __init__(
-        self, built: CondensedScene, stage: int, reached: float, halts: set[float], wanted: tuple[float, ...]
-    ) -> None:
-        self._built, self._stage, self._halts, self._wanted = built, stage, halts, wanted
-        self._before, self._solves = reached, 0
-        self._jump: str = ""
-        self._unloaded = False
-        self._pending: Event | None = None
-
-    def add(self, event: Event) -> Iterator[PathStep]:
-        """Step that ends at an event, if it is to be stored."""
-        self._solves += event.solves
-        self._pending = event
-        unloaded = _share(self._built, event.state, self._stage + event.fraction) < UNLOADED
-        if event.jumped and not self._unloaded:
-            self._jump = (
-                f"the contact snaps to another state before position {self._stage + event.fraction:.6g}: "
-                f"there is no continuous path"
-            )
-        if event.fraction in self._halts or event.fraction >= self._before + 1.0 / MAX_ROWS or event.jumped:
-            yield from self.last()
-        self._unloaded = unloaded
-
-    def last(self) -> Iterator[PathStep]:
-        """Step that ends at the last event."""
-        if self._pending is None:
-            return
-        position = self._stage + self._pending.fraction
-        state = coulomb_state(self._built, self._pending.state, position)
-        yield PathStep(
-            state,
-            (state,) if position in self._wanted else (),
-            iterations=self._solves,
-            factorizations=self._solves,
-            solves=4 * self._solves,
-            warning=self._jump,
-            checkpoint=_checkpoint(state, self._pending.state),
-        )
-        self._before, self._solves, self._jump, self._pending = self._pending.fraction, 0, "", None
+def _stage_path(
+    built: CondensedScene, stage: int, state: CoulombState, reached: float
+) -> Generator[PathStep, None, CoulombState]:
+    """Path of a stage beyond the part ``reached``, with all requested states and a limited number of others;
+    returns the state at its end."""
+    halts = sorted(place for position in stops(built) if reached < (place := position - stage) <= 1.0)
+    before, solves, jump, unloaded = reached, 0, "", False
+    pending: Callable[[], PathStep] | None = None
+    begin, end = built.stages[stage], built.stages[stage + 1]
+    try:
+        for event in event_driven_path(built.condensed, state, end, halts, begin, reached):
+            state, reached = event.state, event.fraction
+            solves += event.solves
+            if event.jumped and not unloaded:
+                jump = (
+                    f"the contact snaps to another state before position {stage + reached:.6g}: "
+                    f"there is no continuous path"
+                )
+            unloaded = _share(built, state, stage + reached) < UNLOADED
+            pending = partial(_row, built, stage, event, solves, jump)
+            if reached in halts or reached >= before + 1.0 / MAX_ROWS or event.jumped:
+                yield pending()
+                before, solves, jump, pending = reached, 0, "", None
+    except NumericalError as error:
+        if pending is not None:
+            yield pending()
+        if isinstance(error, SlidingError):
+            raise SlidingError(error.fraction, f" at position {stage + error.fraction:.9g}") from error
+        raise NumericalError(f"{error.message} beyond position {stage + reached:.9g}", error.hint) from error
+    return state
 
 
-def _checkpoint(state: State, exact: CoulombState) -> Checkpoint:
-    return Checkpoint(state, FrictionHistory(exact.sets, exact.stick_reference))
+def _row(built: CondensedScene, stage: int, event: Event, solves: int, jump: str = "") -> PathStep:
+    """Step that ends at an event, after ``solves`` systems, with a warning of a ``jump``."""
+    position, exact = stage + event.fraction, event.state
+    state = coulomb_state(built, exact, position)
+    return PathStep(
+        state,
+        (state,) if position in output_positions(built) else (),
+        iterations=solves,
+        factorizations=solves,
+        solves=4 * solves,
+        warning=jump,
+        checkpoint=Checkpoint(state, FrictionHistory(exact.sets, exact.stick_reference)),
+    )
 
 
 def _restored(start: Checkpoint) -> CoulombState:
@@ -117,18 +98,18 @@ def _restored(start: Checkpoint) -> CoulombState:
 
 def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -> State:
     """Exact state with friction as a state of the path at a position."""
-    values, sets = state.values, state.sets
+    values = state.values
     return State(
         position,
         state.factors,
         values.pressure,
         values.gap,
         values.motion,
+        state.sets.status(built.condensed.friction_nodes),
+        _share(built, state, position) * residual(built.condensed, state),
         values.traction,
         values.slip,
         state.work,
-        sets.status(built.condensed.friction_nodes),
-        _share(built, state, position) * residual(built.condensed, state),
     )
 
 

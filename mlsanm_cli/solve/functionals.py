@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -9,14 +11,9 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.records import ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import Platen
+from mlsanm_cli.mechanics.scene import Platen, RigidConstraint, RigidMotion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
-
-
-def slave_points(built: CondensedScene, pairing: Pairing) -> FloatArray:
-    """Reference positions (m, 2) of a contact's candidates."""
-    return pairing.points[pairing.candidate]
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:
@@ -32,34 +29,34 @@ def slave_arc(pairing: Pairing) -> FloatArray:
 
 def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
     """Displacement (2,) of the platen or obstacle that each load moves, in a state or initially."""
-    found: dict[str, FloatArray] = {}
-    unknown = 0
-    for constraint in built.scene.rigid_constraints:
-        moved = np.zeros(2)
-        for motion in constraint.motions:
-            free = motion.prescribed is None
-            if state is not None:
-                value = (
-                    state.motion[unknown] if motion.prescribed is None else motion.prescribed @ state.factors
-                )
-                moved += value * motion.direction[:2]
-            unknown += free
-        found |= {built.scene.loads[number]: moved for number in constraint.loads}
+    found = {name: np.zeros(2) for one in built.scene.rigid_constraints for name in _loads(built, one)}
+    for constraint, motion, value in _motions(built, state) if state is not None else ():
+        for name in _loads(built, constraint):
+            found[name] = found[name] + value * motion.direction[:2]
     return found
 
 
 def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, float]]:
     """``rotation`` (radian) and ``moment`` on the bodies about the hinge, of every plate that rotates."""
-    found, unknown = {}, 0
+    found = {}
+    for constraint, motion, angle in _motions(built, state):
+        if isinstance(constraint, Platen) and motion.component == ROTATION:
+            moment = built.condensed.moments[constraint.name](*state.unknowns)[0]
+            found[constraint.name] = {"rotation": angle, "moment": float(moment)}
+    return found
+
+
+def _loads(built: CondensedScene, constraint: RigidConstraint) -> list[str]:
+    return [built.scene.loads[number] for number in constraint.loads]
+
+
+def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstraint, RigidMotion, float]]:
+    """Rigid motions with their values in a state."""
+    unknown = iter(state.motion)
     for constraint in built.scene.rigid_constraints:
         for motion in constraint.motions:
-            if isinstance(constraint, Platen) and motion.component == ROTATION:
-                given = motion.prescribed
-                angle = state.motion[unknown] if given is None else given @ state.factors
-                moment = built.condensed.moments[constraint.name](*state.unknowns)[0]
-                found[constraint.name] = {"rotation": float(angle), "moment": float(moment)}
-            unknown += motion.prescribed is None
-    return found
+            given = motion.prescribed
+            yield constraint, motion, float(next(unknown) if given is None else given @ state.factors)
 
 
 def probe_record(built: CondensedScene, name: str, state: State) -> ProbeRecord:

@@ -45,27 +45,26 @@ MIN_OVERLAP = 1e-3
 def first_grid(limits: ContactRange) -> ContactGrid:
     """Coarse grid over all facing places, finer towards the closest approach; uniform for parallel
     surfaces."""
-    gaps = limits.facing.gap(np.linspace(limits.first, limits.last, FIRST_INTERVALS + 1))
+    places = np.linspace(limits.first, limits.last, FIRST_INTERVALS + 1)
+    gaps, length = limits.facing.gap(places), limits.last - limits.first
     # A uniform grid might sample waves at their troughs only.
-    if limits.places == 1 and float(np.ptp(gaps)) <= PARALLEL_TOLERANCE * (limits.last - limits.first):
-        even = limits.hats(np.linspace(limits.first, limits.last, FIRST_INTERVALS + 1))
-        return ContactGrid(
-            limits.facing, limits.first, limits.last, FIRST_SAMPLES, even, limits.centers, limits.corners
-        )
-    widest = (limits.last - limits.first) / max(FIRST_INTERVALS, INTERVALS_PER_MINIMUM * limits.places)
-    parts = [np.array([limits.first, limits.nearest, limits.last])]
-    for sign, room in ((-1.0, limits.nearest - limits.first), (1.0, limits.last - limits.nearest)):
-        parts.append(limits.nearest + sign * _growing(room, FINEST_INTERVAL * widest, widest))
-    hats = limits.hats(spaced_apart(np.concatenate(parts), 0.5 * FINEST_INTERVAL * widest))
+    parallel = limits.places == 1 and float(np.ptp(gaps)) <= PARALLEL_TOLERANCE * length
+    if not parallel:
+        widest = length / max(FIRST_INTERVALS, INTERVALS_PER_MINIMUM * limits.places)
+        finest, nearest = FINEST_INTERVAL * widest, limits.nearest
+        before = nearest - _growing(nearest - limits.first, finest, widest)
+        after = nearest + _growing(limits.last - nearest, finest, widest)
+        ends = [limits.first, nearest, limits.last]
+        places = spaced_apart(np.concatenate([ends, before, after]), 0.5 * finest)
     return ContactGrid(
         limits.facing,
         limits.first,
         limits.last,
         FIRST_SAMPLES,
-        hats,
+        limits.hats(places),
         limits.centers,
         limits.corners,
-        provisional=True,
+        provisional=not parallel,
     )
 
 

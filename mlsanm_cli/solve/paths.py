@@ -54,21 +54,14 @@ def _limited(built: CondensedScene, start: Checkpoint | None, path: Iterator[Pat
 
 def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Path without contact: every state is a linear combination of the solutions of the loads."""
-    wanted = output_positions(built)
-    condensed = built.condensed
+    wanted, condensed, none = output_positions(built), built.condensed, np.zeros(0)
     for position in stops(built):
         if start is not None and position <= start.position:
             continue
         factors = factors_at(built.stages, position)
-        nothing = np.zeros(0)
-        motion = np.zeros(len(condensed.balance.constant))
-        if len(motion):
-            solved = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
-            motion = np.asarray(solved, dtype=np.float64)
+        motion = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
         status = np.zeros(0, dtype=np.int8)
-        state = State(
-            position, factors, nothing, nothing, motion, nothing, nothing, nothing, status, residual=0.0
-        )
+        state = State(position, factors, none, none, np.asarray(motion, dtype=np.float64), status)
         yield PathStep(
             state,
             (state,) if position in wanted else (),
@@ -86,8 +79,10 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
         for number, one in enumerate(built.ends, start=1)
         if np.array_equal(one.factors, built.stages[number])
     }
-    near = near_limit(built.condensed, built.stages) if built.ends_early else None
-    towards = [] if near is None else [_part_of(near[1], share) for share in LIMIT_LEVELS]
+    near, towards = near_limit(built.condensed, built.stages) if built.ends_early else None, []
+    if near is not None:
+        stage = np.ceil(near[1]) - 1.0
+        towards = [float(stage + share * (near[1] - stage)) for share in LIMIT_LEVELS]
     rows = MIN_ROWS if compressed(built.condensed.gap.pressure) is None else MIN_ROWS_OF_MANY
     state = unloaded_state(built) if start is None else start.state
     if start is None:
@@ -115,45 +110,18 @@ def _between(positions: Sequence[float], rows: int) -> Iterator[float]:
         yield from (begin + part / parts * (end - begin) for part in range(1, parts))
 
 
-def _part_of(position: float, share: float) -> float:
-    """The position at a ``share`` of the way from the beginning of its stage to ``position``."""
-    stage = np.ceil(position) - 1.0
-    return float(stage + share * (position - stage))
-
-
 def exact_step(exact: ExactState, position: float) -> PathStep:
     """Exact state without friction as a step without saved states."""
-    return PathStep(
-        _exact_state(exact, position),
-        (),
-        iterations=exact.solves,
-        factorizations=exact.solves,
-        solves=2 * exact.solves,
-    )
+    status, solves = np.where(exact.active, SLIP, OPEN).astype(np.int8), exact.solves
+    state = State(position, exact.factors, exact.pressure, exact.gap, exact.motion, status, exact.residual)
+    return PathStep(state, (), iterations=solves, factorizations=solves, solves=2 * solves)
 
 
 def unloaded_state(built: CondensedScene) -> State:
     """Initial state of the path, deformed only if surfaces overlap."""
     gap, factors = built.condensed.gap, built.stages[0]
     if built.condensed.overlap(gap.constant):
-        return _exact_state(solve_exact(built.condensed, factors), 0.0)
-    zero, nothing = np.zeros(len(gap.constant)), np.zeros(0)
-    motion = np.zeros(len(built.condensed.balance.constant))
+        return exact_step(solve_exact(built.condensed, factors), 0.0).state
+    zero, motion = np.zeros(len(gap.constant)), np.zeros(len(built.condensed.balance.constant))
     status = np.where(gap.constant <= 0.0, SLIP, OPEN).astype(np.int8)
-    return State(0.0, factors, zero, gap.constant, motion, nothing, nothing, nothing, status, residual=0.0)
-
-
-def _exact_state(exact: ExactState, position: float) -> State:
-    nothing = np.zeros(0)
-    return State(
-        position,
-        exact.factors,
-        exact.pressure,
-        exact.gap,
-        exact.motion,
-        nothing,
-        nothing,
-        nothing,
-        np.where(exact.active, SLIP, OPEN).astype(np.int8),
-        exact.residual,
-    )
+    return State(0.0, factors, zero, gap.constant, motion, status)

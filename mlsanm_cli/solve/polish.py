@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
@@ -72,74 +72,59 @@ def _improved(built: CondensedScene, polish: Polisher, state: State) -> PathStep
         ) from error
     peak = max(float(end.pressure.max()) for end in built.ends)
     pressure, traction = row.state.pressure - state.pressure, row.state.traction - state.traction
+    # In the L2 norm changes of single nodes at contact edges are irrelevant.
+    weight = built.condensed.weight
+    whole = max(float(weight @ end.pressure**2) for end in built.ends)
+    square = max(weight @ pressure**2, weight[built.condensed.friction_nodes] @ traction**2)
     changed = Polish(
         pressure=float(np.abs(pressure).max(initial=0.0)) / peak,
         traction=float(np.abs(traction).max(initial=0.0)) / peak,
         factorizations=row.factorizations,
-        overall=_overall(built, pressure, traction),
+        overall=float(np.sqrt(square / whole)),
     )
     return replace(row, saved=(row.state,), polish=changed)
 
 
-def _overall(built: CondensedScene, pressure: FloatArray, traction: FloatArray) -> float:
-    """Changes of pressures (m,) and tractions (n,) in L2 norms over the surfaces, relative to the largest
-    pressures at the ends of stages: at contact edges changes of single nodes are irrelevant."""
-    weight, friction_nodes = built.condensed.weight, built.condensed.friction_nodes
-    whole = max(float(weight @ end.pressure**2) for end in built.ends)
-    changed = max(float(weight @ pressure**2), float(weight[friction_nodes] @ traction**2))
-    return float(np.sqrt(changed / whole)) if whole > 0.0 else 0.0
-
-
 def _polisher(built: CondensedScene, behind: float) -> Polisher:
     if not len(built.condensed.friction_nodes):
-        return _frictionless(built)
-    return _holonomic(built) if built.is_holonomic else _alongside(built, behind)
+        return partial(_frictionless, built)
+    if built.is_holonomic:
+        return partial(_holonomic, built)
+    return partial(_alongside, friction_path(built), behind)
 
 
-def _frictionless(built: CondensedScene) -> Polisher:
-    def polish(state: State) -> PathStep:
-        if state.position == 0.0:
-            return PathStep(unloaded_state(built), ())
-        return exact_step(solve_exact(built.condensed, state.factors, state.closed), state.position)
-
-    return polish
+def _frictionless(built: CondensedScene, state: State) -> PathStep:
+    if state.position == 0.0:
+        return PathStep(unloaded_state(built), ())
+    return exact_step(solve_exact(built.condensed, state.factors, state.closed), state.position)
 
 
-def _holonomic(built: CondensedScene) -> Polisher:
+def _holonomic(built: CondensedScene, state: State) -> PathStep:
     """Coulomb's law for the total slip: one increment from the unloaded scene."""
     c = built.condensed
-
-    def polish(state: State) -> PathStep:
-        stuck = state.status[c.friction_nodes] == STICK
-        slides = state.closed[c.friction_nodes] & ~stuck
-        sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
-        start = replace(unloaded(c, built.stages[0]), sets=sets)
-        found, systems = increment(c, start, state.factors)
-        # The holonomic law does not define dissipation.
-        exact = replace(coulomb_state(built, found, state.position), work=state.work)
-        return PathStep(exact, (), factorizations=systems, solves=2 * systems)
-
-    return polish
+    stuck = state.status[c.friction_nodes] == STICK
+    slides = state.closed[c.friction_nodes] & ~stuck
+    sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
+    start = replace(unloaded(c, built.stages[0]), sets=sets)
+    found, systems = increment(c, start, state.factors)
+    # The holonomic law does not define dissipation.
+    exact = replace(coulomb_state(built, found, state.position), work=state.work)
+    return PathStep(exact, (), factorizations=systems, solves=2 * systems)
 
 
-def _alongside(built: CondensedScene, behind: float) -> Polisher:
-    """The exact path from one requested level to the next, after the state ``behind``."""
-    exact = friction_path(built)
-
-    def polish(state: State) -> PathStep:
-        passed: list[PathStep] = []
-        for step in exact:
-            if step.state.position > behind:
-                passed.append(step)
-            if step.state.position == state.position:
-                break
-        # Both paths stop at the same levels.
-        assert passed[-1].state.position == state.position
-        return replace(
-            passed[-1],
-            factorizations=sum(step.factorizations for step in passed),
-            solves=sum(step.solves for step in passed),
-            warning="; ".join(step.warning for step in passed if step.warning),
-        )
-
-    return polish
+def _alongside(exact: Iterator[PathStep], behind: float, state: State) -> PathStep:
+    """The ``exact`` path from one requested level to the next, after the position ``behind``."""
+    passed: list[PathStep] = []
+    for step in exact:
+        if step.state.position > behind:
+            passed.append(step)
+        if step.state.position == state.position:
+            break
+    # Both paths stop at the same levels.
+    assert passed[-1].state.position == state.position
+    return replace(
+        passed[-1],
+        factorizations=sum(step.factorizations for step in passed),
+        solves=sum(step.solves for step in passed),
+        warning="; ".join(step.warning for step in passed if step.warning),
+    )

@@ -18,7 +18,6 @@ from mlsanm_cli.contact.monolithic.system import SparseCoupling
 from mlsanm_cli.continuation import (
     AnmOptions,
     Branch,
-    Follower,
     NewtonOptions,
     Step,
     StopReason,
@@ -30,28 +29,24 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
 from mlsanm_cli.solve.series import (
     PathPoint,
-    at,
-    at_target,
     between,
     checkpoint_at,
     coupling_of,
     drawn,
     inside,
-    levels_in,
     moved,
     path_options,
-    path_step,
     previous_piece,
     problem_of,
     regularization,
     restored,
     series_of,
+    sharpened,
     start_point,
     state_of,
-    states_in,
     stopped,
 )
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, output_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
@@ -106,16 +101,14 @@ def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) ->
     if len(built.condensed.friction_nodes) and not built.is_holonomic:
         point = _first(built, options)
         assert point.friction is not None
-        return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.reset())
+        first, count = state_of(point, 0, point.residual), point.friction.tally.reset()
+        return point, PathStep(first, (), factorizations=count)
     problem = problem_of(built, coupling_of(built, regularization(built)), 0)
     found = correct(problem, start_point(built, problem), 0.0, options)
     # The holonomic law does not define dissipation.
     point = PathPoint(problem, found.x, 0.0, np.full(problem.n, np.nan))
-    return point, PathStep(_at_rest(point), (), 0.0, 0, found.updates, found.factorizations, found.solves)
-
-
-def _at_rest(point: PathPoint) -> State:
-    return state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
+    first = state_of(point, 0, point.residual)
+    return point, PathStep(first, (), 0.0, 0, found.updates, found.factorizations, found.solves)
 
 
 def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPoint:
@@ -147,7 +140,7 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPo
         base = base.with_thresholds(threshold)
         return RegularizedFriction(base, begin, begin, ContactStatus(closed, stuck, nothing), rest, tally)
 
-    x, rest, carried, times = np.concatenate([drawn(built, bare), nothing]), nothing, np.inf, FIRST_SOFTNESS
+    x, rest, carried, times = drawn(built, bare), nothing, np.inf, FIRST_SOFTNESS
     while times <= MAX_SOFTNESS:
         soft = replace(bare, law=replace(law, stick_compliance=times * elastic)).with_stick_compliance()
         problem = sticking(soft, x, rest)
@@ -176,9 +169,9 @@ class _StagePath:
 
     def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
         self.point: PathPoint
-        self._stage, self._wanted, self._options = stage, wanted, options
-        self._levels = levels_in(wanted, stage)
-        self._began, self._standing = 0.0, 0
+        self._stage, self._options = stage, options
+        self._wanted = [position for position in wanted if stage < position <= stage + 1]
+        self._standing = 0
         self._held: ContactStatus | None = None
         self._previous: Branch | None = None
 
@@ -186,7 +179,11 @@ class _StagePath:
         """Steps from the beginning of the stage to its end. NoStateError, NumericalError."""
         self.point = point
         if not point.problem.change.any():
-            yield from self._waiting()
+            # A stage that changes nothing.
+            self.point = replace(point, lam=1.0)
+            state = state_of(self.point, self._stage, self.point.residual)
+            saved = tuple(replace(state, position=position) for position in self._wanted)
+            yield PathStep(state, saved, checkpoint=checkpoint_at(self.point, state))
             return
         if point.friction is not None:
             self._put_on(point, point.friction, EventFlags.none(point.problem.n))
@@ -195,7 +192,7 @@ class _StagePath:
     def continue_stage(self, point: PathPoint, previous: Branch | None) -> Iterator[PathStep]:
         """Steps from a point within the stage to its end, first those of the ``previous`` piece unless an
         event ended it. Errors as `steps`."""
-        self.point, self._began = point, point.lam
+        self.point = point
         if previous is not None:
             self._previous = previous
             yield from self._piece(replace(self._options, direction=0))
@@ -203,13 +200,13 @@ class _StagePath:
 
     def _pieces(self) -> Iterator[PathStep]:
         while self.point.lam < 1.0:
-            if self._loosened() and self._is_sliding():
+            if self._is_sliding():
                 raise _slides(self._stage, self.point.lam)
-            self._began = self.point.lam
-            yield from self._piece()
+            yield from self._piece(self._options)
 
-    def _piece(self, options: AnmOptions | NewtonOptions | None = None) -> Iterator[PathStep]:
-        """Steps to the next event or the end of the stage."""
+    def _piece(self, options: AnmOptions | NewtonOptions) -> Iterator[PathStep]:
+        """Steps to the next event or the end of the stage. NoStateError if events no longer advance the
+        path."""
         begin, friction = self.point, self.point.friction
         locator = None if friction is None else EventLocator(friction)
         follower = follow(
@@ -217,42 +214,39 @@ class _StagePath:
             begin.x,
             begin.lam,
             1.0,
-            options or self._options,
+            options,
             self._previous,
             locator,
-            self._levels,
+            [position - self._stage for position in self._wanted if position < self._stage + 1],
         )
         for step in follower.steps():
             if locator is not None and locator.reached:
                 yield from self._event(step, locator.hits)
-            else:
-                step = at_target(begin.problem, step) if step.lam == 1.0 else step
-                before, self.point = self.point, moved(self.point, step.x, step.lam)
-                yield self._finished(before, step, follower)
+                continue
+            if step.lam == 1.0 and step.order:
+                # Newton's method has corrected the end itself.
+                x, residual = sharpened(begin.problem, step.x, 1.0)
+                step = _updated(replace(step, x=x, residual=residual))
+            before, self.point = self.point, moved(self.point, step.x, step.lam)
+            yield self._finished(before, step, follower.outcome.piece)
         if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
             raise stopped(self._stage, follower.outcome)
         self._previous = follower.outcome.piece
-        self._count()
-
-    def _count(self) -> None:
-        """NoStateError if events no longer advance the path."""
-        self._standing = self._standing + 1 if self.point.lam - self._began < STANDSTILL else 0
-        if self._standing > 4 * self.point.problem.n + 50:
+        self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
+        if self._standing > 4 * begin.problem.n + 50:
             raise NoStateError(sliding=False)
 
-    def _loosened(self) -> bool:
-        """Whether some node has ceased to stick or to touch: nothing else lets a body go that was held."""
-        if self.point.friction is None:
-            return False
-        before, self._held = self._held, self.point.friction.sets
-        if before is None:
-            return True
-        return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
-
     def _is_sliding(self) -> bool:
-        """Whether nothing but friction resists some motion, nor anything that it brings into contact."""
+        """Whether some node has ceased to stick or to touch, as only this releases a body, and nothing but
+        friction resists some motion, nor anything that it brings into contact."""
         friction = self.point.friction
-        if friction is None or not slides_freely(friction.condensed, friction.sets):
+        if friction is None:
+            return False
+        before, self._held = self._held, friction.sets
+        loosened = before is None or (
+            (before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any()
+        )
+        if not loosened or not slides_freely(friction.condensed, friction.sets):
             return False
         limit = limit_load(friction.condensed, friction.start, friction.change)
         return limit is None or not limit.whole
@@ -273,31 +267,50 @@ class _StagePath:
         except NoStateError as error:
             failure = error
             self.point = inside(point, self._options.goal)
-        residual = float(np.abs(self.point.problem.residual(self.point.x, step.lam)).max())
-        yield self._finished(before, replace(step, residual=residual))
+        yield self._finished(before, replace(step, residual=self.point.residual))
         if failure is not None:
             raise failure
 
-    def _finished(self, before: PathPoint, step: Step, follower: Follower | None = None) -> PathStep:
-        """The step from ``before`` to where the path is now, of a piece that continues by a follower."""
-        stage = self._stage
-        end = state_of(self.point, stage, step.residual)
-        places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
+    def _finished(self, before: PathPoint, step: Step, piece: Branch | None = None) -> PathStep:
+        """The step from ``before`` to where the path is now, with requested states from its series, on a
+        ``piece`` that continues."""
+        stage, end = self._stage, state_of(self.point, self._stage, step.residual)
         # A copy keeps the factorised tangent, which those of the requested states would replace.
-        step, states = states_in(copy(before.problem), step, stage, places)
-        saved = [state_of(between(before, x, lam), stage, residual) for x, lam, residual in states]
-        series = series_of(before.problem, step.branch, stage)
-        if self.point.friction is not None:
-            # Points share tangents, which followers do not count.
-            step = replace(step, factorizations=self.point.friction.tally.reset())
-        finished = path_step(step, end, stage, at(places, saved, end), series)
-        return replace(finished, checkpoint=checkpoint_at(self.point, end, follower))
+        problem, saved = copy(before.problem), []
+        for position in self._wanted:
+            if not stage + before.lam < position <= stage + step.lam:
+                continue
+            if not step.order or position - stage >= step.lam:
+                saved.append(replace(end, position=position))
+                continue
+            x, lam = step.branch.evaluate(step.branch.parameter_at(position - stage))
+            x, residual = sharpened(problem, x, lam)
+            step = _updated(step)
+            state = state_of(between(before, x, lam), stage, residual)
+            # The series has the position up to round-off.
+            saved.append(replace(state, position=position))
+        friction = self.point.friction
+        return PathStep(
+            state=end,
+            saved=tuple(saved),
+            length=step.arc_length,
+            order=step.order,
+            iterations=step.iterations,
+            # Points with friction share tangents, which followers do not count.
+            factorizations=step.factorizations if friction is None else friction.tally.reset(),
+            solves=step.solves,
+            # Predictors between states are not stored.
+            series=series_of(before.problem, step.branch, stage) if step.order else {},
+            series_attributes={"length": step.branch.length, "stage": stage},
+            checkpoint=checkpoint_at(self.point, end, piece),
+        )
 
-    def _waiting(self) -> Iterator[PathStep]:
-        """A stage that changes nothing."""
-        residual = float(np.abs(self.point.problem.residual(self.point.x, 1.0)).max())
-        self.point = replace(self.point, lam=1.0)
-        state = state_of(self.point, self._stage, residual)
-        places = [p for p in self._wanted if self._stage < p <= self._stage + 1]
-        saved = tuple(replace(state, position=position) for position in places)
-        yield PathStep(state, saved, checkpoint=checkpoint_at(self.point, state))
+
+def _updated(step: Step) -> Step:
+    """The step with one more update counted."""
+    return replace(
+        step,
+        iterations=step.iterations + 1,
+        factorizations=step.factorizations + 1,
+        solves=step.solves + 1,
+    )

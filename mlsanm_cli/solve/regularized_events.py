@@ -60,23 +60,31 @@ class EventLocator:
         """Path parameter of the first event, or inf."""
         self.reached = False
         values, rates = self._conditions(piece)
-        grid = np.linspace(0.0, piece.length, EVENT_SAMPLES)
-        levels = np.hstack([piece.weights(grid) @ values, piece.derivative_weights(grid) @ rates])
-        scale = self._scales(levels[:, values.shape[1] :], values[0])
-        most = np.where(np.arange(len(scale)) < values.shape[1], 1.0, scale)
+        count, grid = values.shape[1], np.linspace(0.0, piece.length, EVENT_SAMPLES)
+
+        def levels(a: FloatArray) -> FloatArray:
+            return np.hstack([piece.weights(a) @ values, piece.derivative_weights(a) @ rates])
+
+        found = levels(grid)
+        scale = self._scales(found[:, count:], values[0])
+        most = np.where(np.arange(len(scale)) < count, 1.0, scale)
         slack = np.where(
-            levels[0] <= LIMIT_TOLERANCE * scale, np.maximum(-levels[0], 0.0) + LIMIT_SLACK * most, 0.0
+            found[0] <= LIMIT_TOLERANCE * scale, np.maximum(-found[0], 0.0) + LIMIT_SLACK * most, 0.0
         )
-        past = (levels[1:] + slack < 0.0).any(axis=1)
+        past = (found[1:] + slack < 0.0).any(axis=1)
         if not past.any():
             return np.inf
         row = int(np.argmax(past)) + 1
-        found = [
-            (self._root(piece, values, rates, column, slack[column], grid[row - 1], grid[row]), column)
-            for column in np.flatnonzero(levels[row] + slack < 0.0).tolist()
-        ]
-        a, column = min(found)
-        self.hits, self.reached = self._flags(column, values.shape[1]), a < piece.length
+        low, high = float(grid[row - 1]), float(grid[row])
+
+        def first(column: int) -> float:
+            def level(a: float) -> float:
+                return float(levels(np.array([a]))[0, column] + slack[column])
+
+            return low if level(low) <= 0.0 else root(level, low, high)
+
+        a, column = min((first(k), k) for k in np.flatnonzero(found[row] + slack < 0.0).tolist())
+        self.hits, self.reached = self._flags(column, count), a < piece.length
         return a
 
     def _conditions(self, piece: Branch) -> tuple[FloatArray, FloatArray]:
@@ -102,26 +110,6 @@ class EventLocator:
         limit = np.maximum(0.5 * (first[n : n + held] + first[n + held :]), MIN_LIMIT)
         largest = np.full(rates.shape[1], np.abs(rates).max(initial=0.0) + np.finfo(float).tiny)
         return np.concatenate([np.ones(n), limit, limit, largest])
-
-    def _root(
-        self,
-        piece: Branch,
-        values: FloatArray,
-        rates: FloatArray,
-        column: int,
-        slack: float,
-        low: float,
-        high: float,
-    ) -> float:
-        def level(a: float) -> float:
-            at = np.array([a])
-            if column < values.shape[1]:
-                return float(piece.weights(at)[0] @ values[:, column]) + slack
-            return float(piece.derivative_weights(at)[0] @ rates[:, column - values.shape[1]]) + slack
-
-        if level(low) <= 0.0:
-            return low
-        return root(level, low, high)
 
     def _flags(self, column: int, levels: int) -> EventFlags:
         hits, n, held = EventFlags.none(self._problem.n), self._problem.n, len(self._stuck)

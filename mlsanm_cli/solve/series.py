@@ -6,19 +6,18 @@ import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import Regularization, regularize
 from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
-from mlsanm_cli.continuation import AnmOptions, Branch, Follower, NewtonOptions, Outcome, Problem, Step
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Outcome, Problem
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State
+from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
 
 BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
@@ -28,25 +27,12 @@ UNLIMITED = sys.maxsize
 ContactProblem = RegularizedFriction | HolonomicContact
 
 
-def checkpoint_of(state: State, follower: Follower) -> Checkpoint:
-    """Checkpoint with the direction of the last step."""
-    piece = follower.outcome.piece
-    if piece is None:
-        return Checkpoint(state)
-    return Checkpoint(state, heading=np.append(piece.x[1], piece.lam[1]), pace=piece.length)
-
-
 def previous_piece(start: Checkpoint, x: FloatArray) -> Branch | None:
     """The linear piece of path before a checkpoint with unknowns x (size,); None if a piece begins anew."""
     if start.fraction == 0.0 or not len(start.heading):
         return None
     ends = np.array([x, start.heading[:-1]]), np.array([start.fraction, start.heading[-1]])
     return Branch(*ends, start.pace)
-
-
-def unknowns_of(state: State) -> FloatArray:
-    """Pressures, gaps, motions, displacements (if unknowns) and tractions of a state as one vector."""
-    return np.concatenate([state.pressure, state.gap, state.motion, state.displacement, state.traction])
 
 
 def regularization(built: CondensedScene) -> Regularization:
@@ -81,11 +67,6 @@ def path_options(built: CondensedScene) -> AnmOptions | NewtonOptions:
     return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=UNLIMITED)
 
 
-def levels_in(wanted: tuple[float, ...], stage: int) -> list[float]:
-    """Requested positions within a stage, as fractions of it."""
-    return [position - stage for position in wanted if stage < position < stage + 1]
-
-
 def stopped(stage: int, outcome: Outcome) -> NumericalError:
     """Error of a path that did not reach the end of its stage."""
     return NumericalError(
@@ -107,97 +88,18 @@ def sharpened(problem: Problem, x: FloatArray, lam: float) -> tuple[FloatArray, 
     return (better, after) if after < before and problem.admissible(better, lam) else (x, before)
 
 
-def at_target(problem: Problem, step: Step) -> Step:
-    """Last step of a stage with its end corrected, unless Newton's method has done that."""
-    if not step.order:
-        return step
-    x, residual = sharpened(problem, step.x, step.lam)
-    return _with_updates(replace(step, x=x, residual=residual), 1)
-
-
-def _with_updates(step: Step, count: int) -> Step:
-    return replace(
-        step,
-        iterations=step.iterations + count,
-        factorizations=step.factorizations + count,
-        solves=step.solves + count,
-    )
-
-
 def start_point(built: CondensedScene, problem: ContactProblem) -> FloatArray:
-    """Initial gaps, those closed or negative opened slightly, and the corresponding pressures."""
+    """Unknowns near the initial state."""
     x = drawn(built, problem.coupling)
-    if isinstance(problem, HolonomicContact):
-        return problem.with_auxiliary(np.concatenate([x, np.zeros(problem.n)]), 0.0)
-    return x
+    return problem.with_auxiliary(x, 0.0) if isinstance(problem, HolonomicContact) else x
 
 
 def drawn(built: CondensedScene, coupling: Coupling) -> FloatArray:
-    """Pressures (m,), gaps (m,) and motions (k,) of the regularised law near the initial state."""
-    law, motion = coupling.law, np.zeros(len(coupling.motion))
+    """Initial gaps, those closed or negative opened slightly, with the corresponding pressures; no motions
+    and tractions."""
+    law, still = coupling.law, np.zeros(len(coupling.motion) + len(built.condensed.friction_nodes))
     gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
-    return np.concatenate([law.eta * (law.delta / gap - 1.0), gap, motion])
-
-
-def states_in(
-    problem: Problem, step: Step, stage: int, places: list[float]
-) -> tuple[Step, list[tuple[FloatArray, float, float]]]:
-    """The step with unknowns, fractions and residuals at its ``places``. Inner ones are corrected values of
-    its series; a step without a series has a place at its end only."""
-    states, sharp = [], 0
-    for position in places:
-        if not step.order or position - stage >= step.lam:
-            states.append((step.x, step.lam, step.residual))
-            continue
-        x, lam = step.branch.evaluate(step.branch.parameter_at(position - stage))
-        x, residual = sharpened(problem, x, lam)
-        states.append((x, lam, residual))
-        sharp += 1
-    return _with_updates(step, sharp), states
-
-
-def at(places: list[float], states: list[State], end: State) -> tuple[State, ...]:
-    """The states with the positions asked for, not the ones a last bit away that the series had."""
-    return tuple(
-        end if position == end.position else replace(state, position=position)
-        for position, state in zip(places, states, strict=True)
-    )
-
-
-def path_step(
-    step: Step, end: State, stage: int, saved: tuple[State, ...], series: dict[str, FloatArray]
-) -> PathStep:
-    """A finished step for the recorder; predictors between states are not stored."""
-    return PathStep(
-        state=end,
-        saved=saved,
-        length=step.arc_length,
-        order=step.order,
-        iterations=step.iterations,
-        factorizations=step.factorizations,
-        solves=step.solves,
-        series=series if step.order else {},
-        series_attributes={"length": step.branch.length, "stage": stage},
-    )
-
-
-def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """Stored series of a step: position, named parts of the unknowns, denominator."""
-    position = branch.lam.copy()
-    position[0] += stage
-    arrays = {"position": position, **parts}
-    return arrays if branch.denominator is None else {**arrays, "denominator": branch.denominator}
-
-
-def smooth_status(
-    law: Regularization, pressure: FloatArray, gap: FloatArray, held: IntArray
-) -> NDArray[np.int8]:
-    """Status (m,) of the candidates under the regularised law; those in ``held`` stick where closed. A node
-    is closed if its pressure, in units of the scene, exceeds its gap."""
-    closed = pressure / law.pressure > gap / law.gap
-    status = np.where(closed, SLIP, OPEN).astype(np.int8)
-    status[held[closed[held]]] = STICK
-    return status
+    return np.concatenate([law.eta * (law.delta / gap - 1.0), gap, still])
 
 
 MAX_UPDATES = 3
@@ -214,37 +116,44 @@ class PathPoint:
     work: FloatArray
 
     @property
+    def residual(self) -> float:
+        """Largest residual."""
+        return float(np.abs(self.problem.residual(self.x, self.lam)).max())
+
+    @property
     def friction(self) -> RegularizedFriction | None:
         """The problem, if friction has a memory."""
         problem = self.problem
         return problem if isinstance(problem, RegularizedFriction) and problem.n else None
 
 
-def checkpoint_at(point: PathPoint, state: State, follower: Follower | None = None) -> Checkpoint:
-    """Checkpoint at a point with its state; without a follower a new piece begins."""
-    checkpoint = Checkpoint(state) if follower is None else checkpoint_of(state, follower)
-    problem = point.friction
+def checkpoint_at(point: PathPoint, state: State, piece: Branch | None = None) -> Checkpoint:
+    """Checkpoint at a point with its state, and the direction of the last ``piece`` if it continues."""
+    found, problem = Checkpoint(state), point.friction
+    if piece is not None:
+        found = replace(found, heading=np.append(piece.x[1], piece.lam[1]), pace=piece.length)
     if problem is None:
-        return checkpoint
-    history = FrictionHistory(problem.sets, problem.stick_reference, problem.law.threshold)
-    return replace(checkpoint, history=history)
+        return found
+    return replace(
+        found, history=FrictionHistory(problem.sets, problem.stick_reference, problem.law.threshold)
+    )
 
 
 def restored(built: CondensedScene, start: Checkpoint) -> PathPoint:
     """The point of a checkpoint."""
-    stage = min(start.stage, len(built.stages) - 2)
+    stage, state, history = min(start.stage, len(built.stages) - 2), start.state, start.history
     coupling = coupling_of(built, regularization(built))
-    x, lam = unknowns_of(start.state), start.position - stage
-    history = start.history
+    lam = start.position - stage
+    x = np.concatenate([state.pressure, state.gap, state.motion, state.displacement, state.traction])
     if history is None:
         problem = problem_of(built, coupling, stage)
         if isinstance(problem, HolonomicContact):
             x = problem.with_auxiliary(x, lam)
-        return PathPoint(problem, x, lam, start.state.work)
+        return PathPoint(problem, x, lam, state.work)
     base = coupling.with_stick_compliance().with_thresholds(history.threshold)
     begin, end = built.stages[stage], built.stages[stage + 1]
     friction = RegularizedFriction(base, begin, end, history.sets, history.stick_reference)
-    return PathPoint(friction, x, lam, start.state.work)
+    return PathPoint(friction, x, lam, state.work)
 
 
 def inside(point: PathPoint, goal: float) -> PathPoint:
@@ -295,28 +204,35 @@ def between(point: PathPoint, x: FloatArray, lam: float) -> PathPoint:
 
 
 def series_of(problem: ContactProblem, branch: Branch, stage: int) -> dict[str, FloatArray]:
-    """Coefficients in the path parameter a, 0 <= a <= length; with ``denominator`` of the Padé form."""
+    """Coefficients of position and unknowns in the path parameter a, 0 <= a <= length; with ``denominator``
+    of the Padé form."""
     pressure, gap, motion, traction, *_ = problem.split(branch.x)
-    parts = {"pressure": pressure, "gap": gap, "motion": problem.coupling.split_motions(motion)[0]}
-    return series_arrays(branch, stage, parts | {"traction": traction} if problem.n else parts)
+    found = {"position": branch.lam.copy(), "pressure": pressure, "gap": gap}
+    found["position"][0] += stage
+    found["motion"] = problem.coupling.split_motions(motion)[0]
+    if problem.n:
+        found["traction"] = traction
+    return found if branch.denominator is None else {**found, "denominator": branch.denominator}
 
 
 def state_of(point: PathPoint, stage: int, residual: float) -> State:
-    """The state at a point of a stage."""
+    """The state at a point of a stage. A node is closed if its pressure, in units of the scene, exceeds its
+    gap."""
     problem, x, lam = point.problem, point.x, point.lam
     pressure, gap, motion, traction, *_ = problem.split(x)
-    held = problem.condensed.friction_nodes[problem.sticking(x, lam)]
     motion, displacement = problem.coupling.split_motions(motion)
+    closed = pressure / problem.law.pressure > gap / problem.law.gap
+    stuck = problem.sticking(x, lam) & closed[problem.condensed.friction_nodes]
     return State(
         stage + lam,
         problem.factors(lam),
         pressure,
         gap,
         motion,
+        ContactStatus(closed, stuck, np.zeros(0)).status(problem.condensed.friction_nodes),
+        residual,
         traction,
         problem.slip(x, lam),
         point.work,
-        smooth_status(problem.law, pressure, gap, held),
-        residual,
         displacement,
     )

@@ -3,6 +3,7 @@ begins."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
@@ -11,7 +12,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -19,7 +20,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
-from mlsanm_cli.solve.direction_updates import RollingError, turned_by_loads
+from mlsanm_cli.solve.direction_updates import rolling, turned_by_loads
 from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limit
 
 MAX_LEVELS = 40
@@ -77,12 +78,12 @@ def searched_ends(
         followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
             held = _friction_ends(scene, condensed, followed, starts)
-            check_slips(condensed, held)
-            return held
         except EndlessError:
             raise
-        except NoStateError as error:
+        except (NoStateError, UnbalancedError) as error:
             raise beyond_limit(scene, condensed, stages[:2], error) from error
+        check_slips(condensed, held)
+        return held
     if len(starts) not in (1, len(factors) - 1):
         starts = ()  # of other states
     ends: list[ExactState] = []
@@ -92,10 +93,9 @@ def searched_ends(
         if found is not None:
             ends.append(found)
             continue
-        start = next(iter(starts[number:]), None)
         last = ends[-1].active if ends else None
-        first = last if start is None else start.closed
         try:
+            first = starts[number].closed if number < len(starts) else last
             ends.append(_solved_exactly(scene, condensed, wanted, first))
         except UnbalancedError as error:
             lost = lost or error
@@ -159,11 +159,8 @@ def _solved_exactly(
         found = solve_exact(condensed, factors, first)
     except NumericalError:
         found = solve_exact(condensed, factors)
-    none = np.zeros(0)
-    sets = ContactStatus(found.active, none.astype(bool), none)
-    turned = turned_by_loads(scene, condensed, (found.motion, found.pressure, none), sets)
-    if turned and turned.error:
-        raise UnbalancedError(turned.error.message, turned.error.hint)
+    if error := rolling(scene, condensed, found):
+        raise error
     return found
 
 
@@ -183,9 +180,9 @@ def _friction_ends(
     rolling."""
     ends: list[ExactState] = []
     state = unloaded(condensed, stages[0])
-    for number, factors in enumerate(stages[1:]):
+    for factors, guess in itertools.zip_longest(stages[1:], starts[: len(stages) - 1]):
         try:
-            found, solves = _incremented(condensed, state, factors, next(iter(starts[number:]), None))
+            found, solves = _incremented(condensed, state, factors, guess)
         except NoStateError:
             break
         if not ends and _rolling(scene, condensed, found):
@@ -195,7 +192,7 @@ def _friction_ends(
     return tuple(ends) if ends else (_first_end(scene, condensed, state, stages[1]),)
 
 
-def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> RollingError | None:
+def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> UnbalancedError | None:
     """The error that loads roll bodies away even if closed nodes stick, or None: more of them slip in one
     increment than on the path."""
     v, sticking = state.values, state.sets.resting(condensed.friction_nodes)
@@ -214,26 +211,24 @@ def _incremented(
 
 def _first_end(scene: Scene, condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
     """State after a part of a stage that cannot be completed."""
-    failure: NoStateError
+    failure: NoStateError | UnbalancedError | None = None
     for part in FIRST_PARTS:
         try:
             found, solves = increment(condensed, state, state.factors + part * (end - state.factors))
+            failure = _rolling(scene, condensed, found)
         except NoStateError as error:
             failure = error
-            continue
-        rolling = _rolling(scene, condensed, found)
-        if rolling is None:
+        if failure is None:
             return _end(condensed, found, solves)
-        failure = rolling
+    assert failure is not None
     raise failure
 
 
 def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
-    v, stuck = state.values, np.zeros(len(condensed.weight), dtype=bool)
-    stuck[condensed.friction_nodes[state.sets.stuck]] = True
-    kkt_residual = residual(condensed, state)
+    v, stuck = state.values, state.sets.status(condensed.friction_nodes) == STICK
+    worst = residual(condensed, state)
     return ExactState(
-        state.factors, v.pressure, v.gap, v.motion, v.traction, state.sets.closed, stuck, solves, kkt_residual
+        state.factors, v.pressure, v.gap, v.motion, v.traction, state.sets.closed, stuck, solves, worst
     )
 
 

@@ -20,6 +20,10 @@ relative to pressures of at least this part, and contacts with less than this pa
 a warning of the jump."""
 
 
+def _none() -> FloatArray:
+    return np.zeros(0)
+
+
 @dataclass(frozen=True)
 class State:
     """State of the path: load factors (L,), pressures and gaps (m,), unknown motions (k,), and the status
@@ -32,12 +36,12 @@ class State:
     pressure: FloatArray
     gap: FloatArray
     motion: FloatArray
-    traction: FloatArray
-    slip: FloatArray
-    work: FloatArray
     status: NDArray[np.int8]
-    residual: float
-    displacement: FloatArray = field(default_factory=lambda: np.zeros(0))
+    residual: float = 0.0
+    traction: FloatArray = field(default_factory=_none)
+    slip: FloatArray = field(default_factory=_none)
+    work: FloatArray = field(default_factory=_none)
+    displacement: FloatArray = field(default_factory=_none)
 
     @property
     def closed(self) -> BoolArray:
@@ -62,7 +66,7 @@ class FrictionHistory:
 
     sets: ContactStatus
     stick_reference: FloatArray
-    threshold: FloatArray = field(default_factory=lambda: np.zeros(0))
+    threshold: FloatArray = field(default_factory=_none)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +82,7 @@ class Checkpoint:
 
     state: State
     history: FrictionHistory | None = None
-    heading: FloatArray = field(default_factory=lambda: np.zeros(0))
+    heading: FloatArray = field(default_factory=_none)
     pace: float = 0.0
     steps: int = 0
     told: float = -1.0

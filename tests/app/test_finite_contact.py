@@ -16,6 +16,7 @@ from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
+from tests.app.finite_scenes import done, neo_hookean, rubber
 from tests.app.scenes import Quiet, solve
 from tests.app.vtk_files import area, listed, read
 from tests.case_text import (
@@ -23,10 +24,8 @@ from tests.case_text import (
     box,
     contact,
     disk,
-    head,
     item,
     load,
-    material,
     plane,
     pushed,
     support,
@@ -35,49 +34,33 @@ from tests.case_text import (
 
 CASES = Path(__file__).parents[2] / "cases"
 
-BLOCK = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.rubber]
-E = 2.6
-nu = 0.3
-law = "neo-hookean"
-[[body]]
-name = "block"
-material = "rubber"
-spacing = 0.25
-shape = {{ kind = "rectangle", x = [{left}, 2.0], y = [0.0, 2.0] }}
-refine = [{refine}]
-[[support]]
-boundary = "block.bottom"
-{bottom}uy = 0.0
-[[load]]
-name = "press"
-kind = "obstacle"
-obstacle = "under"
-uy = {depth}
-[[contact]]
-name = "under"
-slave = "block.top"
-obstacle = {{ {obstacle} }}
-[contact.regularization]
-law = "exact"
-"""
+FINE = {"at": [0.0, 2.0], "spacing": 0.05, "radius": 0.75, "growth": 0.15}
+DISK = disk([0.0, 3.0], 1.0)
+
+
+def block(
+    obstacle: Any, depth: float, refine: Any = None, left: float = 0.0, ux: Any = 0.0, friction: Any = None
+) -> str:
+    """A block, or half of it, on whose top an obstacle is pressed; held sideways at its bottom by ``ux``."""
+    fine = None if refine is None else [refine]
+    return (
+        rubber(2.6, 0.3)
+        + body("block", "rubber", 0.25, box([left, 2.0], [0.0, 2.0]), refine=fine)
+        + support("block.bottom", ux=ux, uy=0.0)
+        + pushed("press", "under", uy=depth)
+        + contact("under", "block.top", obstacle=obstacle, friction=friction)
+    )
+
+
 SQUEEZED = (
-    head("strain", strain="finite")
-    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    rubber(2.6, 0.3)
     + body("ring", "rubber", 0.2, disk([0.0, 1.0], 1.0))
     + pushed("close", "lid", uy=-0.2)
     + contact("floor", "ring.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.1)
     + contact("lid", "ring.arc", obstacle=plane([0.0, 2.0], [0.0, -1.0]), friction=0.1)
     + table("output", at=[1.0])
 )
-SIDE = '[[support]]\nboundary = "block.left"\nux = 0.0\n'
-DISK = 'kind = "disk", center = [0.0, 3.0], radius = 1.0'
-FINE = "{at = [0.0, 2.0], spacing = 0.05, radius = 0.75, growth = 0.15}"
-CLAMPED = {"bottom": "ux = 0.0\n", "obstacle": DISK}
+SIDE = support("block.left", ux=0.0)
 
 
 def shown_at_the_end(directory: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -92,14 +75,11 @@ def shown_at_the_end(directory: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
     """Half of it: forces against nine-node finite elements, half-widths against Hertz at small depth."""
-    text = BLOCK.format(left=0.0, depth=-0.3, refine=FINE, **CLAMPED) + SIDE
-    text += f"[output]\nat = {[0.05 / 0.3, 0.1 / 0.3, 0.2 / 0.3, 1.0]}\n"
-    directory = tmp_path / "run"
-    summary = solve(text, directory)
-    assert summary["status"] == "done"
+    positions = [0.05 / 0.3, 0.1 / 0.3, 0.2 / 0.3, 1.0]
+    text, directory = block(DISK, -0.3, FINE) + SIDE + table("output", at=positions), tmp_path / "run"
+    summary = done(text, directory)
     assert summary["nodes"] <= 400
     assert summary["factorizations"] <= 30
-    positions = [0.05 / 0.3, 0.1 / 0.3, 0.2 / 0.3, 1.0]
     forces = [-2.0 * row["fy"] for row in probe_force(directory, positions, "under")]
     np.testing.assert_allclose(forces, [0.0730, 0.1697, 0.410, 0.703], rtol=5e-3)
     assert summary["contacts"]["under"]["min_gap"] >= -1e-9
@@ -119,10 +99,8 @@ def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
 
 def test_cylinder_pressed_by_a_force(tmp_path: Path) -> None:
     """Under the force that it takes to press it in by a fifth of its radius, it goes there."""
-    text = BLOCK.format(left=0.0, depth=-1.0, refine=FINE, **CLAMPED) + SIDE
-    text += '[[probe]]\nname = "under"\nbody = "block"\npoint = [0.0, 2.0]\n'
-    summary = solve(text.replace("uy = -1.0", "fy = -0.20485"), tmp_path / "run")
-    assert summary["status"] == "done"
+    text = block(DISK, -1.0, FINE) + SIDE + item("probe", name="under", body="block", point=[0.0, 2.0])
+    summary = done(text.replace("uy = -1.0", "fy = -0.20485"), tmp_path / "run")
     assert summary["contacts"]["under"]["force"][1] == pytest.approx(-0.20485, rel=1e-8)
     assert summary["probes"]["under"]["displacement"][1] == pytest.approx(-0.2, rel=5e-3)
 
@@ -133,17 +111,15 @@ def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> No
     not know the corners where the contact ends: refused at degree 4 from the first increment on; and the
     block, which would sway under dead pressures beyond its shear modulus, at degree 2 before the end."""
     text = (
-        head("strain", strain="finite")
-        + material("rubber", E=2.0, nu=0.35, law="neo-hookean")
+        rubber(2.0, 0.35)
         + body("block", "rubber", 0.1, box([-1.0, 1.0], [0.0, 1.0]))
         + support("block.bottom", ux=0.0, uy=0.0)
         + pushed("down", "lid", uy=-0.3)
         + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]))
         + table("mls", degree=degree)
-        + "[output]\nat = [0.25, 1.0]\n"
+        + table("output", at=[0.25, 1.0])
     )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     assert summary["stability"] >= 0.8
     forces = [row["fy"] for row in probe_force(tmp_path / "run", [0.25, 1.0], "lid")]
     assert forces[0] == pytest.approx(-0.3967, rel=0.01)
@@ -151,43 +127,31 @@ def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> No
     assert forces[1] == pytest.approx(-2.009, rel=0.04)
 
 
-def test_friction_up_to_corners(tmp_path: Path) -> None:
-    """A block with friction up to its corners, three tenths down, stays upright: it swayed, and stopped
-    at nine tenths of the path, as corners had two tractions, and at three quarters, as new equations
-    moved it. Bonded to the lid, with nodes eight times finer at all corners, it resists with 0.612."""
+@pytest.mark.parametrize(
+    ("poisson", "ux", "force", "accuracy"), [(0.44, 0.0, -0.612, 0.04), (0.3, 0.2, -0.4423, 0.012)]
+)
+def test_friction_up_to_corners(
+    poisson: float, ux: float, force: float, accuracy: float, tmp_path: Path
+) -> None:
+    """A block with friction up to its corners, three tenths down, stays upright, also a fifth aside: it
+    swayed, and stopped at 0.75 to 0.9 of the path, as corners had two tractions, and as new equations moved
+    it. Forces are those of blocks bonded to the lid, with nodes eight times finer at all corners."""
     text = (
-        head("strain", strain="finite")
-        + material("rubber", E=1.0, nu=0.44, law="neo-hookean")
+        rubber(1.0, poisson)
         + body("block", "rubber", None, box([0.0, 1.0], [0.0, 1.0]))
         + support("block.bottom", ux=0.0, uy=0.0)
-        + pushed("down", "lid", uy=-0.3)
+        + pushed("down", "lid", ux=ux, uy=-0.3)
         + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]), friction=0.3)
     )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     lateral, down = summary["forces"]["down"]
-    assert down == pytest.approx(-0.612, rel=0.04)
-    assert abs(lateral) <= 0.004 * abs(down)
-    # Without the residual that renewed equations keep, 0.0394.
-    assert summary["error_estimate"]["energy"] >= 0.042
-
-
-def test_a_sheared_block_with_friction_up_to_its_corners(tmp_path: Path) -> None:
-    """Three tenths down and a fifth aside; hardly anything slides, and the force is that of the same block
-    bonded to its lid, 0.4423 with nodes eight times finer at all corners. It stopped at 0.82 of the path, as
-    new equations moved the block by 0.04 of its height."""
-    text = (
-        head("strain", strain="finite")
-        + material("rubber", E=1.0, nu=0.3, law="neo-hookean")
-        + body("block", "rubber", None, box([0.0, 1.0], [0.0, 1.0]))
-        + support("block.bottom", ux=0.0, uy=0.0)
-        + pushed("down", "lid", ux=0.2, uy=-0.3)
-        + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]), friction=0.3)
-    )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
-    assert summary["factorizations"] <= 40
-    assert summary["forces"]["down"][1] == pytest.approx(-0.4423, rel=0.012)
+    assert down == pytest.approx(force, rel=accuracy)
+    if ux:
+        assert summary["factorizations"] <= 40
+    else:
+        assert abs(lateral) <= 0.004 * abs(down)
+        # Without the residual that renewed equations keep, 0.0394.
+        assert summary["error_estimate"]["energy"] >= 0.042
 
 
 def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
@@ -197,15 +161,13 @@ def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
     points = [[-1.0, 0.0], [1.0, 0.0], [0.7, 0.6], [-0.7, 0.6]]
     shape = {"kind": "polygon", "points": points, "names": ["bottom", "right", "top", "left"]}
     text = (
-        head("strain", strain="finite")
-        + material("rubber", E=1.0, nu=0.4, law="neo-hookean")
+        rubber(1.0, 0.4)
         + body("pad", "rubber", None, shape)
         + contact("floor", "pad.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.4)
         + contact("lid", "pad.top", obstacle=plane([0.0, 0.6], [0.0, -1.0]), friction=0.4)
         + pushed("down", "lid", uy=-0.1)
     )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     assert summary["stability"] > 0.5
     lateral, down = summary["forces"]["down"]
     assert down == pytest.approx(-0.481, rel=0.015)
@@ -214,11 +176,9 @@ def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
 
 def test_plate_makes_an_even_state(tmp_path: Path) -> None:
     """A smooth plate on a block on a smooth base: even strains, the pressure Cauchy's stress."""
-    plate = 'kind = "plane", point = [0.0, 2.0], normal = [0.0, -3.0]'
-    text = BLOCK.format(left=0.0, depth=-0.6, refine="", bottom="", obstacle=plate) + SIDE
     directory = tmp_path / "run"
-    summary = solve(text, directory)
-    assert summary["status"] == "done"
+    text = block(plane([0.0, 2.0], [0.0, -3.0]), -0.6, ux=None) + SIDE
+    summary = done(text, directory)
     state = read_run(directory).states[-1].bodies["block"]
     across, along = state["stretch"].T
     np.testing.assert_allclose(along, 0.7, rtol=1e-8)
@@ -271,23 +231,17 @@ def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> 
     """Dragged with friction too; and corners of a profile are pressed in."""
     angle = np.linspace(-1.2, 1.2, 49)
     points = np.stack([np.sin(angle) - 0.3, 3.0 - np.cos(angle)], axis=1).tolist()
-    top = '{along = "top", spacing = 0.16, radius = 0.05, growth = 0.3}'
-    moved = '[[load]]\nname = "drag"\nkind = "obstacle"\nobstacle = "under"\nux = 0.15\n'
-    moved += "[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n"
-    found: list[dict[str, Any]] = []
-    for obstacle in (DISK.replace("0.0, 3.0", "-0.3, 3.0"), f'kind = "polyline", points = {points}'):
-        text = BLOCK.format(left=-2.0, depth=-0.1, refine=top, bottom="ux = 0.0\n", obstacle=obstacle)
-        text = text.replace('slave = "block.top"', 'slave = "block.top"\nfriction = 0.3') + moved
-        summary = solve(text, tmp_path / str(len(found)))
-        assert summary["status"] == "done"
-        found.append(summary["contacts"]["under"])
-    disk, profile = found
-    np.testing.assert_allclose(profile["force"], disk["force"], rtol=1e-5)
-    assert profile["dissipated_work"] == pytest.approx(disk["dissipated_work"], rel=1e-3)
-    punch = 'kind = "polyline", points = [[-1.0, 2.8], [-0.4, 2.0], [0.4, 2.0], [1.0, 2.8]]'
-    text = BLOCK.format(left=0.0, depth=-0.2, refine=top, bottom="ux = 0.0\n", obstacle=punch) + SIDE
-    summary = solve(text, tmp_path / "punch")
-    assert summary["status"] == "done"
+    top = {"along": "top", "spacing": 0.16, "radius": 0.05, "growth": 0.3}
+    moved = pushed("drag", "under", ux=0.15) + item("stage", press=1.0) + item("stage", drag=1.0)
+    round_one, profile = (
+        done(block(shape, -0.1, top, -2.0, friction=0.3) + moved, tmp_path / shape["kind"])
+        for shape in (disk([-0.3, 3.0], 1.0), {"kind": "polyline", "points": points})
+    )
+    expected, found = (one["contacts"]["under"] for one in (round_one, profile))
+    np.testing.assert_allclose(found["force"], expected["force"], rtol=1e-5)
+    assert found["dissipated_work"] == pytest.approx(expected["dissipated_work"], rel=1e-3)
+    punch = {"kind": "polyline", "points": [[-1.0, 2.8], [-0.4, 2.0], [0.4, 2.0], [1.0, 2.8]]}
+    summary = done(block(punch, -0.2, top) + SIDE, tmp_path / "punch")
     assert summary["contacts"]["under"]["min_gap"] >= -1e-9
     assert summary["force_balance"] <= 1e-6
 
@@ -296,8 +250,7 @@ def test_ironing_without_friction(tmp_path: Path) -> None:
     """A stiff tool dragged by three contact widths feels no horizontal force, and always the same vertical
     one."""
     directory = tmp_path / "run"
-    summary = solve((CASES / "ironing.toml").read_text(), directory)
-    assert summary["status"] == "done"
+    done((CASES / "ironing.toml").read_text(), directory)
     forces = [[row["fx"], row["fy"]] for row in probe_force(directory, [1.0, 1.25, 1.5, 1.75, 2.0], "iron")]
     across, up = np.array(forces).T
     assert np.abs(across).max() <= 5e-3 * up.mean()
@@ -319,8 +272,7 @@ def test_ironing_without_friction(tmp_path: Path) -> None:
 
 def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
     """A quarter of it; forces against nine-node finite elements, 60 x 3."""
-    summary = solve((CASES / "squeezed_ring.toml").read_text(), tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done((CASES / "squeezed_ring.toml").read_text(), tmp_path / "run")
     assert summary["nodes"] <= 300
     forces = [-row["fy"] for row in probe_force(tmp_path / "run", [0.2, 0.6, 1.0], "plate")]
     np.testing.assert_allclose(forces, [1.4426e-4, 3.6199e-4, 7.4609e-4], rtol=0.01)
@@ -338,13 +290,10 @@ def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
 
 def test_a_roller_that_turns_on_the_spot(tmp_path: Path) -> None:
     """Its moment is what friction bears on its radius, and does the work that friction dissipates."""
-    fine = FINE.replace("0.75", "0.4").replace("0.15", "0.3")
-    text = BLOCK.format(left=-2.0, depth=-0.1, refine=fine, **CLAMPED) + "friction = 0.3\n"
-    text = text.replace('[contact.regularization]\nlaw = "exact"\n', "")
-    text += pushed("turn", "under", rotation=0.5) + "[[stage]]\npress = 1.0\n[[stage]]\nturn = 1.0\n"
+    text = block(DISK, -0.1, {**FINE, "radius": 0.4, "growth": 0.3}, -2.0, friction=0.3)
+    text += pushed("turn", "under", rotation=0.5) + item("stage", press=1.0) + item("stage", turn=1.0)
     directory = tmp_path / "run"
-    summary = solve(text + "[output]\nat = [1.5, 2.0]\n", directory)
-    assert summary["status"] == "done"
+    summary = done(text + table("output", at=[1.5, 2.0]), directory)
     found = summary["contacts"]["under"]
     across, down = found["force"]
     assert found["max_cone_ratio"] == pytest.approx(1.0)
@@ -360,19 +309,13 @@ def test_a_plate_that_has_turned_is_one_drawn_so(tmp_path: Path) -> None:
     """Turned before it touches, about a point off it."""
     forces: list[list[float]] = []
     for angle in (0.0, 0.2):
-        normal = np.array([np.sin(0.1 - angle), -np.cos(0.1 - angle)])
-        point = np.array([0.0, 2.3])
-        if angle:
-            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-            point = np.array([1.0, 3.0]) + turn.T @ (point - [1.0, 3.0])
-        drawn = f'kind = "plane", point = {point.tolist()}, normal = {normal.tolist()}'
-        text = BLOCK.format(left=-2.0, depth=-0.6, refine="", bottom="ux = 0.0\n", obstacle=drawn)
-        text += "[[stage]]\n" + ("turn = 1.0\n[[stage]]\n" if angle else "") + "press = 1.0\n"
-        if angle:
-            text = text.replace(
-                "[[stage]]", pushed("turn", "under", rotation=angle, pivot=[1.0, 3.0]) + "[[stage]]", 1
-            )
-        forces.append(solve(text, tmp_path / f"run{len(forces)}")["contacts"]["under"]["force"])
+        normal = [float(np.sin(0.1 - angle)), -float(np.cos(0.1 - angle))]
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        point = np.array([1.0, 3.0]) + turn.T @ np.array([-1.0, -0.7])
+        text = block(plane(point.tolist(), normal), -0.6, left=-2.0)
+        text += pushed("turn", "under", rotation=angle, pivot=[1.0, 3.0]) if angle else ""
+        text += (item("stage", turn=1.0) if angle else "") + item("stage", press=1.0)
+        forces.append(solve(text, tmp_path / str(angle))["contacts"]["under"]["force"])
     assert abs(forces[0][1]) > 0.1
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-6)
 
@@ -397,8 +340,7 @@ def test_equations_that_no_state_near_solves_keep_their_residual(tmp_path: Path)
     """A bulb seal whose door is shut and slides: next to crushed corners at its base renewed equations had
     no solution near the state, and the path stopped. What they keep acts as a load, which is told."""
     text = (
-        head("strain", strain="finite")
-        + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
+        rubber(3.0, 0.4)
         + body("bulb", "rubber", 0.3)
         + table("body.shape", kind="sector", center=[0.0, 0.0], radii=[4.0, 6.0], angles=[0.0, 180.0])
         + support(["bulb.start", "bulb.end"], ux=0.0, uy=0.0)
@@ -408,8 +350,7 @@ def test_equations_that_no_state_near_solves_keep_their_residual(tmp_path: Path)
         + item("stage", shut=1.0)
         + item("stage", slide=1.0)
     )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     x, y = summary["forces"]["shut"]
     assert 0.0 < x <= 0.401 * abs(y)
     assert summary["error_estimate"]["energy"] > 0.1
@@ -419,10 +360,9 @@ def test_equations_that_no_state_near_solves_keep_their_residual(tmp_path: Path)
 def test_a_flat_tool_presses_between_nodes(tmp_path: Path) -> None:
     """The node beside its edge is driven out by its own pressure, and back without. Half of a punch; the
     force is that with a fifth of the spacing, 2.484 for both halves."""
-    summary = solve(
-        head("strain", strain="finite")
-        + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
-        + material("hard", E=30.0, nu=0.3, law="neo-hookean")
+    summary = done(
+        rubber(3.0, 0.4)
+        + neo_hookean("hard", 30.0, 0.3)
         + body("block", "rubber", 0.25, box([0.0, 3.0], [-2.0, 0.0]))
         + body("punch", "hard", 0.25, box([0.0, 1.0], [0.0, 1.5]))
         + support("block.bottom", ux=0.0, uy=0.0)
@@ -432,6 +372,5 @@ def test_a_flat_tool_presses_between_nodes(tmp_path: Path) -> None:
         + contact("foot", "punch.bottom", "block.top"),
         tmp_path / "run",
     )
-    assert summary["status"] == "done"
     np.testing.assert_allclose(summary["contacts"]["foot"]["force"][1], 0.5 * 2.484, rtol=0.06)
     assert any("presses between" in text for text in summary["warnings"])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.app.finite_scenes import done, neo_hookean, rubber
 from tests.app.scenes import solve
 from tests.case_text import (
     annulus,
@@ -15,7 +16,6 @@ from tests.case_text import (
     disk,
     head,
     item,
-    material,
     pin,
     plane,
     pushed,
@@ -28,7 +28,7 @@ def test_a_lever_rests_about_its_hinge(tmp_path: Path) -> None:
     from the middle of the lever."""
     text = (
         head("strain", strain="finite")
-        + material("hard", E=1e3, nu=0.3, law="neo-hookean")
+        + neo_hookean("hard", 1e3, 0.3)
         + body("bar", "hard", 0.15, box([-0.2, 4.0], [-0.2, 0.2]))
         + pin("bar", [0.0, 0.0], ux=0.0, uy=0.0)
         + item("load", name="weight", kind="body-force", body="bar", **{"body-force": [0.0, -0.5]})
@@ -44,8 +44,7 @@ def test_a_lever_rests_about_its_hinge(tmp_path: Path) -> None:
 def test_a_wheel_rolls_by_more_than_a_right_angle(tmp_path: Path) -> None:
     """On an axle of its own, turned by a road that is pressed against it and drawn along."""
     text = (
-        head("strain", strain="finite")
-        + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
+        rubber(3.0, 0.4)
         + body("wheel", "rubber", 0.2, disk([0.0, 1.0], 1.0))
         + pin("wheel", [0.0, 1.0], ux=0.0, uy=0.0)
         + contact("road", "wheel.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.6)
@@ -65,9 +64,8 @@ def test_a_wheel_rolls_by_more_than_a_right_angle(tmp_path: Path) -> None:
 def test_a_loose_pin_falls_into_its_hole(tmp_path: Path) -> None:
     """Nothing holds it until it touches: its weight carries it no further than that."""
     text = (
-        head("strain", strain="finite")
-        + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
-        + material("hard", E=30.0, nu=0.3, law="neo-hookean")
+        rubber(3.0, 0.4)
+        + neo_hookean("hard", 30.0, 0.3)
         + body("bush", "rubber", 0.2, annulus([0.0, 0.0], [1.0, 1.5]))
         + body("pin", "hard", 0.2, disk([0.0, 0.0], 0.9))
         + support("bush.outer", ux=0.0, uy=0.0)
@@ -91,13 +89,11 @@ def test_a_wheel_held_at_a_single_node_is_told_of(tmp_path: Path) -> None:
         ("outer", rim, support("wheel.inner", ux=0.0, uy=0.0)),
     ):
         text = (
-            head("strain", strain="finite")
-            + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
+            rubber(3.0, 0.4)
             + body("wheel", "rubber", 0.15, shape)
             + hold
             + contact("road", f"wheel.{side}", obstacle=plane([0.0, -1.0], [0.0, 1.0]))
             + pushed("lift", "road", uy=0.06)
         )
-        summary = solve(text, tmp_path / side)
-        assert summary["status"] == "done"
+        summary = done(text, tmp_path / side)
         assert any("single nodes" in one for one in summary["warnings"]) is (side == "arc")

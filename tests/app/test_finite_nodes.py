@@ -9,6 +9,7 @@ import pytest
 
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
+from tests.app.finite_scenes import neo_hookean, rubber
 from tests.app.runs import resumed_differences
 from tests.app.scenes import Quiet, solve
 from tests.app.test_resume import Killed
@@ -21,7 +22,6 @@ from tests.case_text import (
     head,
     item,
     load,
-    material,
     pushed,
     support,
     table,
@@ -32,8 +32,7 @@ def pressed(spacing: float | None = None, depth: float = 0.01) -> str:
     """A block on which a small disk is pressed, beside its nodes."""
     obstacle = {"kind": "disk", "center": [0.031, 1.2], "radius": 0.2}
     return (
-        head("strain", strain="finite")
-        + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+        rubber(2.6, 0.3)
         + body("pad", "rubber", spacing, box([-0.7, 0.7], [0.3, 1.0]))
         + support("pad.bottom", ux=0.0, uy=0.0)
         + table("mls", degree=2)
@@ -90,7 +89,7 @@ def test_a_disk_that_touches_between_nodes_is_told(tmp_path: Path) -> None:
     assert any("may touch between its nodes" in one for one in summary["warnings"])
 
 
-RUBBER = material("rubber", E=3.0, nu=0.4, law="neo-hookean")
+RUBBER = neo_hookean("rubber", 3.0, 0.4)
 SMALL = {
     "bush": (
         body("part", "rubber", None, annulus([0.0, 0.0], [1.0, 2.0]))

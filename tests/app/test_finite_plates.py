@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.app.finite_scenes import done, rubber
 from tests.app.scenes import solve
-from tests.case_text import body, box, contact, head, load, material, plane, support
+from tests.case_text import body, box, contact, load, plane, support
 
 BLOCK = (
-    head("strain", strain="finite")
-    + material("rubber", E=2.0, nu=0.35, law="neo-hookean")
+    rubber(2.0, 0.35)
     + body("block", "rubber", 0.12, box([-1.0, 1.0], [0.0, 1.5]))
     + support("block.bottom", ux=0.0, uy=0.0)
 )
@@ -51,8 +51,7 @@ def test_one_plate_on_two_bodies_in_contact(tmp_path: Path) -> None:
     """Two alike columns under a plate with a force beside its middle, on a rigid floor: each bears what the
     balance of moments gives it."""
     text = (
-        head("strain", strain="finite")
-        + material("rubber", E=2.0, nu=0.3, law="neo-hookean")
+        rubber(2.0, 0.3)
         + "".join(
             body(name, "rubber", 0.15, box([x, x + 0.5], [0.0, 0.6]))
             for name, x in (("one", -1.0), ("other", 0.5))
@@ -63,8 +62,7 @@ def test_one_plate_on_two_bodies_in_contact(tmp_path: Path) -> None:
             for name in ("one", "other")
         )
     )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     forces = [summary["contacts"][name]["force"][1] for name in ("one", "other")]
     assert sum(forces) == pytest.approx(0.2, rel=1e-7)
     # Springs at +-0.75 by a force at 0.15: their bending and the turn of the plate change that a little.

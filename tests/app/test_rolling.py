@@ -95,7 +95,7 @@ def test_a_straight_side_has_one_normal_in_any_frame(noise: float) -> None:
         if slave:
             inward: ComplexArray = np.exp(1j * (s / 4.0 - 0.3))
             return np.asarray(-4.0 * inward), inward
-        outward: ComplexArray = np.array([1.0, 1.0 - 1j * noise, 1.0 + 1j * noise])
+        outward: ComplexArray = np.asarray(1.0 + 1j * noise * np.sign(s - 0.2))
         place: ComplexArray = np.asarray(s, dtype=np.complex128)
         return place, outward
 

@@ -185,7 +185,7 @@ def test_stops_that_make_no_sense_are_refused(stop: str, key: str, message: str,
 
 def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
     none = np.zeros(0)
-    state = State(0.9, none, none, none, none, none, none, none, np.zeros(0, np.int8), 0.0)
+    state = State(0.9, none, none, none, none, np.zeros(0, np.int8))
     rising = PathStep(state, (), series={"position": np.array([0.0, 1.0])}, series_attributes={"length": 0.9})
     assert turning(rising) is None
     parabola = {"position": np.array([0.0, 2.0, -1.0])}

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.run import run
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.response import load_vectors as sources
@@ -65,13 +65,9 @@ def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., Fl
 
 @pytest.mark.parametrize("case", ["lame", "self_weight"])
 def test_pieces_that_know_of_no_load(case: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    proper = Pieces.entries
-
-    def faulty(pieces: Pieces, owner: IntArray, *rest: Any) -> tuple[IntArray, FloatArray, IntArray]:
-        rows, values, kept = proper(pieces, owner, *rest)
-        return rows, 0.0 * values, kept
-
-    monkeypatch.setattr(Pieces, "entries", faulty)
+    for name in ("per_column", "gathered"):
+        proper = getattr(Pieces, name)
+        monkeypatch.setattr(Pieces, name, lambda *some, proper=proper: 0.0 * proper(*some))
     monkeypatch.setattr(Pieces, "of_force", lambda pieces, force: np.zeros(3 * pieces.count))
     summary = outcome(case, tmp_path / "run")
     assert summary["status"] == "failed"

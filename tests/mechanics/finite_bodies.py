@@ -16,7 +16,7 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
-from mlsanm_cli.mechanics.finite.projector import Projector, Weights
+from mlsanm_cli.mechanics.finite.projector import Projector, weights_of
 from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.material import isotropic
 from tests.mechanics.bodies import build
@@ -64,8 +64,8 @@ def boundary_loads(
 def problem_of(body: FiniteBody, length: float = 1.0) -> FiniteProblem:
     """One stage, from nothing to all loads, with the equations of the reference."""
     start, end = np.zeros(body.loads.count), np.ones(body.loads.count)
-    projector = Projector.at(body, Weights.of(body), np.zeros(body.unknowns), start, "auto")
-    return FiniteProblem(body, projector, start, end, length)
+    projector = Projector.at(body, weights_of(body), np.zeros(body.unknowns), start, "auto")
+    return FiniteProblem(projector, start, end, length)
 
 
 def newton(problem: FiniteProblem, x: FloatArray, lam: float, most: int = 8) -> FloatArray:
@@ -80,14 +80,12 @@ def newton(problem: FiniteProblem, x: FloatArray, lam: float, most: int = 8) -> 
 
 def left_of(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
     """What is left of all rows in a state."""
-    series = BodySeries(body, 0)
-    series.put(0, displacement, factors)
-    return series.rows(0)
+    return BodySeries.at(body, displacement, factors).rows(0)
 
 
 def renewed(problem: FiniteProblem, x: FloatArray, lam: float) -> FiniteProblem:
     """The same with the equations of another state."""
     projector = problem.projector
     factors = problem.factors(lam)
-    made = Projector.at(problem.body, projector.weights, x, factors, "auto")
+    made = Projector.at(projector.body, projector.weights, x, factors, "auto")
     return replace(problem, projector=made)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, cofactor_normal
+from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads
 from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from tests.mechanics.bodies import jittered_square, with_body_force
@@ -31,17 +33,20 @@ BOTTOM = {"bottom": (True, True)}
 STATES = {"stretch": [[0.3, 0.0], [0.0, -0.15]], "shear": [[0.0, 0.5], [0.0, 0.0]]}
 
 
+Exact = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+def homogeneous(gradient: list[list[float]]) -> Exact:
+    """Displacement and gradient at places (n, 2)."""
+    one = np.array(gradient)
+    return lambda points: (points @ one.T, np.tile(one.reshape(4, 1), len(points)))
+
+
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("state", "degree"), [("stretch", 4), ("shear", 2)])
 def test_homogeneous_states_are_exact(state: str, kind: Kind, plane: str, degree: int) -> None:
-    gradient = np.array(STATES[state])
-    law = Law.isotropic(kind, E, NU, plane)
-
-    def exact(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return points @ gradient.T, np.tile(gradient.reshape(4, 1), len(points))
-
-    cloud = jittered_square(9)
+    law, exact, cloud = Law.isotropic(kind, E, NU, plane), homogeneous(STATES[state]), jittered_square(9)
     body = finite_body(
         cloud, kind, BOTTOM, lambda elastic: boundary_loads(elastic, law, exact), degree, plane
     )
@@ -177,12 +182,7 @@ def test_manufactured_solution(kind: Kind, amplitude: float, degree: int, bar: f
 
 
 def test_renewed_equations_are_solved_next_to_the_old_ones() -> None:
-    gradient = np.array([[0.25, 0.1], [0.0, -0.2]])
-    law = Law.isotropic("neo-hookean", E, NU, "strain")
-
-    def exact(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return points @ gradient.T, np.tile(gradient.reshape(4, 1), len(points))
-
+    law, exact = Law.isotropic("neo-hookean", E, NU, "strain"), homogeneous([[0.25, 0.1], [0.0, -0.2]])
     body = finite_body(
         jittered_square(7), "neo-hookean", BOTTOM, lambda elastic: boundary_loads(elastic, law, exact)
     )
@@ -194,11 +194,3 @@ def test_renewed_equations_are_solved_next_to_the_old_ones() -> None:
     # At its own base state the derivative of the residual is one.
     step = np.random.default_rng(0).normal(size=body.unknowns)
     np.testing.assert_allclose(again.tangent(x, 1.0).solve(step), step, atol=1e-9)
-
-
-def test_normals_of_pressures_turn_with_the_body() -> None:
-    """Nanson's formula: n da = det(F) F^-T N dA, for any normal."""
-    f, angle = np.array([[1.3, 0.4], [-0.2, 0.7]]), 0.7
-    normal = np.array([[np.cos(angle), np.sin(angle)]])
-    expected = np.linalg.det(f) * np.linalg.inv(f).T @ normal[0]
-    np.testing.assert_allclose(cofactor_normal(f.reshape(4, 1), normal)[:, 0], expected, rtol=1e-13)

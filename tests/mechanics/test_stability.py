@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import disk, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.mechanics.deferred import BodyEquations
+from mlsanm_cli.mechanics.body import BodyEquations
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.operators import least_squares

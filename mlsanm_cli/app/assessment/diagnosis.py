@@ -9,7 +9,6 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.functionals import slave_points
 from mlsanm_cli.solve.state import State
 
 MAX_WORST_NODES = 10
@@ -57,7 +56,7 @@ def worst_nodes(built: CondensedScene, found: Diagnosis) -> list[dict[str, Any]]
     rows = []
     for node in found.worst:
         pairing = next(p for p in built.condensed.pairings if node < built.condensed.spans[p.name].stop)
-        x, y = slave_points(built, pairing)[node - built.condensed.spans[pairing.name].start]
+        x, y = pairing.points[pairing.candidate][node - built.condensed.spans[pairing.name].start]
         figures = ("residual", "pressure", "gap", "cone_ratio")
         values = {name: float(getattr(found, name)[node]) for name in figures}
         rows.append({"contact": pairing.name, "x": float(x), "y": float(y), **values})

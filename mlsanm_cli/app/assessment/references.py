@@ -17,7 +17,6 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.reference.hertz import HertzLine
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.functionals import slave_points
 from mlsanm_cli.solve.state import State
 
 SAMPLES = 4001
@@ -71,7 +70,7 @@ def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> 
     return profile_on(
         case,
         contact,
-        slave_points(built, pairing),
+        pairing.points[pairing.candidate],
         pairing.normal[pairing.candidate],
         built.condensed.contact_values(pairing, state.unknowns)[0],
         force,
@@ -108,9 +107,8 @@ def _middle(
 ) -> tuple[FloatArray, FloatArray]:
     """Middle of the contact and the normal there: along the line of centres of curved surfaces, or else the
     resultant of the pressures."""
-    centers = [
-        np.array(_center(case, boundary)) for boundary in contact.boundaries if _curvature(case, boundary)
-    ]
+    curves = [_curve(case, boundary) for boundary in contact.boundaries]
+    centers = [np.array(curve.center) for curve in curves if isinstance(curve, Arc)]
     if isinstance(contact.obstacle, DiskObstacle):
         centers.append(np.array(contact.obstacle.center))
     apart = np.hypot(*np.diff(points, axis=0).T)
@@ -132,13 +130,6 @@ def _curve(case: Case, boundary: str) -> Curve | None:
     outline = drawn(shape)
     numbers = numbers_of(outline, edge)
     return outline.curves[numbers[0]] if len(numbers) == 1 else None
-
-
-def _center(case: Case, boundary: str) -> tuple[float, float]:
-    """Centre of a curved boundary."""
-    curve = _curve(case, boundary)
-    assert isinstance(curve, Arc)
-    return curve.center
 
 
 def _curvature(case: Case, boundary: str) -> float:

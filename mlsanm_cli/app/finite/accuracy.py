@@ -9,23 +9,22 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.answers import Answer, Closer
+from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.exact import ExactContact, Pressed
 from mlsanm_cli.contact.finite.iteration import Iteration
-from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
-from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 
 @dataclass(frozen=True)
@@ -48,42 +47,29 @@ def missed_in_contact(
     """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
     Raises NumericalError or LinAlgError."""
     moved, left, known = now.displacement[pressing.numbers], {}, np.zeros(len(pressing.numbers))
-    closer = Closer.of(pressing.sides, pressing.answers, moved, now.traction)
+    sides = pressing.contacts.sides
+    closer = Closer.of(sides, pressing.answers, moved, now.traction)
     surface = closer.moved(moved, now.traction)
-    turn = _turns(pressing, surface)
+    turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in sides)
+    turn = np.concatenate([np.zeros(0, dtype=complex), *turns])
     upright = as_real(as_complex(now.traction.reshape(-1, 2)) / turn).ravel()
     for name, projector in pressing.projectors.items():
         better, own = _next(projector.body), pressing.columns[name]
-        here = slice(pressing.firsts[name], pressing.firsts[name] + projector.body.unknowns)
-        series = BodySeries(better, 0)
-        series.put(0, now.displacement[here], np.concatenate([factors, now.traction[own]]))
-        left[name] = series.rows(0)
+        here = pressing.bodies[name]
+        acting = np.concatenate([factors, now.traction[own]])
+        left[name] = BodySeries.at(better, now.displacement[here], acting).rows(0)
         change = _of_tractions(undeformed[name], better, upright[own])
         known[own] = change[pressing.numbers[own] - here.start]
     # What fields in closed form replace is not missing.
-    parts = [np.full(2 * s.count, a.missing.any()) for s, a in _pairs(pressing)]
-    covered = np.concatenate([*parts, np.zeros(0, dtype=bool)])
-    known = as_real(as_complex((known * covered).reshape(-1, 2)) * turn).ravel()
+    for (_, here), answer in zip(sides, pressing.answers, strict=True):
+        known[here] *= answer.missing.any()
+    known = as_real(as_complex(known.reshape(-1, 2)) * turn).ravel()
     met = pressing.meet(surface - closer.smooth @ known, factors, before, now.sets.closed)
-    step = Iteration(pressing, factors, before, closer, left=left)
+    step = Iteration(pressing, factors, closer, left=left)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     done = step.taken(*state, first=False)
     pressure = np.where(now.sets.closed | done.sets.closed, done.dp, 0.0)
     return Missing(done.du, pressure, done.traction)
-
-
-def _pairs(pressing: ExactContact) -> Iterator[tuple[ContactSide, Answer]]:
-    return zip(pressing.sides, pressing.answers, strict=True)
-
-
-def _turns(pressing: ExactContact, surface: FloatArray) -> ComplexArray:
-    """Rotations (s,) of the nodes of all sides, as in near fields."""
-    found, first = [np.zeros(0, dtype=complex)], 0
-    for side in pressing.sides:
-        last = first + 2 * side.count
-        found.append(side.turned(surface[first:last].reshape(-1, 2))[0])
-        first = last
-    return np.concatenate(found)
 
 
 def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray) -> FloatArray:
@@ -102,9 +88,8 @@ def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray
 def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatArray) -> Missing:
     """Of the ``displacement`` (2N,) of a body without contact at load ``factors`` (L,). Raises NumericalError
     or LinAlgError."""
-    series, none = BodySeries(_next(projector.body), 0), np.zeros(0)
-    series.put(0, displacement, factors)
-    left = projector.scaled(series.rows(0))
+    left, none = BodySeries.at(_next(projector.body), displacement, factors).rows(0), np.zeros(0)
+    left = projector.scaled(left)
     return Missing(-projector.factorised(displacement, factors).solve(left), none, none)
 
 

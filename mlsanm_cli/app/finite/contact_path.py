@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import NoReturn
 
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_in_contact
-from mlsanm_cli.app.finite.limits import slid, strode
+from mlsanm_cli.app.finite.limits import motion_ratio, slip_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteStep, Missed
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
-from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, unpressed
+from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
@@ -52,7 +53,8 @@ def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None)
     wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
     steps, size, position = 0, FIRST_INCREMENT, 0.0
     if checkpoint is None:
-        first = path.state(0.0, path.start())
+        path.start()
+        first = path.state(0.0)
         saved = (first,) if 0.0 in wanted else ()
         yield FiniteStep(first, saved, factorizations=path.spent, checkpoint=path.checkpoint(first, size))
     else:
@@ -67,7 +69,7 @@ def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None)
                 raise NumericalError(
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
-            state = path.state(reached, path.now)
+            state = path.state(reached)
             check_deformation(scene, reached, state.factors, state.displacement)
             check_overlaps(scene, reached, state.whole, state.shown(scene))
             _check_stability(reached, path.now.stability)
@@ -95,16 +97,16 @@ class _Path:
     def __init__(self, scene: FiniteScene) -> None:
         self._scene = scene
         still = np.zeros(scene.unknowns)
-        none = np.zeros(len(scene.contacts) and sum(one.slave.count for one in scene.contacts))
-        count = sum(side.count for one in scene.contacts for side in one.sides)
-        acting = scene.acting(np.append(scene.stages[0], np.zeros(scene.free)), np.zeros(2 * count))
+        none, contacts = np.zeros(scene.contacts.count), scene.contacts
+        factors = np.append(scene.stages[0], np.zeros(contacts.free))
+        acting = scene.acting(factors, np.zeros(contacts.size))
         parts = scene.parts(still)
         self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
-        self._acting, self._undeformed = acting, dict(self._projectors)
+        self._undeformed = dict(self._projectors)
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
-        self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
+        self.now = undeformed(scene.unknowns, contacts)
         self._slip, self._work = none, none
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
@@ -115,7 +117,7 @@ class _Path:
     def _typical(self) -> float:
         """Typical displacement: the largest prescribed one, or response of a body to the loads."""
         scene, found = self._scene, [1e-3 * self._scene.size]
-        for contact in scene.contacts:
+        for contact in scene.contacts.pairs:
             if isinstance(contact, RigidContact):
                 given = contact.motion[:, : scene.stages.shape[1]]
                 found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
@@ -124,16 +126,15 @@ class _Path:
             count = body.loads.count - scene.stages.shape[1]
             for factors in scene.stages[1:]:
                 if factors.any():
-                    series = BodySeries(body, 0)
-                    series.put(0, still, np.append(factors, np.zeros(count)))
-                    found.append(float(np.abs(projector.displaced(series.rows(0))).max()))
+                    left = BodySeries.at(body, still, np.append(factors, np.zeros(count))).rows(0)
+                    found.append(float(np.abs(projector.displaced(left)).max()))
         return min(max(found), scene.size)
 
     def _answers(self) -> tuple[Answer, ...]:
         """Responses of the sides to their own tractions in the undeformed state."""
         scene, found = self._scene, []
-        first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.free)
-        for side in (one for contact in scene.contacts for one in contact.sides):
+        first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.contacts.free)
+        for side, _ in scene.contacts.sides:
             cloud = scene.bodies[side.body].elastic.model.cloud
             centers = void_center(cloud, as_complex(side.places), -as_complex(side.outward))
             args = (side, self._projectors[side.body], first[side.body])
@@ -152,24 +153,22 @@ class _Path:
         for (name, own), factors in zip(scene.parts(checkpoint.base_state).items(), acting, strict=True):
             if not np.array_equal(own, self._projectors[name].base_state):
                 self._projectors[name] = scene.projector(name, own, factors, name in kept)
-        self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
+        self.spent = 0
 
     def checkpoint(self, state: FiniteState, size: float) -> FiniteCheckpoint:
         """Checkpoint at a ``state`` with the ``size`` of the next increment."""
-        base_state = np.concatenate([one.base_state for one in self._projectors.values()])
-        keeps = np.array([bool(one.rest.any()) for one in self._projectors.values()])
-        return FiniteCheckpoint(
-            state, base_state, np.concatenate(list(self._acting.values())), size, keeps=keeps
-        )
+        every = self._projectors.values()
+        base_state = np.concatenate([one.base_state for one in every])
+        acting = np.concatenate([one.factors for one in every])
+        keeps = np.array([bool(one.rest.any()) for one in every])
+        return FiniteCheckpoint(state, base_state, acting, size, keeps=keeps)
 
-    def start(self) -> Pressed:
-        """State before loading. NumericalError if its iterations do not converge."""
+    def start(self) -> None:
+        """Solve for the state before loading. NumericalError if the iterations do not converge."""
         found = self._solved(0.0)
         if found is None:
             self._failed(0.0, None)
-        assert found is not None
-        self._settled = True
-        return found
+        self.now, self._settled = found, True
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
@@ -178,29 +177,26 @@ class _Path:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            far = 0.0 if found is None else self._far(position, reached, found)
-            if found is not None and far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
-                self._add_slip(found)
-                self._before, self.now = self.now.place, found
-                longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
-                return reached, size * min(longer, 0.9 / far if far else longer)
+            if found is not None:
+                args = (self._scene, self.now, found)
+                far = max(slip_ratio(*args), motion_ratio(*args, position, reached))
+                if far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
+                    self._add_slip(found)
+                    self._before, self.now = self.now.place, found
+                    longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
+                    return reached, size * min(longer, 0.9 / far if far else longer)
             size, failed = 0.5 * (reached - position), failed + 1
             if failed == MAX_FAILED and self._keep():
                 size = whole
             if size < MIN_INCREMENT:
                 self._failed(position, found)
 
-    def _far(self, position: float, reached: float, found: Pressed) -> float:
-        """How far an increment goes over its largest length."""
-        args = (self._scene, self.now, found)
-        return max(slid(*args), strode(*args, position, reached))
-
     def _keep(self) -> bool:
         """Whether there are new equations that did not keep what their rows were left with; they do now."""
         fresh, self._fresh = self._fresh, frozenset()
         for name in fresh:
-            args = (name, self._projectors[name].base_state, self._acting[name])
-            self._projectors[name] = self._scene.projector(*args, keeps=True)
+            old = self._projectors[name]
+            self._projectors[name] = self._scene.projector(name, old.base_state, old.factors, keeps=True)
             self.spent += 1
         return bool(fresh)
 
@@ -238,8 +234,8 @@ class _Path:
 
     def _system(self) -> ExactContact:
         scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, scene.plates)
-        return ExactContact(dict(self._projectors), *args, self._sides)
+        args = (scene.contacts, self._length, self._stiffness, self._sides)
+        return ExactContact(dict(self._projectors), *args)
 
     def missed(self, state: FiniteState) -> Missed:
         """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
@@ -247,8 +243,9 @@ class _Path:
             missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.whole
         )
 
-    def _failed(self, position: float, found: Pressed | None) -> None:
-        where, first = f"the path stopped at position {position:.6g}", 0
+    def _failed(self, position: float, found: Pressed | None) -> NoReturn:
+        """Raise the error of an increment that fails, ``found`` but too long or not."""
+        where = f"the path stopped at position {position:.6g}"
         if found is not None:
             most, name, node = self._stretched(found)
             if most > MAX_STRETCH:
@@ -257,15 +254,13 @@ class _Path:
                     f"{where}: {there} would be stretched by a factor of {most:.3g} at once",
                     "use finer nodes there, round corners that are crushed, or use smaller loads",
                 )
-        for contact in self._scene.contacts:
+        for contact, here, _ in self._scene.contacts.each:
             slave = contact.slave
-            here = slice(first, first + slave.count)
             # A fixed node in contact would be pressed in the next increment.
             touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.weight
-            gripped = slave.held & (touching | self.now.sets.closed[here])
-            first += slave.count
-            if gripped.any() and not any(axis is not None for axis in slave.mirrors):
-                x, y = slave.places[int(np.argmax(gripped))]
+            clamped = slave.held & (touching | self.now.sets.closed[here])
+            if clamped.any() and not any(axis is not None for axis in slave.mirrors):
+                x, y = slave.places[int(np.argmax(clamped))]
                 raise NumericalError(
                     f"{where}: in contact {contact.name} the node of {slave.body} at ({x:.6g}, {y:.6g}) is "
                     "fixed by a support and pressed at the same time",
@@ -293,7 +288,6 @@ class _Path:
             else:
                 continue
             self._projectors[name] = self._scene.projector(name, base_state, acting[name])
-            self._acting[name] = acting[name]
             self.spent += 1
             renewed = True
         if renewed:
@@ -305,36 +299,30 @@ class _Path:
 
     def _kept(self, traction: FloatArray) -> float:
         """Work of the ``traction`` (2s,) on the displacements that would remove the kept residuals."""
-        sides = [side for contact in self._scene.contacts for side in contact.sides]
         moved = {
             name: one.displaced(one.rest).reshape(-1, 2)
             for name, one in self._projectors.items()
             if one.rest.any()
         }
-        total, first = 0.0, 0
-        for side in sides:
-            own = traction[first : first + 2 * side.count].reshape(-1, 2)
-            first += 2 * side.count
-            if side.body in moved:
-                total += float(side.weight @ (own * moved[side.body][side.nodes]).sum(axis=1))
-        return total
+        return sum(
+            float(side.weight @ (traction[here].reshape(-1, 2) * moved[side.body][side.nodes]).sum(axis=1))
+            for side, here in self._scene.contacts.sides
+            if side.body in moved
+        )
 
     def _repinned(self) -> FloatArray:
         """Free motions (d,) with the current rotation of the pins."""
-        free, first, parts = self.now.free.copy(), 0, self._scene.parts(self.now.displacement)
-        for one in self._scene.loose:
+        free, parts = self.now.free.copy(), self._scene.parts(self.now.displacement)
+        for one in self._scene.contacts.loose:
             body = self._projectors[one.body].body
             if body.pins:
-                free[first : first + one.count] = one.factors(body, parts[one.body])
-            first += one.count
+                free[one.numbers] = one.factors(body, parts[one.body])
         return free
 
-    def state(self, position: float, found: Pressed) -> FiniteState:
-        """The solution as a state of the path."""
-        factors: FloatArray = factors_at(self._scene.stages, position)
-        self.now = found
-        args = (found.residual, found, self._slip, self._work)
-        return FiniteState(position, factors, found.displacement, *args)
+    def state(self, position: float) -> FiniteState:
+        """The present solution as a state of the path."""
+        factors, now = factors_at(self._scene.stages, position), self.now
+        return FiniteState(position, factors, now.displacement, now.residual, now, self._slip, self._work)
 
 
 def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:

@@ -49,11 +49,9 @@ class EnergyError:
     def of(cls, scene: FiniteScene, state: FiniteState) -> EnergyError:
         """Estimate of a state."""
         acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
-        pressed, first = {name: [np.zeros(0, dtype=np.int64)] for name in scene.bodies}, 0
-        for side in (one for contact in scene.contacts for one in contact.sides):
-            own = state.traction[first : first + 2 * side.count].reshape(-1, 2)
-            first += 2 * side.count
-            pressed[side.body].append(side.nodes[: len(own)][own.any(axis=1)])
+        pressed = {name: [np.zeros(0, dtype=np.int64)] for name in scene.bodies}
+        for side, here in scene.contacts.sides:
+            pressed[side.body].append(side.nodes[state.traction[here].reshape(-1, 2).any(axis=1)])
         found, total = {}, 0.0
         for name, body in scene.bodies.items():
             found[name] = unaccounted(body, parts[name], acting[name])
@@ -133,16 +131,14 @@ def missing_figures(scene: FiniteScene, state: FiniteState, missing: Missing) ->
     }
     if pressed is None:
         return found
-    pressure, force, first, node = {}, {}, 0, 0
-    tractions = (state.traction.reshape(-1, 2), missing.traction.reshape(-1, 2))
-    for contact in scene.contacts:
+    pressure, force = {}, {}
+    for contact, here, there in scene.contacts.each:
         weight = contact.slave.weight
-        here, there = slice(first, first + len(weight)), slice(node, node + len(weight))
-        first, node = here.stop, node + sum(side.count for side in contact.sides)
+        tractions = (one[there].reshape(-1, 2)[: len(weight)] for one in (state.traction, missing.traction))
         if pressed.pressure[here].any():
             part = weight @ missing.pressure[here] ** 2 / (weight @ pressed.pressure[here] ** 2)
             pressure[contact.name] = float(np.sqrt(part))
-            force[contact.name] = [float(np.hypot(*(weight @ one[there]))) for one in tractions]
+            force[contact.name] = [float(np.hypot(*(weight @ one))) for one in tractions]
     largest = max((whole for whole, _ in force.values()), default=0.0)
     return found | {
         "pressure": pressure,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,15 +14,13 @@ from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.contact.finite.meeting import NO_GAP
-from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
-from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
-from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, stretches
+from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
 
 CONTACT_PREFIX = "contact "
@@ -43,14 +41,14 @@ class FiniteFields:
     volume_ratio: FloatArray
 
     @classmethod
-    def of(
-        cls, law: Law, displacement: FloatArray, gradient: FloatArray, stretch: FloatArray | None
-    ) -> FiniteFields:
-        """From ``displacement`` (n, 2), its ``gradient`` (4, n) and the thermal ``stretch`` (n,)."""
+    def of(cls, law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
+        """From ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and the thermal
+        ``stretch`` (n,)."""
+        gradient = gradient_of(derivatives)
         stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
         volume = (1.0 + determinant(gradient)) * law.across(gradient, stretch)
         mises = von_mises(stress, across)
-        return cls(displacement, stress, across, mises, stretches(gradient).T, volume)
+        return cls(derivatives[:, 0], stress, across, mises, stretches(gradient).T, volume)
 
 
 def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
@@ -58,34 +56,20 @@ def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]
     found, shown = {}, scene.parts(state.shown(scene))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
-        warm = body.stretch(state.factors)
-        found[name] = FiniteFields.of(body.law, shown[name].reshape(-1, 2), body.gradient(own), warm)
+        derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
+        fields = FiniteFields.of(body.law, derivatives, body.stretch(state.factors))
+        found[name] = replace(fields, displacement=shown[name].reshape(-1, 2))
     return found
-
-
-def fields_at(scene: FiniteScene, state: FiniteState, name: str, points: FloatArray) -> FiniteFields:
-    """Fields at ``points`` (e, 2) of the undeformed body."""
-    body, own = scene.bodies[name], scene.parts(state.displacement)[name]
-    model = body.elastic.model
-    stencils = build_stencils(model.nodes, model.tree, points, 1, model.settings, model.cloud.sight)
-    warm = body.stretch_at(points, state.factors)
-    return fields_by(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
-
-
-def fields_by(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
-    """Fields from ``derivatives`` (e, 3, 2) of the displacement (value, d/dx, d/dy) and the thermal
-    ``stretch`` (e,)."""
-    gradient = np.stack(
-        [derivatives[:, 1, 0], derivatives[:, 2, 0], derivatives[:, 1, 1], derivatives[:, 2, 1]]
-    )
-    return FiniteFields.of(law, derivatives[:, 0], gradient, stretch)
 
 
 def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeRecord]:
     """Values at the probes of the case."""
     records = {}
     for probe in scene.probes:
-        seen = fields_at(scene, state, probe.body, probe.point)
+        body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
+        model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
+        stencils = build_stencils(model.nodes, model.tree, probe.point, 1, model.settings, model.cloud.sight)
+        seen = FiniteFields.of(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
         records[probe.name] = ProbeRecord(seen.displacement[0], seen.stress[0], float(seen.von_mises[0]))
     return records
 
@@ -103,14 +87,14 @@ class SceneForces:
         """Forces of a state."""
         acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
         bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
-        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.free)
-        for contact in scene.contacts:
+        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
+        for contact in scene.contacts.pairs:
             forces = []
             for side in contact.sides:
                 begin = first[side.body]
                 first[side.body] += 2 * side.count
                 forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
-            found[contact.name] = tuple(forces[::-1] if exchanged(contact) else forces)
+            found[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
         return cls(bodies, found)
 
     @property
@@ -127,10 +111,6 @@ class SceneForces:
         """The force (2,) of a load."""
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
-    def of_held(self, places: Iterable[tuple[str, str]]) -> FloatArray:
-        """The resultant (2,) on held surfaces of bodies."""
-        return np.asarray(sum((self.bodies[body].held([name]) for body, name in places), np.zeros(2)))
-
     @property
     def apart(self) -> float:
         """Largest difference of the forces of a contact on its two sides, over the largest force."""
@@ -138,14 +118,13 @@ class SceneForces:
         return max(found, default=0.0) / self.size if self.size else 0.0
 
 
-def exchanged(contact: AnyContact) -> bool:
-    """Whether slave and master of a contact are exchanged relative to the case."""
-    return isinstance(contact, BodyContact) and contact.exchanged
-
-
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
     """The force (2,) of every load and support on its body, and of every contact on its slave."""
-    held = {name: forces.of_held(places) for name, places in scene.supports.items()}
+    nothing = np.zeros(2)
+    held = {
+        label: sum((forces.bodies[body].reactions.get(name, nothing) for body, name in places), nothing)
+        for label, places in scene.supports.items()
+    }
     pressed = {name: found[0] for name, found in forces.contacts.items()}
     loads = {
         load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.of_load(number)
@@ -157,14 +136,11 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
 
 def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, ContactRecord]:
     """Pressures and tractions per deformed length, gaps and slips of every contact."""
-    records, first = {}, 0
+    records, pressed = {}, state.pressed
     parts = scene.parts(state.displacement)
-    for contact in scene.contacts:
+    for contact, here, _ in scene.contacts.each:
         slave = contact.slave
-        here = slice(first, first + slave.count)
-        first = here.stop
         stretch = stretch_along(scene, slave, parts[slave.body])
-        pressed = state.pressed
         assert pressed is not None
         gap = np.where(pressed.gap[here] < NO_GAP, pressed.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
@@ -190,29 +166,21 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
     """Summary of every contact; the half-width is measured along the undeformed side."""
     records = contact_records(scene, state)
     found: dict[str, dict[str, Any]] = {}
-    first = 0
-    for contact in scene.contacts:
+    for contact, _, there in scene.contacts.each:
         record, pressed = records[contact.name], forces.contacts[contact.name]
         arc, pressure = contact.slave.arc, record.pressure
         if contact.slave.around is not None:
             order, arc = unrolled(arc, contact.slave.around, pressure)
             pressure = pressure[order]
         found[contact.name] = record_summary(record, arc, pressure, pressed[0])
-        found[contact.name]["max_cone_ratio"] = _cone(record, contact.friction) if contact.friction else None
+        limit = contact.friction * record.pressure
+        ratio = np.abs(record.traction[limit > 0.0]) / limit[limit > 0.0]
+        found[contact.name]["max_cone_ratio"] = float(ratio.max(initial=0.0)) if contact.friction else None
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
-        count = 2 * sum(side.count for side in contact.sides)
         if isinstance(contact, RigidContact) and contact.rotation.any():
-            found[contact.name]["moment"] = _moment(contact, state, slice(first, first + count))
-        first += count
+            found[contact.name]["moment"] = _moment(contact, state, there)
     return found
-
-
-def _cone(record: ContactRecord, friction: float) -> float:
-    """The largest |q| / (mu p) of closed nodes."""
-    closed = record.pressure > 0.0
-    ratio = np.abs(record.traction[closed]) / (friction * record.pressure[closed])
-    return float(ratio.max(initial=0.0))
 
 
 def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
@@ -228,11 +196,11 @@ def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
 def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
     """Displacement (2,) of every platen and obstacle, by the name of the load that moves it."""
     moved = {}
-    rigid = {one.name: one for one in scene.contacts if isinstance(one, RigidContact)}
+    rigid = {one.name: one for one in scene.contacts.pairs if isinstance(one, RigidContact)}
     for load in scene.case.load:
         if isinstance(load, ObstacleMotion):
             moved[load.name] = rigid[load.obstacle].motion @ state.whole
-    for plate in scene.plates:
+    for plate in scene.contacts.plates:
         for number in plate.loads:
             moved[scene.case.load[number].name] = plate.motion[:2] @ state.whole
     return moved
@@ -242,7 +210,7 @@ def plates_turned(scene: FiniteScene, state: FiniteState) -> dict[str, dict[str,
     """Rotation of every plate that rotates, and moment about its hinge."""
     acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
     found = {}
-    for plate in (one for one in scene.plates if one.motion[2].any()):
+    for plate in (one for one in scene.contacts.plates if one.motion[2].any()):
         moments = [plate.pulled(scene.bodies[k], k, parts[k], acting[k])[0][2] for k in plate.surfaces]
         rotation = float(plate.motion[2] @ state.whole)
         found[plate.name] = {"rotation": rotation, "moment": float(sum(moments))}

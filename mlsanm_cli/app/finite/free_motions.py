@@ -9,29 +9,24 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
-from mlsanm_cli.contact.finite.pair import BodyContact
-from mlsanm_cli.contact.finite.update import AnyContact
+from mlsanm_cli.contact.finite.update import Contacts
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import Loads, Turning
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 
 
-def free_motions_of(
-    case: Case, prepared: SceneModel
-) -> tuple[tuple[LooseMotions, ...], tuple[DrivenObstacle, ...], tuple[Plate, ...]]:
+def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
     """Unknown rigid motions: of loose bodies in the order of all bodies, then obstacles, then plates."""
     found = {one.body: one for one in prepared.rigid_constraints if isinstance(one, mechanics.FloatingBody)}
-    loose = []
-    for name, model in prepared.models.items():
+    loose, number = list[LooseMotions](), 0
+    for name in prepared.models:
         if name in found:
             unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
-            size, anchors = float(np.ptp(model.nodes, axis=0).max()), tuple(prepared.held_nodes[name])
-            loose.append(LooseMotions(name, unknown, size, anchors, np.zeros((0, 0))))
-    number = sum(one.count for one in loose)
+            loose.append(_pinned(prepared, name, unknown, number))
+            number += len(unknown)
     names = [pairing.name for pairing in prepared.pairings]
     driven: list[DrivenObstacle] = []
     for constraint in prepared.rigid_constraints:
@@ -39,9 +34,25 @@ def free_motions_of(
             for one in constraint.motions:
                 if one.prescribed is None:
                     place = names.index(constraint.contact)
-                    driven.append(DrivenObstacle(place, one.component, number + len(driven), one.force))
-    plates = tuple(_plates(case, prepared, number + len(driven)))
-    return tuple(loose), tuple(driven), plates
+                    driven.append(DrivenObstacle(place, one.component, number, one.force))
+                    number += 1
+    return Contacts((), tuple(loose), tuple(driven), tuple(_plates(case, prepared, number)))
+
+
+def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: int) -> LooseMotions:
+    """A loose body with ``unknown`` motions from ``number`` on, and its pins."""
+    cloud, anchors = prepared.models[name].cloud, tuple(prepared.held_nodes[name])
+    free = free_motions(cloud, prepared.held[name], anchors, prepared.acting.springs[name])
+    # Inside: on a side in contact a pin would have no field in closed form.
+    outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
+    inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
+    pinned = tuple((int(inner[node]), component) for node, component in pins(cloud.points[inner], free))
+    places = [2 * node + component for node, component in pinned]
+    size = float(np.ptp(prepared.models[name].nodes, axis=0).max())
+    scale = np.array([size if one == ROTATION else 1.0 for one in free.components])
+    known = [free.components.index(component) for component in unknown]
+    moves = (free.patterns(cloud.points)[places] / scale)[:, known]
+    return LooseMotions(name, unknown, number, size, anchors, pinned, moves)
 
 
 def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
@@ -79,35 +90,3 @@ def plated(name: str, body: ElasticBody, plates: Sequence[Plate], loads: Loads) 
                 if plate.motion[2].any():
                     turning.append(Turning(plate.motion[2], component, rows, arms))
     return replace(loads, turning=turning)
-
-
-def pins_of(
-    prepared: SceneModel, name: str, loose: Sequence[LooseMotions]
-) -> tuple[list[tuple[int, int]], FloatArray]:
-    """Pins (node, component) of a loose body, and their displacement per free motion."""
-    own = next((one for one in loose if one.body == name), None)
-    if own is None:
-        return [], np.zeros((0, 0))
-    cloud = prepared.models[name].cloud
-    springs = prepared.acting.springs[name]
-    free = free_motions(cloud, prepared.held[name], prepared.held_nodes[name], springs)
-    # Inside: on a side in contact a pin would have no field in closed form.
-    outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
-    inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
-    pinned = [(int(inner[node]), component) for node, component in pins(cloud.points[inner], free)]
-    places = [2 * node + component for node, component in pinned]
-    patterns = free.patterns(cloud.points)[places]
-    scale = np.array([own.size if one == ROTATION else 1.0 for one in free.components])
-    known = [free.components.index(component) for component in own.components]
-    return pinned, (patterns / scale)[:, known]
-
-
-def driving(contact: AnyContact, number: int, driven: Sequence[DrivenObstacle], loads: int) -> AnyContact:
-    """The contact with the free motions of its obstacle."""
-    if isinstance(contact, BodyContact):
-        return contact
-    motion = contact.motion.copy()
-    for one in driven:
-        if one.contact == number:
-            motion[one.component, loads + one.number] = 1.0
-    return replace(contact, motion=motion)

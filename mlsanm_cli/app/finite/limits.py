@@ -21,21 +21,19 @@ MAX_APPROACH = 0.5
 body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 
 
-def slid(scene: FiniteScene, now: Pressed, found: Pressed) -> float:
+def slip_ratio(scene: FiniteScene, now: Pressed, found: Pressed) -> float:
     """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
-    largest, first = 0.0, 0
-    for contact in scene.contacts:
-        here = slice(first, first + contact.slave.count)
-        first = here.stop
+    largest = 0.0
+    for contact, here, _ in scene.contacts.each:
         closed = found.sets.closed[here] | now.sets.closed[here]
         if contact.friction and closed.any() and not _slides(now, found, here):
             width = float(contact.slave.weight[closed].sum())
-            slid = float(np.abs(found.slip[here][closed]).max())
-            largest = max(largest, slid / (MAX_SLIP * width))
+            slip = float(np.abs(found.slip[here][closed]).max())
+            largest = max(largest, slip / (MAX_SLIP * width))
     return largest
 
 
-def strode(scene: FiniteScene, now: Pressed, found: Pressed, position: float, reached: float) -> float:
+def motion_ratio(scene: FiniteScene, now: Pressed, found: Pressed, position: float, reached: float) -> float:
     """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
     sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
     moved = np.abs(found.displacement - now.displacement).max()
@@ -43,11 +41,8 @@ def strode(scene: FiniteScene, now: Pressed, found: Pressed, position: float, re
     before, after = (
         np.append(factors_at(scene.stages, at), one.free) for at, one in ((position, now), (reached, found))
     )
-    first, node = 0, 0
-    for contact in scene.contacts:
-        here = slice(first, first + contact.slave.count)
-        own = slice(node, node + 2 * sum(side.count for side in contact.sides))
-        first, node, place = here.stop, own.stop, now.place[here]
+    for contact, here, own in scene.contacts.each:
+        place = now.place[here]
         then = contact.apart(now.surface[own].reshape(-1, 2), before, place)
         way = np.hypot(*(contact.apart(found.surface[own].reshape(-1, 2), after, place) - then).T)
         thin = min(sizes[side.body].min() for side in contact.sides)

@@ -14,6 +14,7 @@ from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.exact import Pressed
+from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.update import AnyContact
@@ -65,22 +66,18 @@ class Touched:
 
     def add(self, scene: FiniteScene, step: FiniteStep) -> None:
         """Add the patches of a finished step."""
-        wanted = list(step.saved)
-        if step.state.position == round(step.state.position):
-            wanted.append(step.state)
+        ends = [step.state] if step.state.position.is_integer() else []
         # Before loading there are no patches.
-        wanted = [state for state in wanted if state.position > 0.0]
-        for state in {one.position: one for one in (*wanted, step.state)}.values():
+        wanted = {one.position: one for one in (*step.saved, *ends) if one.position > 0.0}
+        for position, state in {**wanted, step.state.position: step.state}.items():
             if state.pressed is None:
                 continue
-            known, first = any(one is state for one in wanted), 0
+            known = position in wanted
             forces = SceneForces.of(scene, state).contacts if known else {}
-            for contact in scene.contacts:
-                here = slice(first, first + contact.slave.count)
-                first = here.stop
+            for contact, here, _ in scene.contacts.each:
                 if known:
                     force = forces[contact.name][0].tolist()
-                    self.forces.setdefault(contact.name, {})[repr(float(state.position))] = force
+                    self.forces.setdefault(contact.name, {})[repr(float(position))] = force
                 for patch in patches(contact, state.pressed, here):
                     self._take(scene.case, contact, patch, state.pressed.place[here], known)
 
@@ -164,10 +161,7 @@ def _faced(side: ContactSide, places: FloatArray, width: float) -> BoolArray:
     """Mask (c,) of the nodes of a master within the arc lengths ``places`` that a patch of a ``width``
     faces, and the adjacent ones."""
     middle = float(places[len(places) // 2])
-    away, reach = side.arc - middle, places - middle
-    if side.around is not None:
-        half = 0.5 * side.around
-        away, reach = (np.mod(one + half, side.around) - half for one in (away, reach))
+    away, reach = (wrapped(one - middle, side.around) for one in (side.arc, places))
     more = width / len(places)
     inside = np.flatnonzero((away >= reach.min() - more) & (away <= reach.max() + more))
     return _widened(side, inside if len(inside) else np.array([int(np.argmin(np.abs(away)))]))

@@ -14,6 +14,7 @@ from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteSt
 from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
+from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
@@ -70,7 +71,7 @@ def _first_problem(scene: FiniteScene) -> FiniteProblem:
     (name, body), stages = scene.alone, scene.stages
     still = np.zeros(body.unknowns)
     projector = scene.projector(name, still, stages[0])
-    problem = FiniteProblem(body, projector, stages[0], stages[0], 1.0)
+    problem = FiniteProblem(projector, stages[0], stages[0], 1.0)
     size = scene.size
     moved = [
         float(np.abs(replace(problem, end=factors).load_derivative(still, 0.0)).max())
@@ -111,14 +112,13 @@ class _Stage:
         )
         self.x = np.zeros(0)
         self._lam = 0.0
-        self._base_state, self._acting = problem.projector.base_state, problem.start
         self._previous: Branch | None = None
         self._spent = 0
 
     def take_up(self, checkpoint: FiniteCheckpoint) -> None:
         """Continue from a checkpoint."""
         self.x, self._lam, self._previous = checkpoint.state.displacement, checkpoint.lam, checkpoint.branch
-        self._acting, self._levels = checkpoint.acting, checkpoint.levels.tolist()
+        self._levels = checkpoint.levels.tolist()
         if checkpoint.renewed:
             self._renew()
 
@@ -139,7 +139,8 @@ class _Stage:
             moved = 0
             for step in follower.steps():
                 moved += 1
-                self._check(step)
+                factors = self.problem.factors(step.lam)
+                check_deformation(self._scene, self._stage + step.lam, factors, step.x)
                 finished = self._finished(step)
                 self.x, self._lam, self._previous = step.x, step.lam, step.branch
                 if self._is_left(step.x, step.lam):
@@ -152,7 +153,7 @@ class _Stage:
             if outcome.reached:
                 return
             if outcome.reason.value != "stopped by caller":
-                if (fresh and not moved) or np.array_equal(self._base_state, self.x):
+                if (fresh and not moved) or np.array_equal(self.problem.projector.base_state, self.x):
                     where = (self._stage + self._lam, self.problem.factors(self._lam))
                     raise path_failure(self._scene, *where, self.x, outcome)
                 fresh = True
@@ -168,28 +169,24 @@ class _Stage:
         if lam == 1.0:
             return False
         if self._renewals is None:
-            return far_from(self.problem.body, x, self._base_state)
+            return far_from(self.problem.projector.body, x, self.problem.projector.base_state)
         if not self._renewals or abs(lam - self._renewal_level()[0]) > SAME_LEVEL:
             return False
         # A path that turns back passes a load factor more than once.
         apart = np.abs(x - self._renewals[0].displacement).max()
         return bool(apart <= SAME_STATE * self.problem.length)
 
-    def _check(self, step: Step) -> None:
-        position = self._stage + step.lam
-        check_deformation(self._scene, position, self.problem.factors(step.lam), step.x)
-
     def _checkpoint(self, finished: FiniteStep, step: Step) -> FiniteCheckpoint:
         branch, levels = step.branch, np.array(self._levels)
         direction = np.append(branch.x[1], branch.lam[1])
         place = (self._stage, step.lam, direction, levels, finished.renewed)
-        return FiniteCheckpoint(finished.state, self._base_state, self._acting, branch.length, *place)
+        base = self.problem.projector
+        return FiniteCheckpoint(finished.state, base.base_state, base.factors, branch.length, *place)
 
     def _renew(self) -> None:
         """Renew the equations at the current state, and correct the state. Next to crushed corners the
         correction may fail: then the equations keep the residual of their rows, which the state solves."""
         factors = self.problem.factors(self._lam)
-        self._base_state, self._acting = self.x, factors
         name = self._scene.alone[0]
         for keeps in (False, True):
             projector = self._scene.projector(name, self.x, factors, keeps)
@@ -261,10 +258,6 @@ def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
     slope = branch.derivative_weights(a) @ branch.terms[1]
     found = []
     for k in np.flatnonzero(slope[:-1] * slope[1:] < 0.0):
-        low, high = a[k], a[k + 1]
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            here = float((branch.derivative_weights(np.array([middle])) @ branch.terms[1])[0])
-            low, high = (middle, high) if here * slope[k] > 0.0 else (low, middle)
-        found.append(Turn(stage + branch.load_factor(0.5 * (low + high)), bool(slope[k] > 0.0)))
+        at = root(lambda x: branch.derivative_weights(np.array([x]))[0] @ branch.terms[1], a[k], a[k + 1])
+        found.append(Turn(stage + branch.load_factor(at), bool(slope[k] > 0.0)))
     return tuple(found)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.estimate import EnergyError, missing_works
@@ -18,7 +17,6 @@ from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
     contact_records,
-    exchanged,
     fields_of,
     platen_displacements,
     probe_records,
@@ -37,35 +35,22 @@ from mlsanm_cli.app.finite.states import (
     Turn,
     plain_checkpoint,
 )
-from mlsanm_cli.app.output.lines import obstacles
-from mlsanm_cli.app.output.recording import body_part, vtu_data
-from mlsanm_cli.app.output.writer import RunWriter, body_datasets
+from mlsanm_cli.app.output.lines import contact_data, obstacles
+from mlsanm_cli.app.output.recording import body_part, stored_fields, vtu_data
+from mlsanm_cli.app.output.writer import RunWriter, body_datasets, contact_datasets
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.records import place, row
+from mlsanm_cli.io.records import row
 from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.vtu import LinesWriter, VtuPart, write_parts
+from mlsanm_cli.io.vtu import VtuPart, write_parts
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
-TALLIES = (
-    "steps",
-    "renewed",
-    "balance",
-    "largest",
-    "stability",
-    "residual",
-    "unaccounted",
-    "kept",
-    "missing",
-    "energy",
-    "iterations",
-    "factorizations",
-    "solves",
-)
+COUNTS = ("steps", "renewed", "iterations", "factorizations", "solves")
+TALLIES = (*COUNTS, "balance", "largest", "stability", "residual", "unaccounted", "kept", "missing", "energy")
 """Quantities accumulated along the path."""
 
 
@@ -82,12 +67,9 @@ class FiniteRecorder(RunWriter):
         refinement: Refinement,
         earlier: InterruptedFiniteRun | None = None,
     ) -> None:
-        attributes = {**attributes, "strain": "finite"}
-        super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
-        self._started -= earlier.seconds if earlier else 0.0
+        super().__init__(directory, loaded, {**attributes, "strain": "finite"}, context, earlier)
         self._earlier, self.refinement, self.touched = earlier, refinement, Touched()
-        self._lines = LinesWriter(directory)
-        self.steps = self._saved = self.renewed = self._rows = 0
+        self.steps = self.renewed = 0
         self.last: FiniteState | None = None
         self.missed: Missed | None = None
         self.balance = self.largest = 0.0
@@ -103,15 +85,10 @@ class FiniteRecorder(RunWriter):
             for name, body in scene.bodies.items():
                 model = body.elastic.model
                 datasets |= body_datasets(name, model.cloud, model.settings.degree)
-            for contact in scene.contacts:
-                slave = contact.slave
-                geometry = {
-                    "points": slave.places,
-                    "normal": (-1.0 if exchanged(contact) else 1.0) * contact.start(scene.stages[0]),
-                    "arc_length": slave.arc,
-                    "weight": slave.weight,
-                }
-                datasets |= {place("contacts", contact.name, key): array for key, array in geometry.items()}
+            for contact in scene.contacts.pairs:
+                slave, sign = contact.slave, -1.0 if contact.exchanged else 1.0
+                normal = sign * contact.start(scene.stages[0])
+                datasets |= contact_datasets(contact.name, slave.places, normal, slave.arc, slave.weight)
             self._file.confirm(datasets)
             self._file.save_if_due()
             return self._take_up(scene, self._earlier) if self._earlier else None
@@ -126,11 +103,7 @@ class FiniteRecorder(RunWriter):
         self.turns += [Turn(**one) for one in before.figures["turns"]]
         self.warnings += before.figures["warnings"]
         self.touched = Touched.read(before.figures)
-        positions = self._file.saved_positions()
-        self._saved = len(positions)
-        for position in positions if scene.case.output.vtu else ():
-            self._states.keep(position, tuple(scene.bodies))
-            self._lines.keep(position)
+        self.keep_states(scene.bodies, scene.case.output.vtu)
         return before.checkpoint
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
@@ -142,11 +115,12 @@ class FiniteRecorder(RunWriter):
             rows.append(self._row(scene, state, step))
             fields = [(one, fields_of(scene, one)) for one in step.saved] if scene.case.output.fields else []
             datasets: dict[str, Value] = {}
+            wanted: list[str] = list(scene.case.output.fields)
+            wanted += ["stretch", "volume_ratio"] if "stress" in wanted else []
             for one, found in fields:
-                datasets |= _stored(scene, found, self._saved)
+                datasets |= stored_fields(self._saved, found, wanted)
                 rows.append({"fields/position": one.position})
                 self._saved += 1
-            for one, found in fields:
                 if scene.case.output.vtu:
                     self._states.write(one.position, _shown(scene, found))
                     self._lines.write(
@@ -228,19 +202,6 @@ class FiniteRecorder(RunWriter):
         super().finish(summary)
 
 
-def _stored(scene: FiniteScene, fields: Mapping[str, FiniteFields], number: int) -> dict[str, Value]:
-    """Datasets of the requested fields of saved state ``number``; with the stress also stretches and volume
-    ratio."""
-    wanted: list[str] = list(scene.case.output.fields)
-    if "stress" in wanted:
-        wanted += ["stretch", "volume_ratio"]
-    return {
-        place("fields", str(number), body, name): getattr(found, name)
-        for body, found in fields.items()
-        for name in wanted
-    }
-
-
 def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, VtuPart]:
     """The requested fields as VTU parts."""
     wanted, parts = scene.case.output.fields, {}
@@ -258,29 +219,19 @@ def contact_lines(
 ) -> dict[str, VtuPart]:
     """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
     records, parts = contact_records(scene, state), scene.parts(state.displacement)
-    lines, first = {}, 0
-    for contact in scene.contacts:
+    lines = {}
+    for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
-        here = slice(first, first + 2 * side.count)
-        first += 2 * sum(one.count for one in contact.sides)
-        data: dict[str, NDArray[Any]] = {
-            "pressure": record.pressure,
-            "traction": record.traction,
-            "gap": record.gap,
-            "status": record.status.astype(np.int32),
-            "arc_length": side.arc,
-        }
-        if contact.friction:
-            data["slip"] = record.slip
         moved = fields[side.body].displacement[side.nodes]
         turn, _ = side.turned(moved)
-        sign = -1.0 if exchanged(contact) else 1.0
+        sign = -1.0 if contact.exchanged else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)
         stretch = stretch_along(scene, side, parts[side.body])
-        stress = sign * state.traction[here].reshape(-1, 2) / stretch[:, None]
+        stress = sign * state.traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
         edges = edges if side.around is not None else edges[:-1]
+        data = contact_data(record, side.arc, bool(contact.friction))
         data |= {"displacement": moved, "normal": normal, "contact_stress": stress}
         lines[contact.name] = VtuPart(side.places, edges, data)
     return lines
@@ -291,7 +242,7 @@ def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, VtuPart]
     points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
     drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
     lines = {}
-    for contact in scene.contacts:
+    for contact in scene.contacts.pairs:
         if isinstance(contact, RigidContact):
             places, edges = drawn[contact.name]
             turned = (places - contact.pivot) @ contact.turn(state.whole).T

@@ -37,7 +37,6 @@ forces of half a disk on a block are 0.85 % off with 5 nodes, 0.14 % with 11."""
 MAX_NODES, COARSENING = 5000, 1.5
 """Largest number of nodes of a refined scene, and the factor by which spacings are increased until it has no
 more."""
-STRAIGHT = 1e-9
 NO_ZONES = np.zeros((0, 5))
 
 
@@ -122,7 +121,8 @@ def refined(
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
-        if _alike(scene, finer):
+        before = ((scene.bodies[name].elastic.model.nodes, one.nodes) for name, one in finer.models.items())
+        if all(np.array_equal(*nodes) for nodes in before):
             return None
         if count <= MAX_NODES:
             return found, finer
@@ -132,24 +132,15 @@ def refined(
     return None
 
 
-def _alike(scene: FiniteScene, finer: SceneModel) -> bool:
-    """Whether clouds have the nodes of the last run again."""
-    return all(
-        np.array_equal(scene.bodies[name].elastic.model.nodes, model.nodes)
-        for name, model in finer.models.items()
-    )
-
-
 def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
     """Segments and spacings (z, 5) required by the contacts, empty if all have enough nodes."""
-    own = [contact for contact in scene.contacts if is_automatic(scene.case, contact)]
+    own = [contact for contact in scene.contacts.pairs if is_automatic(scene.case, contact)]
     if not any(contact.name in touched.coarse for contact in own):
         return NO_ZONES
-    rows: list[FloatArray] = []
+    found = NO_ZONES
     for contact in (one for one in own if one.name in touched.spacing):
         for side, spacing in zip(contact.sides, touched.wanted(contact.name), strict=True):
-            rows += _segments(side, spacing)
-    found = np.array(rows).reshape(-1, 5)
+            found = np.vstack([found, _segments(side, spacing)])
     line = line_of(scene.case)
     if line is not None:
         image = np.hstack([line.reflect(found[:, :2]), line.reflect(found[:, 2:4]), found[:, 4:]])
@@ -163,31 +154,13 @@ def is_automatic(case: Case, contact: AnyContact) -> bool:
     return all(one.spacing == "auto" and not one.has_nodes for one in case.body if one.name in names)
 
 
-def _segments(side: ContactSide, spacing: FloatArray) -> Iterator[FloatArray]:
-    """Rows (5,) of segments between nodes with finite ``spacing`` (c,); collinear ones with equal spacing
-    are merged."""
-    last: FloatArray | None = None
-    for one in range(side.count if side.around is not None else side.count - 1):
-        other = (one + 1) % side.count
-        row = np.array([*side.places[one], *side.places[other], min(spacing[one], spacing[other])])
-        if not np.isfinite(spacing[[one, other]]).all():
-            continue
-        if last is not None and _continues(last, row):
-            last[2:4] = row[2:4]
-            continue
-        if last is not None:
-            yield last
-        last = row
-    if last is not None:
-        yield last
-
-
-def _continues(last: FloatArray, row: FloatArray) -> bool:
-    """Whether a segment continues another one in its direction with equal spacing."""
-    before, way = last[2:4] - last[:2], row[2:4] - row[:2]
-    bend = before[0] * way[1] - before[1] * way[0]
-    straight = abs(bend) <= STRAIGHT * float(np.hypot(*before) * np.hypot(*way))
-    return straight and np.array_equal(last[2:4], row[:2]) and bool(last[4] == row[4])
+def _segments(side: ContactSide, spacing: FloatArray) -> FloatArray:
+    """Rows (k, 5) of the segments between nodes with finite ``spacing`` (c,): ends and the finer spacing."""
+    one = np.arange(side.count if side.around is not None else side.count - 1)
+    other = (one + 1) % side.count
+    finer = np.minimum(spacing[one], spacing[other])
+    rows = np.column_stack([side.places[one], side.places[other], finer])
+    return rows[np.isfinite(spacing[one]) & np.isfinite(spacing[other])]
 
 
 def contact_errors(known: Refinement, touched: Touched) -> dict[str, float]:

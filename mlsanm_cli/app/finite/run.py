@@ -30,7 +30,7 @@ from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, is_auto
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import FiniteState, interrupted_run
 from mlsanm_cli.app.finite.verdict import ELLIPTICITY_WARNING
-from mlsanm_cli.app.output.summary import Ending, head, probe_figures
+from mlsanm_cli.app.output.summary import Ending, head, probe_figures, tail
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -42,7 +42,6 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_reader import RunOrigin
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
-from mlsanm_cli.system import peak_memory_mb
 
 
 def run_finite(
@@ -152,7 +151,7 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder, errors: Mapping[str
         recorder.warn(text)
     for name, error in errors.get("contacts", {}).items():
         if error > ESTIMATE_WARNING:
-            sides = next(one for one in scene.contacts if one.name == name).sides
+            sides = next(one for one in scene.contacts.pairs if one.name == name).sides
             size = f"the force is estimated to be off by {100.0 * error:.2g} %"
             hint = finer_nodes(scene.case, [side.body for side in sides])
             recorder.warn(f"contact {name}: {size}; {hint}")
@@ -220,19 +219,12 @@ def _summary(
         "error_estimate": ESTIMATE_WARNING,
         "estimates": {
             "energy": ESTIMATE_WARNING,
-            "contacts": dict.fromkeys((one.name for one in scene.contacts), ESTIMATE_WARNING),
+            "contacts": dict.fromkeys((one.name for one in scene.contacts.pairs), ESTIMATE_WARNING),
         },
     }
     if "stability" in summary:
         limits["stability"] = CONTACT_LIMIT
-    return summary | {
-        "quality": quality.figures,
-        "limits": limits,
-        "seconds": clock.seconds,
-        "wall_seconds": clock.wall_seconds,
-        "peak_memory_mb": peak_memory_mb(),
-        "warnings": recorder.warnings,
-    }
+    return summary | tail(recorder, quality, limits, clock)
 
 
 MIN_CONTACT_NODES, MIN_FREE_NODES = 4, 6
@@ -246,11 +238,8 @@ RESOLVED_NODES = 20
 
 def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
     """Warnings of contacts with too few nodes, or that may touch between nodes."""
-    first = 0
-    for contact in scene.contacts:
-        side, here = contact.slave, slice(first, first + contact.slave.count)
-        first = here.stop
-        name = f"{side.body}.{side.members[0][0].partition('/')[0]}"
+    for contact, here, _ in scene.contacts.each:
+        side = contact.slave
         closed, gap = pressed.sets.closed[here], pressed.gap[here]
         near = int(np.argmin(gap))
         spacing = float(side.weight[near])
@@ -260,14 +249,14 @@ def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
         if not closed.any():
             if between_nodes(side, pressed, here):
                 yield (
-                    f"contact {contact.name}: no node of {name} is in contact, but {name} may touch between "
+                    f"contact {contact.name}: no node of {side.name} is in contact, but it may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
         elif not at_corners and (closed.sum() < MIN_CONTACT_NODES or _few_to_free_ends(side, closed)):
             lean = _lean(side, closed, pressed.normal[here])
             leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
             yield (
-                f"contact {contact.name}: too few nodes of {name} in contact for accurate pressures "
+                f"contact {contact.name}: too few nodes of {side.name} in contact for accurate pressures "
                 f"({closed.sum()}, {spacing:.3g} apart){leans}: use finer nodes there{coarser}"
             )
         elif isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
@@ -305,10 +294,9 @@ def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterato
         free = beside[~closed[beside - 1] | ~closed[(beside + 1) % slave.count]]
         if len(free):
             x, y = master.places[number]
-            one, other = (side.members[0][0].partition("/")[0] for side in (slave, master))
             yield (
-                f"contact {contact.name}: the end of {master.body}.{other} at ({x:.6g}, {y:.6g}) presses "
-                f"between nodes of {slave.body}.{one}, {slave.weight[free[0]]:.3g} apart: the position of "
+                f"contact {contact.name}: the end of {master.name} at ({x:.6g}, {y:.6g}) presses "
+                f"between nodes of {slave.name}, {slave.weight[free[0]]:.3g} apart: the position of "
                 f"its force is uncertain by half of that; use finer nodes there"
             )
 

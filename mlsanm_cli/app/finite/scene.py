@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.app.finite.free_motions import driving, free_motions_of, pins_of, plated
+from mlsanm_cli.app.finite.free_motions import plated, unknown_motions
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
@@ -18,20 +18,17 @@ from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place,
 from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide, with_more, with_sides
-from mlsanm_cli.contact.finite.update import AnyContact
-from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.finite.update import AnyContact, Contacts
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, Warming
-from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, Weights
-from mlsanm_cli.mechanics.heat import Field
+from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.solve.condensed_scene import stage_factors
@@ -48,8 +45,8 @@ equations were renewed, and stopped at 0.46 to 0.9 of the path."""
 @dataclass(frozen=True)
 class FiniteScene:
     """``bodies`` by name with their loads, whose factors at the ends of stages are ``stages`` (T + 1, L).
-    Further loads of the bodies are the motions (d,) of ``loose`` bodies, ``driven`` obstacles and
-    ``plates``, then unit tractions x, y at the nodes of their sides in ``contacts``.
+    Further loads of the bodies are the unknown motions (d,) of ``contacts``, then unit tractions x, y at the
+    nodes of their sides.
 
     ``supports`` names bodies and surfaces of every support and of every load that prescribes displacements.
     """
@@ -60,21 +57,12 @@ class FiniteScene:
     supports: Mapping[str, tuple[tuple[str, str], ...]]
     probes: tuple[Probe, ...]
     solver: LinearSolver
-    contacts: tuple[AnyContact, ...] = ()
-    loose: tuple[LooseMotions, ...] = ()
-    driven: tuple[DrivenObstacle, ...] = ()
-    plates: tuple[Plate, ...] = ()
-
-    @property
-    def free(self) -> int:
-        """Number d of unknown rigid motions: load factors after those of the case."""
-        plates = sum(len(one.components) for one in self.plates)
-        return sum(one.count for one in self.loose) + len(self.driven) + plates
+    contacts: Contacts
 
     @property
     def in_increments(self) -> bool:
         """Whether the path is followed by increments: several bodies, contacts or unknown motions."""
-        return bool(self.contacts or self.free) or len(self.bodies) > 1
+        return bool(self.contacts.pairs or self.contacts.free) or len(self.bodies) > 1
 
     @property
     def by_series(self) -> bool:
@@ -102,39 +90,29 @@ class FiniteScene:
         ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
 
-    def shown(self, displacement: FloatArray, surface: FloatArray) -> FloatArray:
-        """Displacements (2N,) of all bodies with those of the ``surface`` (2s,) at the nodes of sides in
-        contact: clouds by themselves represent tractions that alternate from node to node wrongly."""
-        found, first = displacement.copy(), 0
-        own = self.parts(found)
-        for side in (one for contact in self.contacts for one in contact.sides):
-            last = first + 2 * side.count
-            own[side.body].reshape(-1, 2)[side.nodes] = surface[first:last].reshape(-1, 2)
-            first = last
-        return found
-
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
         """Factors of all loads by body: ``factors`` (L + d,) of the case and of the free motions, then the
         body's part of the ``traction`` (2s,) at the nodes of all sides in contact."""
-        found, first = {name: [factors] for name in self.bodies}, 0
-        for contact in self.contacts:
-            for side in contact.sides:
-                found[side.body].append(traction[first : first + 2 * side.count])
-                first += 2 * side.count
+        found = {name: [factors] for name in self.bodies}
+        for side, here in self.contacts.sides:
+            found[side.body].append(traction[here])
         return {name: np.concatenate(some) for name, some in found.items()}
 
     @cached_property
-    def weights(self) -> Mapping[str, Weights]:
-        """Weights of the equations of the bodies, constant over the path."""
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Weights (r,) of the equations of the bodies, constant over the path."""
         found = {}
         for name, body in self.bodies.items():
-            sides = [side for contact in self.contacts for side in contact.sides if side.body == name]
-            rows = [side.corner_rows(body.elastic) for side in sides]
-            found[name] = Weights.of(body, np.concatenate([NO_ROWS, *rows]))
+            left_out = [NO_ROWS]
+            for side in (one for one, _ in self.contacts.sides if one.body == name):
+                # The other side of a corner has another traction, and no finite stress matches both.
+                ends = zip((0, side.count - 1), side.wedges, strict=True)
+                corners = [end for end, wedge in ends if wedge is not None]
+                left_out.append(side.traction_rows(body.elastic, corners))
+            found[name] = weights_of(body, np.concatenate(left_out))
             for side in self.upright.get(name, ()):
-                number = np.arange(side.count)
-                ends = number[np.minimum(number, side.count - 1 - number) < END_NODES]
-                found[name].nodes[side.traction_rows(body.elastic, ends)] *= END_WEIGHT
+                near = [*range(END_NODES), *range(side.count - END_NODES, side.count)]
+                found[name][side.traction_rows(body.elastic, near)] *= END_WEIGHT
         return found
 
     @cached_property
@@ -142,8 +120,8 @@ class FiniteScene:
         """Sides, by body, that initially touch an obstacle with friction up to both corners; only of bodies
         that are not loose."""
         found: dict[str, list[ContactSide]] = {}
-        loose = {one.body for one in self.loose if one.count}
-        for contact in self.contacts:
+        loose = {one.body for one in self.contacts.loose if one.count}
+        for contact in self.contacts.pairs:
             side = contact.slave
             if not isinstance(contact, RigidContact) or not contact.friction or side.body in loose:
                 continue
@@ -155,9 +133,9 @@ class FiniteScene:
     def projector(
         self, name: str, displacement: FloatArray, factors: FloatArray, keeps: bool = False
     ) -> Projector:
-        """A body's equations by the rows of a state of it, its pins turned as it is there. If they are told
-        so, and always for bodies that friction holds up to corners, they keep what their rows are left with
-        there, so that no new equations move the body."""
+        """A body's equations by the rows of a state, its pins rotated with it. With ``keeps``, and always for
+        bodies that friction holds up to corners, the equations keep the residual of that state, so that new
+        equations do not move the body."""
         body = self.bodies[name]
         if body.pins:
             body = replace(body, angle=body.turn(displacement))
@@ -168,36 +146,36 @@ class FiniteScene:
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Assemble a checked scene at finite strain."""
     solver = case.solver.linear
-    loose, driven, plates = free_motions_of(case, prepared)
-    free = sum(one.count for one in loose) + len(driven) + sum(len(one.components) for one in plates)
-    contacts = tuple(_contact(case, prepared, one, free) for one in prepared.pairings)
-    contacts = tuple(driving(one, number, driven, len(case.moved)) for number, one in enumerate(contacts))
-    bodies, first = {}, len(case.moved)
+    contacts = unknown_motions(case, prepared)
+    pairs = tuple(_contact(case, prepared, number, contacts) for number in range(len(prepared.pairings)))
+    contacts, loose = replace(contacts, pairs=pairs), {one.body: one for one in contacts.loose}
+    bodies = {}
     for name, model in prepared.models.items():
-        pinned, moves = pins_of(prepared, name, loose)
-        loose = tuple(replace(one, moves=moves) if one.body == name else one for one in loose)
+        own = loose.get(name)
+        pinned = own.pins if own is not None else ()
         held_nodes = (*prepared.held_nodes[name], *pinned)
         # Pins rotate with bodies that may rotate; those of others prevent the rotation.
-        turning = len(pinned) if moves.shape[0] == moves.shape[1] else 0
+        turning = len(pinned) if own is not None and len(pinned) == own.count else 0
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
-        sides = [side for contact in contacts for side in contact.sides if side.body == name]
-        loads = plated(name, elastic, plates, with_more(_loads(case, prepared, name, elastic), free))
-        if moves.shape[1]:
+        sides = [side for side, _ in contacts.sides if side.body == name]
+        loads = with_more(_loads(case, prepared, name, elastic), contacts.free)
+        loads = plated(name, elastic, contacts.plates, loads)
+        if own is not None:
             # The rows of the pins are the last ones of single nodes.
             last = elastic.rows - 3 * elastic.pieces.count
-            loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
-            first += moves.shape[1]
+            rows = np.arange(last - len(pinned), last)
+            loads.sources[np.ix_(rows, len(case.moved) + own.numbers)] = own.moves
         law, loads = law_of(case, name), with_sides(loads, elastic, sides)
         bodies[name] = FiniteBody(elastic, law, loads, turning)
     supports = _supports(case, prepared.boundaries)
-    args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
-    return FiniteScene(case, bodies, *args, plates)
+    return FiniteScene(case, bodies, stage_factors(case), supports, prepared.probes, solver, contacts)
 
 
-def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> AnyContact:
-    """Contact of a side with that of another body or a rigid obstacle; ``free`` is the number of free
+def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -> AnyContact:
+    """Contact ``number``, of a side with that of another body or a rigid obstacle, with its unknown
     motions."""
+    pairing = prepared.pairings[number]
     found = next(one for one in case.contact if one.name == pairing.name)
     slave = _side(prepared, pairing.slave_body, pairing.slave)
     if pairing.master is not None:
@@ -206,10 +184,13 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
         return BodyContact(pairing.name, slave, master, pairing.friction, pairing.exchanged)
     assert found.obstacle is not None
     count = len(case.moved)
-    motion, rotation, pivot = np.zeros((2, count + free)), np.zeros(count + free), (0.0, 0.0)
-    for number, load in enumerate(case.load):
+    motion, pivot = np.zeros((2, count + motions.free)), (0.0, 0.0)
+    rotation = np.zeros(motion.shape[1])
+    for place, load in enumerate(case.load):
         if isinstance(load, ObstacleMotion) and load.obstacle == pairing.name and load.rotation:
-            rotation[number], pivot = load.rotation, pivot_of(found.obstacle, load) or pivot
+            rotation[place], pivot = load.rotation, pivot_of(found.obstacle, load) or pivot
+    for driven in (one for one in motions.driven if one.contact == number):
+        motion[driven.component, count + driven.number] = 1.0
     for constraint in prepared.rigid_constraints:
         if isinstance(constraint, mechanics.Obstacle) and constraint.contact == pairing.name:
             for one in constraint.motions:
@@ -274,32 +255,16 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
         if load.between is not None:
             shape = (*load.between.shape, count)
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
-    force = _force(prepared, name, len(body.model.cloud.points), count)
+    acting = [one for one in prepared.acting.body_forces if one.body == name]
+    force = np.zeros((len(body.model.cloud.points), 2, count)) if acting else None
     if force is not None:
+        for one in acting:
+            force[:, :, one.number] += one.values
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
-    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming_of(case, prepared, name))
-
-
-def warming_of(case: Case, prepared: SceneModel, name: str) -> tuple[Warming, ...]:
-    """Thermal strains of a body."""
     alpha = material_of(case, name).alpha
-    return tuple(
-        Warming(one.number, float(alpha) * one.values, partial(_expansion, float(alpha), one.field))
-        for one in prepared.acting.heatings
-        if one.body == name and isinstance(alpha, float)
+    warming = tuple(
+        Warming(heat.number, alpha * heat.values, alpha, heat.field)
+        for heat in prepared.acting.heatings
+        if heat.body == name and isinstance(alpha, float)
     )
-
-
-def _expansion(alpha: float, field: Field, points: FloatArray) -> FloatArray:
-    return np.asarray(alpha * field.at(points))
-
-
-def _force(prepared: SceneModel, name: str, nodes: int, count: int) -> FloatArray | None:
-    """Body force (n, 2, L) per volume, if there is any."""
-    own = [load for load in prepared.acting.body_forces if load.body == name]
-    if not own:
-        return None
-    force = np.zeros((nodes, 2, count))
-    for load in own:
-        force[:, :, load.number] += load.values
-    return force
+    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming)

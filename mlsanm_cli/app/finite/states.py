@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.output.checkpoint import as_text, flattened, restored, unreadable
+from mlsanm_cli.app.output.checkpoint import Interrupted, as_text, flattened, restored, unreadable
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.sets import NodeSets
@@ -43,8 +43,14 @@ class FiniteState:
         return np.inf if self.pressed is None else self.pressed.stability
 
     def shown(self, scene: FiniteScene) -> FloatArray:
-        """Displacements (2N,) for output."""
-        return scene.shown(self.displacement, self.pressed.surface) if self.pressed else self.displacement
+        """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the surfaces: clouds
+        by themselves represent tractions that alternate from node to node wrongly."""
+        found = self.displacement.copy()
+        if self.pressed is not None:
+            own = scene.parts(found)
+            for side, here in scene.contacts.sides:
+                own[side.body].reshape(-1, 2)[side.nodes] = self.pressed.surface[here].reshape(-1, 2)
+        return found
 
     @property
     def whole(self) -> FloatArray:
@@ -133,14 +139,10 @@ def renewals_of(steps: Sequence[FiniteStep]) -> tuple[FiniteState, ...]:
 
 
 @dataclass(frozen=True)
-class InterruptedFiniteRun:
-    """Run of an earlier process: the number of rows of its path, its seconds, the ``checkpoint`` (None
-    if the path had not begun) and the accumulated ``figures``."""
+class InterruptedFiniteRun(Interrupted):
+    """The data of an interrupted run, with its ``checkpoint``, None if the path had not begun."""
 
-    rows: int
-    seconds: float
     checkpoint: FiniteCheckpoint | None
-    figures: Mapping[str, Any]
 
 
 def plain_checkpoint(checkpoint: FiniteCheckpoint, figures: Mapping[str, Any]) -> dict[str, Value]:
@@ -152,10 +154,10 @@ def interrupted_run(origin: RunOrigin) -> InterruptedFiniteRun:
     """Read the checkpoint of a run. RunError if it is damaged or of another version."""
     stored = origin.checkpoint
     if not origin.rows:
-        return InterruptedFiniteRun(0, origin.seconds, None, {})
+        return InterruptedFiniteRun(0, origin.seconds, {}, None)
     try:
         figures = json.loads(stored["figures"])
-        return InterruptedFiniteRun(origin.rows, origin.seconds, _checkpoint(stored["path"]), figures)
+        return InterruptedFiniteRun(origin.rows, origin.seconds, figures, _checkpoint(stored["path"]))
     except (KeyError, TypeError, ValueError) as error:
         raise unreadable(error) from error
 

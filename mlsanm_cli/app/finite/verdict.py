@@ -30,30 +30,29 @@ def check_deformation(
     """NumericalError, with body and node, if det F <= 0 or the law has lost ellipticity in a state of load
     ``factors`` (L,) and ``displacement`` (2N,) of all bodies."""
     for name, own in scene.parts(displacement).items():
-        _check_body(scene, name, position, factors, own)
+        (volume, place), body = _least_volume(scene, name, own), scene.bodies[name]
+        if not volume > 0.0:
+            raise NumericalError(
+                f"{place}: the deformation is not invertible at position {position:.6g} "
+                f"(det F = {volume:.3g})",
+                "use smaller loads, or finer nodes there",
+            )
+        waves = body.ellipticity(own, factors)
+        node = int(np.argmin(waves))
+        if waves[node] <= 0.0:
+            place, kind = place_of(scene, name, node), body.law.kind
+            raise NumericalError(
+                f"{place}: {kind} has lost ellipticity at position {position:.6g} (acoustic tensor "
+                f"{waves[node]:.3g} of the shear modulus): the state is not unique",
+                _LAWS,
+            )
 
 
-def _check_body(
-    scene: FiniteScene, name: str, position: float, factors: FloatArray, displacement: FloatArray
-) -> None:
-    body = scene.bodies[name]
-    gradient = body.gradient(displacement)
-    volume = 1.0 + determinant(gradient)
+def _least_volume(scene: FiniteScene, name: str, displacement: FloatArray) -> tuple[float, str]:
+    """Smallest det F at the nodes of a body, and its place."""
+    volume = 1.0 + determinant(scene.bodies[name].gradient(displacement))
     node = int(np.argmin(volume))
-    if not volume[node] > 0.0:
-        raise NumericalError(
-            f"{place_of(scene, name, node)}: the deformation is not invertible at position {position:.6g} "
-            f"(det F = {volume[node]:.3g})",
-            "use smaller loads, or finer nodes there",
-        )
-    waves = body.ellipticity(displacement, factors)
-    node = int(np.argmin(waves))
-    if waves[node] <= 0.0:
-        raise NumericalError(
-            f"{place_of(scene, name, node)}: {body.law.kind} has lost ellipticity at position {position:.6g} "
-            f"(acoustic tensor {waves[node]:.3g} of the shear modulus): the state is not unique",
-            _LAWS,
-        )
+    return float(volume[node]), place_of(scene, name, node)
 
 
 def path_failure(
@@ -61,17 +60,18 @@ def path_failure(
 ) -> NumericalError:
     """Error of a path of one body that cannot be continued from its last state."""
     name, body = scene.alone
-    gradient = body.gradient(displacement)
-    volume = 1.0 + determinant(gradient)
     waves = body.ellipticity(displacement, factors)
-    node, soft = int(np.argmin(volume)), int(np.argmin(waves))
+    soft = int(np.argmin(waves))
     where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
     if waves[soft] < ELLIPTICITY_WARNING:
         place = place_of(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)
-    least = f"the smallest det F is {volume[node]:.3g}, at {place_of(scene, name, node)}"
-    return NumericalError(f"{where}; {least}", "use smaller loads, finer nodes, or raise solver.tolerance")
+    volume, place = _least_volume(scene, name, displacement)
+    return NumericalError(
+        f"{where}; the smallest det F is {volume:.3g}, at {place}",
+        "use smaller loads, finer nodes, or raise solver.tolerance",
+    )
 
 
 def place_of(scene: FiniteScene, name: str, node: int) -> str:
@@ -143,7 +143,7 @@ def _obstacles(
     scene: FiniteScene, bodies: dict[str, _Body], factors: FloatArray
 ) -> Iterator[tuple[float, tuple[float, float], str, str]]:
     """The same for rigid obstacles and the surfaces that have no contact with one."""
-    rigid = [one for one in scene.contacts if isinstance(one, RigidContact)]
+    rigid = [one for one in scene.contacts.pairs if isinstance(one, RigidContact)]
     taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.members}
     for contact in rigid:
         body = bodies[contact.slave.body]

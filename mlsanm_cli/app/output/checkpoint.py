@@ -22,16 +22,21 @@ Record = TypeVar("Record")
 
 
 @dataclass(frozen=True)
-class InterruptedRun:
-    """The data of an interrupted run: the rows of its path and the seconds they took; if there are any, the
-    state of the ``last`` row, the checkpoint from which the path continues, and the ``figures`` counted so
-    far; the refinement of its clouds, if that was complete."""
+class Interrupted:
+    """An interrupted run: the rows of its path, the seconds they took, and the ``figures`` counted so far."""
 
     rows: int
     seconds: float
+    figures: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class InterruptedRun(Interrupted):
+    """The data of an interrupted run; if there are rows, the state of the ``last`` one and the checkpoint
+    from which the path continues; the refinement of its clouds, if that was complete."""
+
     last: State | None
     checkpoint: Checkpoint | None
-    figures: Mapping[str, Any]
     refinement: Refinement | None
 
 

@@ -16,10 +16,11 @@ from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, Pla
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.functionals import platen_displacements, slave_arc, slave_points
+from mlsanm_cli.solve.functionals import platen_displacements, slave_arc
 from mlsanm_cli.solve.state import State
 from mlsanm_cli.startup import cKDTree
 
@@ -73,22 +74,26 @@ def _contact(
 ) -> VtuPart:
     record = recording.contact_record(built, pairing, state)
     chosen = pairing.candidate
-    points = slave_points(built, pairing)
+    points = pairing.points[pairing.candidate]
     normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
+    data = contact_data(record, slave_arc(pairing), pairing.name in built.condensed.tangential)
+    load = record.pressure[:, None] * normal + record.traction[:, None] * tangent
+    moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
+    data |= {"displacement": moved, "normal": normal, "contact_stress": load}
+    return VtuPart(points, _neighbours(pairing), data)
+
+
+def contact_data(record: ContactRecord, arc: FloatArray, friction: bool) -> dict[str, NDArray[Any]]:
+    """The values of a ``record`` at the nodes of a contact at ``arc`` lengths (c,)."""
     data: dict[str, NDArray[Any]] = {
         "pressure": record.pressure,
         "traction": record.traction,
         "gap": record.gap,
         "status": record.status.astype(np.int32),
-        "arc_length": slave_arc(pairing),
+        "arc_length": arc,
     }
-    if pairing.name in built.condensed.tangential:
-        # Without friction the slip is not computed; viewers cannot show nan.
-        data["slip"] = record.slip
-    load = record.pressure[:, None] * normal + record.traction[:, None] * tangent
-    moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
-    data |= {"displacement": moved, "normal": normal, "contact_stress": load}
-    return VtuPart(points, _neighbours(pairing), data)
+    # Without friction the slip is not computed; viewers cannot show nan.
+    return data | {"slip": record.slip} if friction else data
 
 
 def _neighbours(pairing: Pairing) -> IntArray:
@@ -161,7 +166,7 @@ def large_slides(
         closed = recording.contact_record(built, pairing, state).pressure > 0.0
         if not closed.any():
             continue
-        own = _at(slave_points(built, pairing)[closed], pairing.slave_body, clouds, displacements)
+        own = _at(pairing.points[pairing.candidate][closed], pairing.slave_body, clouds, displacements)
         if pairing.master_body is None:
             other = np.tile(obstacle_shift(built.case, pairing.name, moved), (len(own), 1))
         else:

@@ -32,7 +32,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.summary import write_csv
-from mlsanm_cli.io.vtu import LinesWriter, write_parts
+from mlsanm_cli.io.vtu import write_parts
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, fields_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
@@ -58,14 +58,10 @@ class Recorder(RunWriter):
         *,
         earlier: InterruptedRun | None = None,
     ) -> None:
-        super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
+        super().__init__(directory, loaded, attributes, context, earlier)
         self._case = loaded.case
-        self._lines = LinesWriter(directory)
-        # /path/seconds continue.
-        self._started -= earlier.seconds if earlier else 0.0
         self._earlier = earlier
         self._pace: tuple[float, float] | None = None
-        self._rows = self._saved = 0
         self._reported: list[str] = []
         self.last: State | None = None
         self.linear_residual: float | None = None
@@ -87,7 +83,8 @@ class Recorder(RunWriter):
 
     def start(self, adapted: Adapted) -> Checkpoint | None:
         """Stores the model; returns the checkpoint from which the path continues, None for a new path."""
-        built, self._starts = adapted.built, adapted.accuracy.solutions
+        built, bodies = adapted.built, adapted.accuracy.bodies
+        self._starts = {name: one.solution for name, one in bodies.items()}
         with self._clock.phase("output"):
             self._views = Views.of(built, self._memo)
             self._file.confirm(recording.model_datasets(built, self._views.clouds))
@@ -109,11 +106,7 @@ class Recorder(RunWriter):
         self.polished = [Polish(**one) for one in before.figures["polished"]]
         self._reported += before.figures["told"]
         self.warnings += self._reported
-        positions = self._file.saved_positions()
-        self._saved = len(positions)
-        for position in positions if self._case.output.vtu else ():
-            self._states.keep(position, tuple(built.scene.bodies))
-            self._lines.keep(position)
+        self.keep_states(built.scene.bodies, self._case.output.vtu)
         return before.checkpoint
 
     def step(self, built: CondensedScene, step: PathStep) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from mlsanm_cli.app.output.writer import body_datasets
+from mlsanm_cli.app.output.writer import body_datasets, contact_datasets
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
@@ -38,7 +38,7 @@ from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc, slave_points
+from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc
 from mlsanm_cli.solve.state import State
 
 PER_HALF_WIDTH = 12.0
@@ -130,13 +130,9 @@ def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[s
     for name, cloud in clouds.items():
         found |= body_datasets(name, cloud, built.scene.bodies[name].model.settings.degree)
     for pairing in built.condensed.reported:
-        geometry = {
-            "points": slave_points(built, pairing),
-            "normal": pairing.normal[pairing.candidate],
-            "arc_length": slave_arc(pairing),
-            "weight": pairing.weight[pairing.candidate],
-        }
-        found |= {place("contacts", pairing.name, key): array for key, array in geometry.items()}
+        normal, weight = pairing.normal[pairing.candidate], pairing.weight[pairing.candidate]
+        points, arc = pairing.points[pairing.candidate], slave_arc(pairing)
+        found |= contact_datasets(pairing.name, points, normal, arc, weight)
     bonds = built.condensed.bonds
     for name, own in bonds.spans.items() if bonds.pairings else ():
         pair = (bonds.pressure.take(own), bonds.traction.take(own))
@@ -212,7 +208,7 @@ def step_row(built: CondensedScene, state: State, path: Mapping[str, float]) -> 
 def interface_columns(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
     """Columns of a contact's CSV."""
     record = contact_record(built, pairing, state)
-    points = slave_points(built, pairing)
+    points = pairing.points[pairing.candidate]
     return {
         "x": points[:, 0],
         "y": points[:, 1],
@@ -283,7 +279,7 @@ def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stre
     return Fields(*shown, fields.rest, stressed)
 
 
-def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, Value]:
+def stored_fields(number: int, fields: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Value]:
     """The requested fields of the saved state with this number, as datasets."""
     return {
         place("fields", str(number), body, name): np.ascontiguousarray(getattr(values, name))

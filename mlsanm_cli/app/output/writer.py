@@ -15,6 +15,8 @@ import numpy as np
 
 from mlsanm_cli import __version__
 from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.output.checkpoint import Interrupted
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.cloud.cloud import Cloud
@@ -24,7 +26,7 @@ from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import RunFile, Value
 from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
-from mlsanm_cli.io.vtu import StateWriter
+from mlsanm_cli.io.vtu import LinesWriter, StateWriter
 from mlsanm_cli.system import host
 
 
@@ -52,9 +54,10 @@ class RunWriter(Closing):
         loaded: LoadedCase,
         attributes: Mapping[str, str | int | float],
         context: RunContext,
-        rows: int | None = None,
+        earlier: Interrupted | None = None,
     ) -> None:
-        """Creates the files, or opens those of a run with this number of ``rows``. Raises RunError."""
+        """Creates the files, or opens those of an ``earlier`` run, to continue it. Raises RunError."""
+        rows = earlier.rows if earlier else None
         self.directory = directory
         self._clock, self._console, self._memo = context.clock, context.console, context.memo
         file = directory / run_dir.RUN_FILE
@@ -76,8 +79,10 @@ class RunWriter(Closing):
             except BaseException:
                 self._file.close()
                 raise
-        self._states = StateWriter(directory)
-        self._started = time.monotonic()
+        self._states, self._lines = StateWriter(directory), LinesWriter(directory)
+        # /path/seconds continue.
+        self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
+        self._rows = self._saved = 0
         self.warnings: list[str] = []
         self.iterations = self.factorizations = self.solves = 0
         self.residual = 0.0
@@ -96,6 +101,14 @@ class RunWriter(Closing):
         self.factorizations += step.factorizations
         self.solves += step.solves
         self.residual = max(self.residual, *residuals)
+
+    def keep_states(self, bodies: Iterable[str], vtu: bool) -> None:
+        """Keeps what an interrupted run has saved of ``bodies``."""
+        positions = self._file.saved_positions()
+        self._saved = len(positions)
+        for position in positions if vtu else ():
+            self._states.keep(position, tuple(bodies))
+            self._lines.keep(position)
 
     def path_figures(self, step: StepCounts, position: float, residual: float) -> dict[str, float]:
         """The common columns of the path at the end of a step."""
@@ -138,6 +151,14 @@ def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
         place(*boundary, "normal"): normal,
         place(*boundary, "name"): list(names),
     }
+
+
+def contact_datasets(
+    name: str, points: FloatArray, normal: FloatArray, arc: FloatArray, weight: FloatArray
+) -> dict[str, Value]:
+    """The datasets of a contact before loading: its nodes, their normals, arc lengths and lengths."""
+    geometry = {"points": points, "normal": normal, "arc_length": arc, "weight": weight}
+    return {place("contacts", name, key): array for key, array in geometry.items()}
 
 
 PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")

@@ -164,13 +164,13 @@ def seen_at(
     saved = [displacement_at(run, level, body) for level in levels]
     stencils = _stencils_at(run, case, body, points)
     if run.is_finite:
-        from mlsanm_cli.app.finite.fields import fields_by
+        from mlsanm_cli.app.finite.fields import FiniteFields
         from mlsanm_cli.app.finite.scene import law_of, material_of
 
         law, alpha = law_of(case, body), material_of(case, body).alpha
         for level, (displacement, how) in zip(levels, saved, strict=True):
             warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
-            seen = fields_by(law, stencils.derivatives(displacement), warm)
+            seen = FiniteFields.of(law, stencils.derivatives(displacement), warm)
             yield np.column_stack([seen.displacement, seen.stress, seen.von_mises]), how
         return
     nodal = partial(_stencils_at, run, case, body, run.bodies[body].points)

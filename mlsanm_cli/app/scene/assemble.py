@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -28,10 +28,9 @@ from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
-from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body import ElasticBody, Timed
 from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
-from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
 from mlsanm_cli.mechanics.springs import gripped, restraining
@@ -234,12 +233,12 @@ def assemble_bodies(
         if translated is not None:
             bodies[name] = with_shared_factors(translated, model)
             continue
-        body = memo.value(
+        bodies[name] = memo.value(
             "body",
             digest(model.content, *conditions[name], solver),
             partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
         )
-        bodies[name] = replace(body, timed=timed)
+        bodies[name].equations.timed = timed
     places = {s.place.label: s.place for s in case.support if s.place is not None}
     supports = {
         label: tuple((place.body, name) for name in prepared.boundaries.names(place))
@@ -249,23 +248,9 @@ def assemble_bodies(
         bodies=bodies,
         loads=case.moved,
         surface_loads=prepared.acting.surface_loads,
-        platens=tuple(
-            constraint
-            for constraint in prepared.rigid_constraints
-            if isinstance(constraint, mechanics.Platen)
-        ),
+        rigid_constraints=prepared.rigid_constraints,
         supports=supports,
         held_nodes={name: components(nodes) for name, nodes in prepared.held_nodes.items()},
-        obstacles=tuple(
-            constraint
-            for constraint in prepared.rigid_constraints
-            if isinstance(constraint, mechanics.Obstacle)
-        ),
-        floating=tuple(
-            constraint
-            for constraint in prepared.rigid_constraints
-            if isinstance(constraint, mechanics.FloatingBody)
-        ),
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
         probes=prepared.probes,

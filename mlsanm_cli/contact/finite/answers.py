@@ -23,6 +23,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.contact.finite.meeting import vectors_along
 from mlsanm_cli.contact.finite.near_field import exact_compliance
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.mechanics.finite.body import FiniteBody
@@ -57,7 +58,7 @@ class Answer:
         share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
         still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
         columns = load_columns(projector.body, still, none, slice(first, first + 2 * side.count))
-        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled_columns(columns))
+        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
         both = np.repeat(share, 2)
         fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
         own = fit @ moved[(2 * side.nodes[:, None] + np.arange(2)).ravel()]
@@ -86,21 +87,18 @@ class Closer:
     @classmethod
     def of(
         cls,
-        sides: Sequence[ContactSide],
+        sides: Sequence[tuple[ContactSide, slice]],
         answers: Sequence[Answer],
         displacement: FloatArray,
         traction: FloatArray,
     ) -> Closer:
-        """From the sides' corrections, the cloud's ``displacement`` (2s,) of their nodes and their
-        ``traction``."""
+        """From the sides and their ranges, their corrections, the cloud's ``displacement`` (2s,) of their
+        nodes, and their ``traction``."""
         fits = [one.fit for one in answers] or [np.zeros((0, 0))]
         smooth = sparse.csr_array(sparse.block_diag(fits, format="csr"))
         surface = smooth @ displacement
         by_traction, by_turning = (np.zeros((len(surface),) * 2) for _ in range(2))
-        first = 0
-        for side, answer in zip(sides, answers, strict=True):
-            here = slice(first, first + 2 * side.count)
-            first = here.stop
+        for (side, here), answer in zip(sides, answers, strict=True):
             turn, angles = side.turned(surface[here].reshape(-1, 2))
             whole = by_traction[here, here] = _turned(answer.missing, turn)
             own, pulled = (_across(one) for one in (whole @ traction[here], traction[here]))
@@ -145,10 +143,7 @@ def _turned(part: FloatArray, turn: ComplexArray) -> FloatArray:
 
 def _across(values: FloatArray) -> sparse.csr_array:
     """Derivative (2c, c) of vectors (2c,) by their rotation angles."""
-    x, y = values[::2], values[1::2]
-    lines, columns = np.arange(len(values)), np.repeat(np.arange(len(x)), 2)
-    entries = (np.stack([-y, x], axis=1).ravel(), (lines, columns))
-    return sparse.csr_array(entries, shape=(len(values), len(x)))
+    return vectors_along(np.stack([-values[1::2], values[::2]], axis=1))
 
 
 def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatArray:
@@ -166,25 +161,20 @@ def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatA
 def _fit(side: ContactSide) -> FloatArray:
     """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry."""
     count, number = side.count, np.arange(side.count)
-    arc, node, sign = side.arc, number, np.ones((count, 2))
+    copies = [(side.arc, number, np.ones(2))]
     if side.around is not None:
-        arc = np.concatenate([arc - side.around, arc, arc + side.around])
-        node, sign, first = np.tile(number, 3), np.ones((3 * count, 2)), count
-    else:
-        first = 0
-        for end, axis in enumerate(side.mirrors):
-            if axis is None:
-                continue
-            behind = number[1:][::-1] if end == 0 else number[:-1][::-1]
-            image = np.tile(1.0 - 2.0 * np.eye(2)[axis], (count - 1, 1))
-            other = 2.0 * side.arc[-end] - side.arc[behind]
-            one = slice(None, None, 1 - 2 * end)
-            arc = np.concatenate((other, arc)[one])
-            node, sign = np.concatenate((behind, node)[one]), np.concatenate((image, sign)[one])
-            first += (count - 1) * (end == 0)
+        copies += [(side.arc + turn, number, np.ones(2)) for turn in (-side.around, side.around)]
+    for end, axis in enumerate(side.mirrors):
+        if axis is not None:
+            behind = np.delete(number, -end)
+            copies.append((2.0 * side.arc[-end] - side.arc[behind], behind, 1.0 - 2.0 * np.eye(2)[axis]))
+    arc, node = (np.concatenate(one) for one in list(zip(*copies, strict=True))[:2])
+    sign = np.concatenate([np.tile(one, (len(nodes), 1)) for _, nodes, one in copies])
+    order = np.argsort(arc)
+    arc, node, sign, own = arc[order], node[order], sign[order], np.argsort(order)
     fit = np.zeros((count, 2, count, 2))
     for i in number:
-        here = first + int(i)
+        here = int(own[i])
         low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
         x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
         weight = np.exp(-((away / HALF_WINDOW) ** 2.0))

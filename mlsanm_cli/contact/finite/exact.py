@@ -21,7 +21,7 @@ from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.update import AnyContact, ContactSystem, Done, Used
+from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, Done, Used
 
 MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""
@@ -76,15 +76,12 @@ class ExactContact(ContactSystem):
     ) -> tuple[Meeting, ...]:
         """All contacts for displacements ``surface`` (2s,) of the sides; slips are relative to the places
         ``before`` (c,), zero without; ``closed`` (c,) is the earlier status."""
-        found, first, node = [], 0, 0
-        moved = surface.reshape(-1, 2)
-        for contact in self.contacts:
-            last = first + contact.slave.count
-            own = moved[node : node + sum(side.count for side in contact.sides)]
-            since = None if before is None else before[first:last]
-            found.append(contact.meet(own, factors, since, closed[first:last]))
-            first, node = last, node + len(own)
-        return tuple(found)
+        return tuple(
+            contact.meet(
+                surface[there].reshape(-1, 2), factors, None if before is None else before[here], closed[here]
+            )
+            for contact, here, there in self.contacts.each
+        )
 
     def solved(
         self,
@@ -103,14 +100,14 @@ class ExactContact(ContactSystem):
         used: Used | None = None
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
-            closer = Closer.of(self.sides, self.answers, u[self.numbers], traction)
+            closer = Closer.of(self.contacts.sides, self.answers, u[self.numbers], traction)
             surface = closer.moved(u[self.numbers], traction)
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
             close = used if updates[-1] <= REUSE_BELOW and not slow else None
-            done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
+            done = Iteration(self, factors, closer, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
             solves, used = solves + done.solves, done.used
             part = self._until_touch(met, done)
@@ -139,14 +136,12 @@ class ExactContact(ContactSystem):
     def _until_touch(self, met: Sequence[Meeting], done: Done) -> float:
         """Fraction of an update after which a body that nothing holds meets something: the full update would
         penetrate it, as hardly anything resists."""
-        if not self.free or done.sets.closed.any():
+        if not self.contacts.free or done.sets.closed.any():
             return 1.0
-        least, first = 1.0, 0
-        for place, (contact, one) in enumerate(zip(self.contacts, met, strict=True)):
-            last = first + 2 * sum(side.count for side in contact.sides)
-            moved = done.du[self.numbers[first:last]]
-            first = last
-            for driven in (some for some in self.driven if some.contact == place):
+        least = 1.0
+        for place, (one, (contact, _, there)) in enumerate(zip(met, self.contacts.each, strict=True)):
+            moved = done.du[self.numbers[there]]
+            for driven in (some for some in self.contacts.driven if some.contact == place):
                 moved[driven.component : 2 * contact.slave.count : 2] -= done.free[driven.number]
             falls = -(one.d_gap @ moved)
             near = one.facing & (falls > 0.0) & (one.gap > 0.0)
@@ -155,11 +150,7 @@ class ExactContact(ContactSystem):
         return least
 
     def _volume(self, u: FloatArray) -> float:
-        parts = [
-            one.body.least_volume(u[self.firsts[name] : self.firsts[name] + one.body.unknowns])
-            for name, one in self.projectors.items()
-        ]
-        return min(parts)
+        return min(one.body.least_volume(u[self.bodies[name]]) for name, one in self.projectors.items())
 
     def _state(
         self,
@@ -179,7 +170,7 @@ class ExactContact(ContactSystem):
             for name in ("gap", "place", "slip")
         )
         normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
-        traction = self.tractions(met, p, q)
+        traction = self.contacts.tractions(met, p, q)
         stable = done.stability(self, met)
         args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
         return Pressed(*args, *counts, stable)
@@ -192,13 +183,9 @@ def _stalls(updates: Sequence[float], last: float) -> bool:
     )
 
 
-def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:
-    """The undeformed state of bodies with ``unknowns`` unknowns and ``free`` motions."""
-    count = sum(one.slave.count for one in contacts)
-    sides = sum(side.count for one in contacts for side in one.sides)
-    none = np.zeros(count)
-    sets = NodeSets(np.zeros(count, dtype=np.int8), none)
-    still = np.zeros(unknowns)
-    zero = np.zeros(2 * sides)
-    args = (sets, zero, zero, np.zeros(free), 0.0, 0, 0, 0)
-    return Pressed(still, none, none, none, none, none, np.zeros((count, 2)), *args)
+def undeformed(unknowns: int, contacts: Contacts) -> Pressed:
+    """The undeformed state of bodies with ``unknowns`` unknowns."""
+    none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
+    sets = NodeSets(none.astype(np.int8), none)
+    args = (sets, zero, zero, np.zeros(contacts.free), 0.0, 0, 0, 0)
+    return Pressed(np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)), *args)

@@ -24,20 +24,27 @@ from mlsanm_cli.mechanics.rigid import ROTATION
 
 @dataclass(frozen=True)
 class LooseMotions:
-    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``). ``anchors`` are
-    the (node, component) pairs held by supports; ``moves`` (p, d) are the displacements of its pins per free
-    motion."""
+    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``), the unknowns from
+    ``number`` on. ``anchors`` are the (node, component) pairs held by supports, ``pins`` (p) those that hold
+    the body, ``moves`` (p, d) their displacements per free motion."""
 
     body: str
     components: tuple[int, ...]
+    number: int
     size: float
     anchors: tuple[tuple[int, int], ...]
+    pins: tuple[tuple[int, int], ...]
     moves: FloatArray
 
     @property
     def count(self) -> int:
         """Number of free motions (d)."""
         return len(self.components)
+
+    @property
+    def numbers(self) -> IntArray:
+        """Its unknowns (d,)."""
+        return self.number + np.arange(self.count)
 
     def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
         """Free motions (d,) for which the pins match the body's ``displacement`` (2N,)."""
@@ -60,14 +67,14 @@ class LooseMotions:
         turned = [-arm[1], arm[0], pieces.size / self.size * ones]
         every = [np.concatenate(row) for row in ([ones, none, none], [none, ones, none], turned)]
         rows = sparse.csr_array(np.array([every[component] for component in self.components]))
-        lack = series.rows(0)[-3 * count :].reshape(3, count)[:2] / self.size
+        imbalance = series.rows(0)[-3 * count :].reshape(3, count)[:2] / self.size
         moving = np.zeros((len(self.components), len(displacement)))
         if ROTATION in self.components:
-            own, pull = moving[self.components.index(ROTATION)], lack @ body.centers
+            own, pull = moving[self.components.index(ROTATION)], imbalance @ body.centers
             own[::2], own[1::2] = pull[1], -pull[0]
             for node, component in self.anchors:
                 sign = 1.0 if component == 0 else -1.0
-                own[2 * node + 1 - component] += sign * lack[component].sum()
+                own[2 * node + 1 - component] += sign * imbalance[component].sum()
         return rows, sparse.csr_array(moving)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sparse
@@ -32,13 +31,11 @@ factor of five only, and increments became eight times shorter."""
 
 @dataclass(frozen=True)
 class Iteration:
-    """Newton steps at load ``factors`` (L,), with slips relative to the places ``before`` (c,); derivatives
-    of the bodies ``used`` before are reused if given. ``left`` (r,) are the residuals of bodies, by name, if
-    they are not to be those of their equations."""
+    """Newton steps at load ``factors`` (L,); derivatives of the bodies ``used`` before are reused if given.
+    ``left`` (r,) are the residuals of bodies, by name, if they are not to be those of their equations."""
 
     pressing: ContactSystem
     factors: FloatArray
-    before: FloatArray | None
     closer: Closer
     used: Used | None = None
     left: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -55,12 +52,12 @@ class Iteration:
     ) -> Done:
         """One step from displacements (2N,), pressures and friction (c,), which correspond to the
         ``traction`` (2s,) of all sides up to rotations since."""
-        pressing = self.pressing
-        applied = pressing.tractions(met, p, q)
+        pressing, contacts = self.pressing, self.pressing.contacts
+        applied = contacts.tractions(met, p, q)
         jump = applied - traction
         factorised, z = {}, np.zeros(len(u))
         for name, projector in pressing.projectors.items():
-            here = self._here(name)
+            here = pressing.bodies[name]
             whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
             left = self.left[name] if self.left else projector.left(u[here], whole)
             if self.used is not None:
@@ -68,9 +65,8 @@ class Iteration:
             else:
                 factorised[name] = projector.factorised(u[here], whole)
             z[here] = -factorised[name].solve(projector.scaled(left))
-        free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
-        chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
-        if not len(chosen) and not pressing.free:
+        chosen, touched = self._chosen(z, p, met)
+        if not len(chosen) and not contacts.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
             sets = NodeSets(none.astype(np.int8), none)
             counts = (len(factorised), True, Used(factorised, touched, {}))
@@ -80,25 +76,17 @@ class Iteration:
         else:
             answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
         used = Used(factorised, touched, answers)
-        lack = self._balanced(u, applied, touched, answers, z)
-        return self._settled(p, q, sets, met, z, jump, chosen, used, lack, first)
+        imbalance = self._balanced(u, applied, touched, answers, z)
+        return self._settled(p, q, sets, met, z, jump, chosen, used, imbalance, first)
 
-    def _here(self, name: str) -> slice:
-        first = self.pressing.firsts[name]
-        return slice(first, first + self.pressing.projectors[name].body.unknowns)
-
-    def _numbers(self) -> list[IntArray]:
-        """Unknowns of every contact's sides among the displacements of all bodies."""
-        ends = np.cumsum([0, *(2 * sum(s.count for s in one.sides) for one in self.pressing.contacts)])
-        return [self.pressing.numbers[a:b] for a, b in pairwise(ends)]
-
-    def _chosen(self, free: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
-        """The nodes that may touch, and the tractions (t,) of all sides that these affect."""
-        chosen, touched, first, node = [], [], 0, 0
-        for contact, one in zip(self.pressing.contacts, met, strict=True):
-            here = slice(first, first + contact.slave.count)
-            reach = REACH_WITH_MOTIONS * self.pressing.length if self.pressing.free else 0.0
-            near = one.facing & ((free[here] <= reach) | (p[here] > 0.0))
+    def _chosen(self, z: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
+        """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
+        that these affect."""
+        chosen, touched = [], []
+        reach = REACH_WITH_MOTIONS * self.pressing.length if self.pressing.contacts.free else 0.0
+        for one, (contact, here, there) in zip(met, self.pressing.contacts.each, strict=True):
+            gap = one.gap + one.d_gap @ z[self.pressing.numbers[there]]
+            near = one.facing & ((gap <= reach) | (p[here] > 0.0))
             for _ in range(ADJACENT_NODES):
                 adjacent = near.copy()
                 adjacent[1:] |= near[:-1]
@@ -108,11 +96,10 @@ class Iteration:
                     adjacent[-1] |= near[0]
                 near = adjacent & one.facing
             own = np.flatnonzero(near)
-            chosen.append(first + own)
+            chosen.append(here.start + own)
             reached = np.unique(one.carried[:, own].tocoo().coords[0])
             nodes = np.concatenate([own, contact.slave.count + reached])
-            touched.append(2 * node + (2 * nodes[:, None] + np.arange(2)).ravel())
-            first, node = here.stop, node + sum(side.count for side in contact.sides)
+            touched.append(there.start + (2 * nodes[:, None] + np.arange(2)).ravel())
         return (
             np.concatenate([*chosen, np.zeros(0, dtype=np.int64)]),
             np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
@@ -124,24 +111,15 @@ class Iteration:
         place = np.searchsorted(pressing.columns[name], touched)
         place = np.minimum(place, max(len(pressing.columns[name]) - 1, 0))
         own = np.flatnonzero(np.isin(touched, pressing.columns[name]))
-        moves = self._moves(name)
-        known = len(self.factors) - pressing.free
+        moves, free = pressing.contacts.moving(name), pressing.contacts.free
+        known = len(self.factors) - free
         none = np.zeros(projector.body.loads.count - len(self.factors))
         whole = np.append(self.factors, none)
-        columns = load_columns(projector.body, u[self._here(name)], whole, slice(known, None))
-        some = sparse.csr_array(columns[:, np.concatenate([pressing.free + place[own], moves])])
-        found = -factorised.solve_unrefined(projector.scaled_columns(some))
+        columns = load_columns(projector.body, u[pressing.bodies[name]], whole, slice(known, None))
+        some = sparse.csr_array(columns[:, np.concatenate([free + place[own], moves])])
+        found = -factorised.solve_unrefined(projector.scaled(some.toarray()))
         pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
         return Responses(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
-
-    def _moves(self, name: str) -> IntArray:
-        """The free motions that move a body."""
-        first, found = 0, [np.zeros(0, dtype=np.int64)]
-        for one in self.pressing.loose:
-            found += [first + np.arange(one.count)] if one.body == name else []
-            first += one.count
-        found += [plate.numbers for plate in self.pressing.plates if name in plate.surfaces]
-        return np.concatenate(found)
 
     def _balanced(
         self,
@@ -153,55 +131,53 @@ class Iteration:
     ) -> Imbalance:
         """Force imbalance (d,) after the displacements ``z`` (2N,), and its derivatives by touched tractions
         and free motions."""
-        pressing = self.pressing
-        shape = (pressing.free, len(touched))
-        lack = Imbalance(np.zeros(pressing.free), np.zeros(shape), np.zeros((pressing.free,) * 2))
-        for one in (some for some in pressing.loose if some.count):
-            here, answer = self._here(one.body), answers[one.body]
+        pressing, contacts = self.pressing, self.pressing.contacts
+        free = contacts.free
+        imbalance = Imbalance(np.zeros(free), np.zeros((free, len(touched))), np.zeros((free, free)))
+        for one in (some for some in contacts.loose if some.count):
+            here, answer, rows = pressing.bodies[one.body], answers[one.body], one.numbers
             body = pressing.projectors[one.body].body
             whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
-            series = BodySeries(body, 0)
-            series.put(0, u[here], whole)
-            (sums, moving), rows = one.sums(body, series, u[here]), answer.moves[: one.count]
+            series = BodySeries.at(body, u[here], whole)
+            sums, moving = one.sums(body, series, u[here])
             moved = sums @ derivative_pieces(body, u[here], whole) + moving
-            lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
+            imbalance.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
             by_pieces = (sums @ answer.pieces).toarray()
-            lack.by_traction[np.ix_(rows, answer.own)] = (
+            imbalance.by_traction[np.ix_(rows, answer.own)] = (
                 by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
             )
-            lack.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
-            lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
-        for plate in (some for some in pressing.plates if some.components):
+            imbalance.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
+            imbalance.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
+        for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
-            lack.now[rows] -= plate.given(self.factors[:known])
+            imbalance.now[rows] -= plate.given(self.factors[:known])
             for name in plate.surfaces:
-                here, answer = self._here(name), answers[name]
+                here, answer = pressing.bodies[name], answers[name]
                 body = pressing.projectors[name].body
                 whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
                 pull, by_moving = plate.pulled(body, name, u[here], whole)
                 moved = plate.unknown(by_moving.toarray())
-                lack.now[rows] += plate.unknown(pull) + moved @ z[here]
-                lack.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
-                lack.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
-                lack.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
-                lack.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
-        for driven in pressing.driven:
-            number, contact = driven.number, pressing.contacts[driven.contact]
+                imbalance.now[rows] += plate.unknown(pull) + moved @ z[here]
+                imbalance.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
+                imbalance.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
+                imbalance.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
+                imbalance.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
+        for driven in contacts.driven:
+            number, contact = driven.number, contacts.pairs[driven.contact]
             weight = np.zeros(len(applied))
             weight[self._driven(driven)] = contact.slave.weight
             force = driven.force @ self.factors[: len(driven.force)]
-            lack.now[number] = weight @ applied - force
-            lack.by_traction[number] = weight[touched]
+            imbalance.now[number] = weight @ applied - force
+            imbalance.by_traction[number] = weight[touched]
             modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
-            lack.by_motion[number, number] = DAMPING * modulus
-        return lack
+            imbalance.by_motion[number, number] = DAMPING * modulus
+        return imbalance
 
     def _driven(self, driven: DrivenObstacle) -> IntArray:
         """The tractions of all sides that act on an obstacle along its motion."""
-        pressing = self.pressing
-        before = pressing.contacts[: driven.contact]
-        first = 2 * sum(side.count for contact in before for side in contact.sides)
-        return first + 2 * np.arange(pressing.contacts[driven.contact].slave.count) + driven.component
+        contact, _, there = self.pressing.contacts.each[driven.contact]
+        first = there.start + driven.component
+        return np.arange(first, first + 2 * contact.slave.count, 2)
 
     def _settled(
         self,
@@ -213,28 +189,29 @@ class Iteration:
         jump: FloatArray,
         chosen: IntArray,
         used: Used,
-        lack: Imbalance,
+        imbalance: Imbalance,
         first: bool,
     ) -> Done:
         pressing, touched, answers = self.pressing, used.touched, used.answers
-        mu, numbers, closer = pressing.friction[chosen], pressing.numbers, self.closer
+        contacts = pressing.contacts
+        mu, numbers, closer = contacts.friction[chosen], pressing.numbers, self.closer
         # Displacements of all sides due to the touched tractions.
-        seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), pressing.free))
+        seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), contacts.free))
         for name, answer in answers.items():
-            here, rows = self._here(name), pressing.columns[name]
+            here, rows = pressing.bodies[name], pressing.columns[name]
             seen[np.ix_(rows, answer.own)] = answer.by_traction[numbers[rows] - here.start]
             shifted[np.ix_(rows, answer.moves)] = answer.by_motion[numbers[rows] - here.start]
         seen = closer.changed(seen) + closer.by_traction[:, touched]
         shifted = closer.changed(shifted)
-        for driven in pressing.driven:
+        for driven in contacts.driven:
             shifted[self._driven(driven), driven.number] -= 1.0
-        turning = _diagonal(
-            [one.turning(p[at], q[at]) for one, at in zip(met, pressing.places, strict=True)]
-        )[touched]
-        push = _diagonal([one.columns(one.normal) for one in met])[touched][:, chosen].toarray()
-        friction_slope = _diagonal([one.columns(one.tangent) for one in met])[touched][:, chosen].toarray()
-        d_gap = _diagonal([one.d_gap for one in met])[chosen]
-        d_slip = _diagonal([one.d_slip for one in met])[chosen]
+        turns = [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
+        turning = _diagonal(turns)[touched]
+        push, friction_slope = (
+            _diagonal([one.columns(getattr(one, key)) for one in met])[touched][:, chosen].toarray()
+            for key in ("normal", "tangent")
+        )
+        d_gap, d_slip = (_diagonal([getattr(one, k) for one in met])[chosen] for k in ("d_gap", "d_slip"))
         surface = closer.changed(z[numbers]) + closer.by_traction @ jump
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
         loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
@@ -245,8 +222,8 @@ class Iteration:
         )
         by_all = seen @ loads
         by_all[:, 2 * len(chosen) :] += shifted
-        by_balance = lack.by_traction @ loads
-        by_balance[:, 2 * len(chosen) :] += lack.by_motion
+        by_balance = imbalance.by_traction @ loads
+        by_balance[:, 2 * len(chosen) :] += imbalance.by_motion
         linear = Linearised(
             mu,
             p[chosen],
@@ -255,7 +232,7 @@ class Iteration:
             slip + d_slip @ moved,
             d_gap @ by_all,
             d_slip @ by_all,
-            lack.now + lack.by_traction @ follow,
+            imbalance.now + imbalance.by_traction @ follow,
             by_balance,
             pressing.nothing,
         )
@@ -268,28 +245,24 @@ class Iteration:
         change, found, settled = linear.settled(guess)
         dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
         tractions = follow + loads @ change
-        du = z.copy()
-        moving = jump.copy()
+        du, moving = z.copy(), jump.copy()
         moving[touched] += tractions
         for name, answer in answers.items():
-            du[self._here(name)] += (
-                answer.by_traction @ tractions[answer.own] + answer.by_motion @ free[answer.moves]
-            )
+            du[pressing.bodies[name]] += answer.by_traction @ tractions[answer.own]
+            du[pressing.bodies[name]] += answer.by_motion @ free[answer.moves]
         whole_p, whole_q = -p, -q
         whole_p[chosen], whole_q[chosen] = dp, dq
         status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
         status[chosen], slip_sign[chosen] = found.status, found.slip_sign
-        solves = len(answers) + len(touched)
         compliance = d_gap @ (seen @ push)
         stuck = np.flatnonzero((found.status == STICK) & (mu > 0.0))
         if len(stuck):
             # Sticking nodes are fixed along the surface too.
             slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
-        unbalanced = lack.by_traction[: sum(one.count for one in pressing.loose)] @ push
-        sets = NodeSets(status, slip_sign)
-        args = (chosen, compliance, unbalanced, solves, settled, used)
-        return Done(du, whole_p, whole_q, free, moving, sets, *args)
+        unbalanced = imbalance.by_traction[: sum(one.count for one in contacts.loose)] @ push
+        args = (chosen, compliance, unbalanced, len(answers) + len(touched), settled, used)
+        return Done(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

@@ -48,28 +48,29 @@ class Meeting:
 
     def columns(self, directions: FloatArray) -> sparse.csr_array:
         """Tractions (2s, c) of both sides per unit along ``directions`` (c, 2) on the slave."""
-        count = len(directions)
-        entries = (directions.ravel(), (np.arange(2 * count), np.repeat(np.arange(count), 2)))
-        on_slave = sparse.csr_array(entries, shape=(2 * count, count))
+        on_slave = vectors_along(directions)
         return sparse.csr_array(sparse.vstack([on_slave, -(_twice(self.carried) @ on_slave)], format="csr"))
 
     def turning(self, pressure: FloatArray, friction: FloatArray) -> sparse.csr_array:
         """Derivative (2s, 2s) of the tractions by the displacements."""
         across = pressure[:, None] * self.tangent - friction[:, None] * self.normal
-        count = len(pressure)
-        spread = sparse.csr_array(
-            (across.ravel(), (np.arange(2 * count), np.repeat(np.arange(count), 2))), shape=(2 * count, count)
-        )
-        on_slave = sparse.csr_array(spread @ self.d_turn)
+        on_slave = sparse.csr_array(vectors_along(across) @ self.d_turn)
         on_master = -(_twice(self.carried) @ on_slave)
         if self.carried.shape[0]:
-            on_master = on_master - self.carried_moved(self.tractions(pressure, friction)[:count])
+            on_master = on_master - self.carried_moved(self.tractions(pressure, friction)[: len(pressure)])
         return sparse.csr_array(sparse.vstack([on_slave, on_master], format="csr"))
 
 
 def _twice(rows: sparse.csr_array) -> sparse.csr_array:
     """Rows (m, c) applied to both components (2m, 2c)."""
     return sparse.csr_array(sparse.kron(rows, sparse.eye_array(2), format="csr"))
+
+
+def vectors_along(directions: FloatArray) -> sparse.csr_array:
+    """Vectors (2c, c) at nodes per unit along their ``directions`` (c, 2)."""
+    count = len(directions)
+    entries = (directions.ravel(), (np.arange(2 * count), np.repeat(np.arange(count), 2)))
+    return sparse.csr_array(entries, shape=(2 * count, count))
 
 
 def by_component(rows: sparse.csr_array, directions: FloatArray) -> sparse.csr_array:

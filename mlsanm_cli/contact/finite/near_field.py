@@ -8,13 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.geometry.grid import logarithm
+from mlsanm_cli.contact.geometry.hat_pairs import Table
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
@@ -50,7 +52,8 @@ def exact_compliance(
     total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
     for first in range(0, len(nodes), BLOCK_SIZE):
         some = nodes[first : first + BLOCK_SIZE]
-        smooth = body.system.functionals(seen, sparse.csc_array(near.remainders(some)))
+        remainders = near.summed(some, lambda forces: remainder_sources(body, forces), body.rows)
+        smooth = body.system.functionals(seen, sparse.csc_array(remainders))
         columns = rows[2 * first : 2 * (first + len(some))]
         moved = smooth * np.repeat(side.weight[some], 2)
         total[np.ix_(rows, columns)] += moved[:count]
@@ -100,21 +103,17 @@ class _Near:
         ahead = as_complex(np.roll(self.side.places, -1, axis=0) - self.side.places)[0]
         return np.asarray(tangent * np.sign((ahead * np.conj(tangent[0])).real))
 
-    def remainders(self, nodes: IntArray) -> FloatArray:
-        """Right-hand sides (r, 2k) of the remainders of unit forces at some ``nodes`` (k,) of the side, x and
-        y of every node in turn."""
-        return self._summed(nodes, lambda forces: remainder_sources(self.body, forces), self.body.rows)
-
     def displaced(self, nodes: IntArray, seen: ComplexArray) -> FloatArray:
-        """Displacements (2m, 2k) by the fields of the same forces at places ``seen`` (m,) inside the body."""
+        """Displacements (2m, 2k) at places ``seen`` (m,) inside the body by the fields of unit forces at some
+        ``nodes`` (k,)."""
 
         def moved(forces: Forces) -> FloatArray:
             found = forces.displacement(seen).transpose(0, 2, 3, 1)
             return found.reshape(2 * len(seen), 2 * len(forces.place))
 
-        return self._summed(nodes, moved, 2 * len(seen))
+        return self.summed(nodes, moved, 2 * len(seen))
 
-    def _summed(self, nodes: IntArray, of: Callable[[Forces], FloatArray], rows: int) -> FloatArray:
+    def summed(self, nodes: IntArray, of: Callable[[Forces], FloatArray], rows: int) -> FloatArray:
         """What (rows, 2k) is ``of`` the fields of unit forces at some ``nodes`` (k,), x and y in turn."""
         kernel, count = self.body.model.kernel, len(nodes)
         place, inward = self._places[nodes], -as_complex(self.side.outward[nodes])
@@ -201,7 +200,7 @@ class _Near:
         normals inward and unit tangents (c,), at ``arc`` (c,) along the side or its image."""
         side, kernel = self.side, self.body.model.kernel
         seen = as_complex(side.places)
-        apart = _wrapped(side.arc[:, None] - arc, side.around)
+        apart = wrapped(side.arc[:, None] - arc, side.around)
         same = np.abs(apart) <= 1e-12 * side.arc[-1]
         w = seen[:, None] - place
         base = np.broadcast_to(inward if center is None else (seen - center)[:, None], w.shape)
@@ -209,7 +208,7 @@ class _Near:
         ahead, behind, twice = (kernel.displacement(one * along, own) for one in (1.0, -1.0, 2.0))
         by_log, turn = (twice - ahead) / np.log(2.0), 0.5 * (ahead - behind)
         smooth = kernel.displacement(np.where(same, 1.0, w), base)
-        smooth -= _log(np.where(same, 1.0, apart))[..., None, None] * by_log
+        smooth -= logarithm(np.where(same, 1.0, apart))[..., None, None] * by_log
         smooth -= np.sign(apart)[..., None, None] * turn
         smooth[same] = np.broadcast_to(0.5 * (ahead + behind), smooth.shape)[same]
         if center is not None:
@@ -223,21 +222,15 @@ def _flipped(values: ComplexArray, axis: int) -> ComplexArray:
     return np.asarray(-np.conj(values) if axis == 0 else np.conj(values))
 
 
-def _wrapped(apart: FloatArray, around: float | None) -> FloatArray:
-    return apart if around is None else np.asarray(apart - around * np.round(apart / around))
-
-
-def _log(t: FloatArray) -> FloatArray:
-    return np.asarray(np.log(np.where(t == 0.0, 1.0, np.abs(t))))
-
-
-_Table: TypeAlias = Callable[[FloatArray], FloatArray]
-LOGARITHM: tuple[_Table, _Table] = (lambda t: 0.5 * t**2 * (_log(t) - 1.5), lambda t: t * (_log(t) - 1.0))
-SIGN: tuple[_Table, _Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
+LOGARITHM: tuple[Table, Table] = (
+    lambda t: 0.5 * t**2 * (logarithm(t) - 1.5),
+    lambda t: t * (logarithm(t) - 1.0),
+)
+SIGN: tuple[Table, Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
 """Second and first integrals of ln|t| and of sgn(t)."""
 
 
-def _integrals(side: ContactSide, arc: FloatArray, second: _Table, first: _Table) -> FloatArray:
+def _integrals(side: ContactSide, arc: FloatArray, second: Table, first: Table) -> FloatArray:
     """Integrals (c, c), observed at the nodes, of a kernel of the distance with the hat functions of the
     nodes at ``arc`` (c,) along the side or its image."""
     steps = np.diff(arc if side.around is None else np.append(arc, arc[0] + side.around))
@@ -246,7 +239,7 @@ def _integrals(side: ContactSide, arc: FloatArray, second: _Table, first: _Table
     else:
         before, after = np.roll(steps, 1), steps
     # Extended precision: second differences over short steps, far away.
-    apart: FloatArray = _wrapped(side.arc[:, None] - arc, side.around).astype(np.longdouble)
+    apart: FloatArray = wrapped(side.arc[:, None] - arc, side.around).astype(np.longdouble)
     total = np.zeros_like(apart)
     for step, sense in ((before, 1.0), (after, -1.0)):
         # Steps of an image that runs backwards are negative.

@@ -22,6 +22,20 @@ END_SLACK = 1e-3
 """Points beyond an end by this fraction of the spacing still count as opposite."""
 
 
+def wrapped(apart: FloatArray, around: float | None) -> FloatArray:
+    """Differences of arc lengths; the shorter ones on a closed curve of length ``around``."""
+    return apart if around is None else np.asarray(apart - around * np.round(apart / around))
+
+
+def on_polyline(points: FloatArray, corners: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Segment (e,) of a polyline through ``corners`` (m, 2) closest to each of ``points`` (e, 2), and the
+    fraction (e,) of it at the closest point."""
+    along, away = np.diff(corners, axis=0), points[:, None] - corners[None, :-1]
+    part = np.clip((away * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    number = np.argmin(((away - part[:, :, None] * along) ** 2).sum(axis=2), axis=1)
+    return number, part[np.arange(len(points)), number]
+
+
 @dataclass(frozen=True)
 class NodeCurve:
     """A curve over the reference arc length: nodes at ``arc`` (m,); ``around`` is the length of a closed one,
@@ -141,13 +155,9 @@ class NodeCurve:
         """Places (c,) of the points closest to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), which
         continues ``beyond`` its ends by lengths (c,), and a mask (c,) of those that are not at an end."""
         corners = nodes if self.around is None else np.concatenate([nodes, nodes[:1]])
-        along = np.diff(corners, axis=0)
-        away = points[:, None] - corners[None, :-1]
-        part = np.clip((away * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-        distance = ((away - part[:, :, None] * along) ** 2).sum(axis=2)
-        low = np.argmin(distance, axis=1)
+        low, part = on_polyline(points, corners)
         steps = np.diff(self.knots)
-        place = self.knots[low] + part[np.arange(len(points)), low] * steps[low]
+        place = self.knots[low] + part * steps[low]
         inside = np.zeros(len(points), dtype=bool)
         slopes = (self.slopes[0] @ nodes, self.slopes[1] @ nodes)
         for _ in range(MAX_NEWTON_STEPS):
@@ -158,18 +168,16 @@ class NodeCurve:
             bent = np.where(bent > 0.0, bent, (first**2).sum(axis=1))
             largest = steps[self.interval(place)]
             step = np.clip((apart * first).sum(axis=1) / bent, -largest, largest)
-            better = self._onto(place + step, beyond)
+            if self.around is None:
+                better = np.clip(place + step, self.knots[0] - beyond, self.knots[-1] + beyond)
+            else:
+                better = self.knots[0] + np.mod(place + step - self.knots[0], self.around)
             moved = np.abs(step)
             inside = (self.around is not None) | (np.abs(better - place - step) <= END_SLACK * largest)
             place = better
             if (moved[inside] <= CONVERGED * self.knots[-1]).all():
                 break
         return place, np.asarray(inside & (moved <= END_SLACK * largest))
-
-    def _onto(self, place: FloatArray, beyond: FloatArray) -> FloatArray:
-        if self.around is None:
-            return np.clip(place, self.knots[0] - beyond, self.knots[-1] + beyond)
-        return np.asarray(self.knots[0] + np.mod(place - self.knots[0], self.around))
 
 
 def _slopes(arc: FloatArray, around: float | None, chosen: IntArray, size: int) -> sparse.csr_array:

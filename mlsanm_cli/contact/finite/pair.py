@@ -24,7 +24,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.meeting import NO_GAP, Meeting, by_component
-from mlsanm_cli.contact.finite.node_curve import NodeCurve
+from mlsanm_cli.contact.finite.node_curve import NodeCurve, wrapped
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
@@ -97,14 +97,15 @@ class BodyContact:
         gap = (apart * normal).sum(axis=1)
         own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
         faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
-        deep = gap < -MAX_DEPTH * self._spacing(place) * length
+        spacing = np.diff(master.curve.knots)[master.curve.interval(place)]
+        deep = gap < -MAX_DEPTH * spacing * length
         facing = inside & faced & ~deep
         moves = _Moves(rows, along, normal, apart, first, second)
         d_place = moves.kept(moves.place, facing)
         bend = moves.turned_by(normal, d_place)
         slip, d_slip = np.zeros(count), -sign * (sparse.diags_array(length) @ d_place)
         if before is not None:
-            past = self._since(place, before)
+            past = wrapped(place - before, master.around)
             slip = -sign * length * past
             d_slip = d_slip - sparse.diags_array(sign * past) @ moves.turned_by(along, d_place)
         transfer = Transfer.of(slave, master, master.curve, place, facing)
@@ -121,16 +122,6 @@ class BodyContact:
             transfer.carried,
             lambda traction: transfer.carried_moved(traction, d_place),
         )
-
-    def _spacing(self, place: FloatArray) -> FloatArray:
-        low = self.master.curve.interval(place)
-        return np.asarray(self.master.curve.knots[low + 1] - self.master.curve.knots[low])
-
-    def _since(self, place: FloatArray, before: FloatArray) -> FloatArray:
-        around = self.master.around
-        if around is None:
-            return place - before
-        return np.asarray(np.mod(place - before + 0.5 * around, around) - 0.5 * around)
 
 
 @dataclass(frozen=True)
@@ -199,10 +190,8 @@ class Transfer:
         first, second, step = _stretches(slave)
         chosen = np.flatnonzero(facing[first] | facing[second])
         first, second, step = first[chosen], second[chosen], step[chosen]
-        start, end = place[first], place[second]
-        if curve.around is not None:
-            half = 0.5 * curve.around
-            end = start + np.mod(end - start + half, curve.around) - half
+        start = place[first]
+        end = start + wrapped(place[second] - start, curve.around)
         stretch, low, high = _pieces(curve, start, end)
         # The three points of Simpson's rule on every piece.
         part = np.stack([low, 0.5 * (low + high), high], axis=1)
@@ -263,19 +252,18 @@ def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntAr
     knots = curve.knots
     if curve.around is not None:
         knots = np.concatenate([curve.arc + turn * curve.around for turn in (-1.0, 0.0, 1.0, 2.0)])
-    number, low, high = [], [], []
-    for k, (a, b) in enumerate(zip(start, end, strict=True)):
-        between = knots[
-            np.searchsorted(knots, min(a, b), "right") : np.searchsorted(knots, max(a, b), "left")
-        ]
-        cuts = np.sort((between - a) / (b - a)) if len(between) else between
-        ends = np.concatenate([[0.0], cuts, [1.0]])
-        number.append(np.full(len(ends) - 1, k))
-        low.append(ends[:-1])
-        high.append(ends[1:])
-    if not number:
-        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
-    return np.concatenate(number), np.concatenate(low), np.concatenate(high)
+    first = np.searchsorted(knots, np.minimum(start, end), "right")
+    count = np.maximum(np.searchsorted(knots, np.maximum(start, end), "left") - first, 0)
+    every = np.arange(len(start))
+    number = np.repeat(every, count)
+    cut = knots[np.arange(len(number)) + (first - np.cumsum(count) + count)[number]]
+    inner = (cut - start[number]) / (end - start)[number]
+    part = np.concatenate([np.zeros(len(every)), inner, np.ones(len(every))])
+    owner = np.concatenate([every, number, every])
+    order = np.lexsort((part, owner))
+    part, owner = part[order], owner[order]
+    same = owner[1:] == owner[:-1]
+    return owner[1:][same], part[:-1][same], part[1:][same]
 
 
 def _hats(curve: NodeCurve, at: FloatArray, count: int) -> tuple[sparse.csr_array, sparse.csr_array]:

@@ -8,12 +8,14 @@ stretch appears in the equations, and p_j w_j dg_j is work.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.meeting import Meeting, by_component
+from mlsanm_cli.contact.finite.node_curve import on_polyline, wrapped
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
@@ -35,6 +37,7 @@ class RigidContact:
     friction: float
     rotation: FloatArray
     pivot: FloatArray
+    exchanged: ClassVar[bool] = False
 
     @property
     def sides(self) -> tuple[ContactSide, ...]:
@@ -85,7 +88,8 @@ class RigidContact:
         tangent = turned(normal)
         count = self.slave.count
         bent, place, scale = self._along(at, outward)
-        slip = np.zeros(count) if before is None else self._slip(place - before)
+        around = 2.0 * np.pi * self.shape.radius if isinstance(self.shape, Round) else None
+        slip = np.zeros(count) if before is None else wrapped(place - before, around)
         own = sparse.eye_array(count, format="csr")
         none = sparse.csr_array((0, count))
         along = by_component(own, tangent)
@@ -127,22 +131,6 @@ class RigidContact:
         twice = 2.0 * DIFFERENCE_STEP * self.slave.weight
         bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
         moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice
-        return bent, -_arc(shape, 0.5 * (ahead[0] + behind[0])), moved
-
-    def _slip(self, moved: FloatArray) -> FloatArray:
-        if not isinstance(self.shape, Round):
-            return moved
-        around = 2.0 * np.pi * self.shape.radius
-        return np.asarray(np.mod(moved + 0.5 * around, around) - 0.5 * around)
-
-
-def _arc(shape: Chain, points: FloatArray) -> FloatArray:
-    """Arc lengths (n,) of ``points`` (n, 2) on a polyline."""
-    start, way = shape.points[:-1], np.diff(shape.points, axis=0)
-    length = np.hypot(*way.T)
-    away = points[:, None] - start[None]
-    part = np.clip((away * way).sum(axis=2) / length**2, 0.0, 1.0)
-    distance = ((away - part[:, :, None] * way) ** 2).sum(axis=2)
-    side = np.argmin(distance, axis=1)
-    before = np.cumsum(length) - length
-    return np.asarray(before[side] + part[np.arange(len(points)), side] * length[side])
+        length = np.hypot(*np.diff(shape.points, axis=0).T)
+        side, part = on_polyline(0.5 * (ahead[0] + behind[0]), shape.points)
+        return bent, -(np.cumsum(length)[side] - (1.0 - part) * length[side]), moved

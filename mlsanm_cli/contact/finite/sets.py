@@ -129,30 +129,15 @@ class Linearised:
     def _tried(self, status: NDArray[np.int8], slip_sign: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Changes (2c + d,) for a status, and violations (c,)."""
         count, mu = len(status), self.friction
-        number = np.arange(count)
-        total = 2 * count + len(self.balance)
-        matrix, rhs = np.zeros((total, total)), np.zeros(total)
-        opened, stuck = status == OPEN, status == STICK
-        slides = status == SLIP
-        here = number[opened]
-        matrix[here, here] = 1.0
-        rhs[here] = -self.pressure[opened]
-        here = number[~opened]
-        matrix[here] = self.by_gap[here]
-        rhs[here] = -self.gap[here]
-        here = count + number[opened]
-        matrix[here, here] = 1.0
-        rhs[here] = -self.shear[opened]
-        here = number[stuck]
-        matrix[count + here] = self.by_slip[here]
-        rhs[count + here] = -self.slip[here]
-        here = number[slides]
-        pull = (slip_sign * mu)[here]
-        matrix[count + here, count + here] = 1.0
-        matrix[count + here, here] = -pull
-        rhs[count + here] = pull * self.pressure[here] - self.shear[here]
-        if len(self.balance):
-            matrix[2 * count :], rhs[2 * count :] = self.by_balance, -self.balance
+        opened, stuck, slides = status == OPEN, status == STICK, status == SLIP
+        pull = np.where(slides, slip_sign * mu, 0.0)
+        own_p, own_q = np.split(np.eye(2 * count, 2 * count + len(self.balance)), 2)
+        by_gap = np.where(opened[:, None], own_p, self.by_gap)
+        by_slip = np.where(stuck[:, None], self.by_slip, own_q - pull[:, None] * own_p)
+        matrix = np.concatenate([by_gap, by_slip, self.by_balance.reshape(-1, by_gap.shape[1])])
+        normal = np.where(opened, -self.pressure, -self.gap)
+        tangential = np.where(stuck, -self.slip, pull * self.pressure - self.shear)
+        rhs = np.concatenate([normal, tangential, -self.balance])
         size = np.abs(matrix).max(axis=1, keepdims=True)
         change: FloatArray = np.linalg.solve(matrix / size, rhs / size[:, 0])
         p, q = self.pressure + change[:count], self.shear + change[count : 2 * count]

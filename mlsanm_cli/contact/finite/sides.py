@@ -93,16 +93,10 @@ class ContactSide:
         """Number of nodes (c)."""
         return len(self.nodes)
 
-    def corner_rows(self, body: ElasticBody) -> IntArray:
-        """Rows (m,) of the side's tractions at ends with a corner near field.
-
-        The other side of such a corner has another traction there, and no finite stress matches both: with
-        both rows a block with friction up to its corners, 30 % down, was unstable at degree 4 (renewing its
-        equations moved it by 0.2 of the displacement, by 0.04 without), and no increment converged beyond
-        0.9.
-        """
-        ends = zip((0, self.count - 1), self.wedges, strict=True)
-        return self.traction_rows(body, [end for end, wedge in ends if wedge is not None])
+    @property
+    def name(self) -> str:
+        """Its first surface, as in the case."""
+        return f"{self.body}.{self.members[0][0].partition('/')[0]}"
 
     def traction_rows(self, body: ElasticBody, some: Sequence[int] | IntArray) -> IntArray:
         """Rows (m,) of the tractions of ``some`` of the side's nodes, by index."""

@@ -28,28 +28,14 @@ ZERO_PRESSURE = 1e-12
 
 
 @dataclass(frozen=True)
-class ContactSystem:
-    """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
-    node of their sides, in the order of the contacts.
+class Contacts:
+    """The contacts of a scene, ``pairs`` of sides, and its unknown motions (d,), load factors after those of
+    the case: of ``loose`` bodies, ``driven`` obstacles and ``plates``."""
 
-    ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess. The
-    motions of ``loose`` bodies, ``driven`` obstacles and ``plates`` (d,) are load factors after those of the
-    case. ``answers`` are the near-field corrections of all sides.
-    """
-
-    projectors: Mapping[str, Projector]
-    contacts: Sequence[AnyContact]
-    length: float
-    stiffness: float
-    loose: Sequence[LooseMotions] = ()
-    driven: Sequence[DrivenObstacle] = ()
-    plates: Sequence[Plate] = ()
-    answers: Sequence[Answer] = ()
-
-    @property
-    def nothing(self) -> float:
-        """Pressures up to this are zero."""
-        return ZERO_PRESSURE * self.stiffness * self.length
+    pairs: tuple[AnyContact, ...] = ()
+    loose: tuple[LooseMotions, ...] = ()
+    driven: tuple[DrivenObstacle, ...] = ()
+    plates: tuple[Plate, ...] = ()
 
     @property
     def free(self) -> int:
@@ -57,55 +43,98 @@ class ContactSystem:
         plates = sum(len(one.components) for one in self.plates)
         return sum(one.count for one in self.loose) + len(self.driven) + plates
 
+    def moving(self, body: str) -> IntArray:
+        """The unknown motions that move a body."""
+        found = [one.numbers for one in self.loose if one.body == body]
+        found += [one.numbers for one in self.plates if body in one.surfaces]
+        return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
+
     @cached_property
-    def firsts(self) -> dict[str, int]:
-        """Index of every body's first displacement."""
-        sizes = [one.body.unknowns for one in self.projectors.values()]
-        return dict(zip(self.projectors, np.cumsum([0, *sizes]).tolist(), strict=False))
+    def each(self) -> list[tuple[AnyContact, slice, slice]]:
+        """Every contact, the range of its slave's nodes among those of all slaves (c,), and of the components
+        of the nodes of its sides among those of all sides (2s,)."""
+        nodes = np.cumsum([0, *(one.slave.count for one in self.pairs)]).tolist()
+        sides = np.cumsum([0, *(2 * sum(side.count for side in one.sides) for one in self.pairs)]).tolist()
+        return [
+            (one, slice(*here), slice(*there))
+            for one, here, there in zip(self.pairs, pairwise(nodes), pairwise(sides), strict=True)
+        ]
+
+    @cached_property
+    def sides(self) -> list[tuple[ContactSide, slice]]:
+        """Every side, and the range of the components of its nodes among those of all sides (2s,)."""
+        sides = [side for contact in self.pairs for side in contact.sides]
+        ends = np.cumsum([0, *(2 * side.count for side in sides)]).tolist()
+        return [(side, slice(*here)) for side, here in zip(sides, pairwise(ends), strict=True)]
+
+    @property
+    def count(self) -> int:
+        """Number of the nodes of all slaves (c)."""
+        return sum(one.slave.count for one in self.pairs)
+
+    @property
+    def size(self) -> int:
+        """Number of the components of the nodes of all sides (2s)."""
+        return sum(2 * side.count for side, _ in self.sides)
+
+    @cached_property
+    def friction(self) -> FloatArray:
+        """Friction coefficients at the slaves' nodes (c,); zero at held ones, as at a plane of symmetry: a
+        node that cannot slip has undetermined friction."""
+        found = [np.where(one.slave.held, 0.0, one.friction) for one in self.pairs]
+        return np.concatenate([*found, np.zeros(0)])
+
+    def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
+        """Tractions (2s,) at the nodes of all sides for the slaves' pressures and friction (c,)."""
+        parts = [
+            one.tractions(pressure[here], shear[here]).ravel()
+            for one, (_, here, _) in zip(met, self.each, strict=True)
+        ]
+        return np.concatenate([*parts, np.zeros(0)])
+
+
+@dataclass(frozen=True)
+class ContactSystem:
+    """``contacts`` of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of
+    every node of their sides, in the order of the contacts.
+
+    ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess.
+    ``answers`` are the near-field corrections of all sides.
+    """
+
+    projectors: Mapping[str, Projector]
+    contacts: Contacts
+    length: float
+    stiffness: float
+    answers: Sequence[Answer]
+
+    @property
+    def nothing(self) -> float:
+        """Pressures up to this are zero."""
+        return ZERO_PRESSURE * self.stiffness * self.length
+
+    @cached_property
+    def bodies(self) -> dict[str, slice]:
+        """Range of every body's displacements."""
+        ends = np.cumsum([0, *(one.body.unknowns for one in self.projectors.values())]).tolist()
+        return {name: slice(*here) for name, here in zip(self.projectors, pairwise(ends), strict=True)}
 
     @cached_property
     def numbers(self) -> IntArray:
         """Indices (2s,) of all sides' nodal displacements among those of all bodies."""
         found = [
-            self.firsts[side.body] + (2 * side.nodes[:, None] + np.arange(2)).ravel() for side in self.sides
+            self.bodies[side.body].start + (2 * side.nodes[:, None] + np.arange(2)).ravel()
+            for side, _ in self.contacts.sides
         ]
         return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
 
     @cached_property
     def columns(self) -> dict[str, IntArray]:
         """Indices of each body's tractions among those of all sides (2s,)."""
-        found: dict[str, list[IntArray]] = {name: [] for name in self.projectors}
-        first = 0
-        for side in self.sides:
-            found[side.body].append(first + np.arange(2 * side.count))
-            first += 2 * side.count
-        return {name: np.concatenate([*some, np.zeros(0, dtype=np.int64)]) for name, some in found.items()}
-
-    @cached_property
-    def friction(self) -> FloatArray:
-        """Friction coefficients at the slaves' nodes (c,); zero at held ones, as at a plane of symmetry: a
-        node that cannot slip has undetermined friction."""
-        found = [np.where(one.slave.held, 0.0, one.friction) for one in self.contacts]
-        return np.concatenate([*found, np.zeros(0)])
-
-    @cached_property
-    def sides(self) -> list[ContactSide]:
-        """The sides of all contacts in turn."""
-        return [side for contact in self.contacts for side in contact.sides]
-
-    def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
-        """Tractions (2s,) at the nodes of all sides for the slaves' pressures and friction (c,)."""
-        parts = [
-            one.tractions(pressure[here], shear[here]).ravel()
-            for one, here in zip(met, self.places, strict=True)
-        ]
-        return np.concatenate([*parts, np.zeros(0)])
-
-    @cached_property
-    def places(self) -> list[slice]:
-        """Range of every contact's slave nodes among those of all contacts."""
-        ends = np.cumsum([0, *(one.slave.count for one in self.contacts)]).tolist()
-        return [slice(first, last) for first, last in pairwise(ends)]
+        found = {name: [np.zeros(0, dtype=np.int64)] for name in self.projectors}
+        for side, here in self.contacts.sides:
+            found[side.body].append(np.arange(here.start, here.stop))
+        return {name: np.concatenate(some) for name, some in found.items()}
 
 
 @dataclass(frozen=True)
@@ -137,7 +166,7 @@ class Done:
         least = np.inf
         number = np.full(len(self.sets.status), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
-        for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
+        for one, (contact, here, _) in zip(met, pressing.contacts.each, strict=True):
             own = self.sets.closed[here] & ~contact.slave.held
             inner = own[1:-1] & own[:-2] & own[2:]
             some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)

@@ -176,7 +176,8 @@ def holding_forces(forces: CondensedForces) -> dict[tuple[str, int], LinearMap]:
     """Reaction (1 row) of a floating body's held motions, by body and component."""
     return {
         (body.body, motion.component): forces.constraint(body, motion)
-        for body in forces.scene.floating
+        for body in forces.scene.rigid_constraints
+        if isinstance(body, FloatingBody)
         for motion in body.motions
         if motion.prescribed is not None
     }

@@ -165,10 +165,7 @@ def _on_pieces(
             turn = turned_along(slave.end_normals[first[on], end], normal[on])
             along = (turn @ direction[chosen[place[who[on]]], :, None])[:, :, 0]
             force = -(weight * np.diff(cuts) * part)[on, None] * along
-            for level in pieces.levels:
-                rows, values, kept = pieces.entries(level[owner[on]], points[on], force)
-                entries = (values, (rows, np.tile(place[who[on]][kept], 3)))
-                total = total + sparse.csr_array(entries, shape=total.shape)
+            total = total + pieces.per_column(owner[on], points[on], force, place[who[on]], len(chosen))
     return sparse.csr_array(total)
 
 

@@ -23,12 +23,12 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import Rule, cell_quadrature
+from mlsanm_cli.cloud.cells import cell_quadrature
 from mlsanm_cli.mechanics.assembly import spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.equations import RowTable
-from mlsanm_cli.mechanics.finite.faces import FacePoints, held_points, inner_points, middles, rule_of
-from mlsanm_cli.mechanics.finite.law import Law, determinant
+from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points, rule_of
+from mlsanm_cli.mechanics.finite.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
 from mlsanm_cli.operators.rows import pair_rows
 
@@ -55,14 +55,29 @@ class FiniteBody:
         return self.elastic.pieces.count
 
     @property
-    def rule(self) -> Rule:
-        """Quadrature rule of faces and held sides."""
-        return rule_of(self.elastic.model)
+    def node_rows(self) -> int:
+        """Number r - 3k of rows before those of the pieces."""
+        return self.elastic.rows - 3 * self.count
 
     @cached_property
-    def stressed(self) -> tuple[FacePoints, FacePoints]:
-        """Quadrature points with stress: inner faces, held sides."""
-        return inner_points(self.elastic), held_points(self.elastic)
+    def points(self) -> tuple[FacePoints, FacePoints, FacePoints]:
+        """Quadrature points: of inner faces and of held sides, with stress, and of sides with loads."""
+        elastic = self.elastic
+        held = {name: components for name, components in elastic.gripped.items() if any(components)}
+        held_sides = outline_points(elastic, held, rule_of(elastic.model))
+        return inner_points(elastic), held_sides, self.applied.points
+
+    @cached_property
+    def on_pieces(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """All points in turn, numbered, for every piece (m,) that they act on, the piece, and the sign."""
+        point, owner, sign, first = [], [], [], 0
+        for one in self.points:
+            each = one.places.shape[1]
+            point.append(first + (each * one.fit[:, None] + np.arange(each)).ravel())
+            owner.append(np.repeat(one.owner, each))
+            sign.append(np.repeat(one.sign, each))
+            first += one.count
+        return np.concatenate(point), np.concatenate(owner), np.concatenate(sign)
 
     @cached_property
     def applied(self) -> Applied:
@@ -95,11 +110,9 @@ class FiniteBody:
     @cached_property
     def table(self) -> RowTable:
         """Positions of the nodes' rows."""
-        elastic = self.elastic
-        single = len(elastic.held_nodes)
-        total = elastic.rows - 3 * self.count - single
+        elastic, total = self.elastic, self.node_rows
         modulus = elastic.model.material.modulus
-        return RowTable(elastic.first_row, total, total + single, modulus, elastic.springs)
+        return RowTable(elastic.first_row, total - len(elastic.held_nodes), total, modulus, elastic.springs)
 
     @cached_property
     def pulls(self) -> sparse.csr_array:
@@ -109,7 +122,7 @@ class FiniteBody:
 
     @cached_property
     def _face_expansion(self) -> list[FloatArray]:
-        places = np.concatenate([one.places.reshape(-1, 2) for one in self.stressed])
+        places = np.concatenate([one.places.reshape(-1, 2) for one in self.points[:2]])
         return [one.at(places) for one in self.loads.warming]
 
     def stretch(self, factors: FloatArray) -> FloatArray | None:
@@ -144,7 +157,10 @@ class FiniteBody:
     @cached_property
     def centers(self) -> sparse.csr_array:
         """Rows (k, N) of the means over the nodes of every piece."""
-        return middles(self.elastic)
+        labels = self.elastic.pieces.labels
+        count = np.bincount(labels, minlength=self.count)
+        entries = (1.0 / count[labels], (labels, np.arange(len(labels))))
+        return sparse.csr_array(entries, shape=(self.count, len(labels)))
 
     @cached_property
     def of_force(self) -> FloatArray:
@@ -181,27 +197,17 @@ class FiniteBody:
 
     def gradient(self, displacement: FloatArray) -> FloatArray:
         """Displacement gradient (4, n) at the nodes, components 11, 12, 21, 22."""
-        found = self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
-        return np.stack([found[:, 1, 0], found[:, 2, 0], found[:, 1, 1], found[:, 2, 1]])
+        return gradient_of(self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
 
     def ellipticity(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Ellipticity (n,) at the nodes (:meth:`Law.ellipticity`)."""
         return self.law.ellipticity(self.gradient(displacement), self.stretch(factors))
 
-    def face_gradient(self, displacement: FloatArray) -> FloatArray:
-        """Displacement gradient (4, q) at the quadrature points with stress."""
-        parts = [_gradient(one, displacement.reshape(-1, 2)) for one in self.stressed]
-        return np.concatenate(parts, axis=1)
-
     def least_volume(self, displacement: FloatArray) -> float:
         """Smallest in-plane det F over nodes and faces."""
-        parts = (self.gradient(displacement), self.face_gradient(displacement))
+        faces = (gradient_of(one.seen(displacement)) for one in self.points[:2])
+        parts = (self.gradient(displacement), *faces)
         return 1.0 + min(float(determinant(one).min(initial=np.inf)) for one in parts)
-
-
-def _gradient(points: FacePoints, displacement: FloatArray) -> FloatArray:
-    _, by_x, by_y = points.seen(displacement)
-    return np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
 
 
 def moments_of_force(body: ElasticBody, centers: sparse.csr_array, force: FloatArray) -> sparse.csr_array:
@@ -232,13 +238,12 @@ def moments_of_force(body: ElasticBody, centers: sparse.csr_array, force: FloatA
 
 
 MAX_STRETCH = 1.25
-"""The equations are renewed after a step at whose end some node is stretched by more than this, or less than
-its inverse, relative to the base state. Block of 289 nodes, 40 % down between sticking platens: with those of
-the reference throughout 24 steps, at degree 4 onto another branch; renewed, two steps, with 1.15 and with 1.5
-alike."""
+"""Equations are renewed after a step at whose end some node is stretched by more than this, or less than its
+inverse, relative to the base state: a block 40 % down between sticking platens took two steps instead of 24,
+and at degree 4 the equations of the reference led onto another branch."""
 MAX_ROTATION = 1.2
-"""Or rotated by more than this angle: J_0^T W^2 J(u) becomes indefinite for rotations beyond a right angle. A
-column buckled to an end rotation of 100 degrees met spurious limit points and returned to negative loads."""
+"""Or rotated by more than this angle: J_0^T W^2 J(u) becomes indefinite for rotations beyond a right angle,
+and has limit points that the body does not have."""
 
 
 def far_from(body: FiniteBody, displacement: FloatArray, base_state: FloatArray) -> bool:

@@ -6,10 +6,11 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.law import gradient_of
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 
-SECOND = ((3, 4), (4, 5))
-"""Positions of the derivatives by X and Y of d/dX and of d/dY among those of a stencil."""
+JETS = np.array([[1, 3, 4], [2, 4, 5]])
+"""Among the derivatives of a stencil: d/dX and d/dY, each with its own derivatives by X and Y."""
 
 
 class BodySeries:
@@ -19,72 +20,58 @@ class BodySeries:
 
     def __init__(self, body: FiniteBody, orders: int) -> None:
         self.body = body
-        inner, held = body.stressed
-        self._loaded = body.applied.points
-        groups = (inner, held, self._loaded)
-        self._ends = np.cumsum([0, *(one.count for one in groups)])
-        warm = bool(body.loads.warming)
+        inner, held, loaded = (one.count for one in body.points)
+        stressed, total, warm = inner + held, inner + held + loaded, bool(body.loads.warming)
+        self._held, self._loaded = slice(inner, stressed), slice(stressed, total)
         self._nodes = body.law.series(orders, 3, len(body.elastic.model.cloud.points), warm)
-        self._faces = body.law.series(orders, 1, int(self._ends[2]), warm)
-        total, pieces = int(self._ends[3]), body.count
-        self._force = np.zeros((orders + 1, 2, total))
-        self._place = np.zeros((orders + 1, 2, total))
-        self._moved = np.zeros((orders + 1, 2, self._loaded.count))
-        self._middle = np.zeros((orders + 1, 2, pieces))
+        self._faces = body.law.series(orders, 1, stressed, warm)
+        self._force, self._place = np.zeros((2, orders + 1, 2, total))
+        self._moved = np.zeros((orders + 1, 2, loaded))
+        self._middle = np.zeros((orders + 1, 2, body.count))
         self._displacement = np.zeros((orders + 1, body.unknowns))
         self._factors = np.zeros((orders + 1, body.loads.count))
-        self._loaded_gradient = np.zeros((orders + 1, 4, self._loaded.count))
-        self._normals = np.concatenate([one.normals.reshape(-1, 2) for one in groups])
-        kept = [np.repeat(one.kept, one.places.shape[1], axis=0) for one in groups]
+        self._loaded_gradient = np.zeros((orders + 1, 4, loaded))
+        self._normals = np.concatenate([one.normals.reshape(-1, 2) for one in body.points])
+        kept = [np.repeat(one.kept, one.places.shape[1], axis=0) for one in body.points]
         self._kept = np.concatenate(kept).T
         self._turns = [np.zeros((2, orders + 1)) for _ in body.loads.turning]
-        self._pairs()
 
-    def _pairs(self) -> None:
-        """Assign points to pieces, with signs."""
-        point, owner, sign = [], [], []
-        for one, first in zip((*self.body.stressed, self._loaded), self._ends, strict=False):
-            each = one.places.shape[1]
-            point.append(first + (each * one.fit[:, None] + np.arange(each)).ravel())
-            owner.append(np.repeat(one.owner, each))
-            sign.append(np.repeat(one.sign, each))
-        self._point, self._owner, self._sign = (np.concatenate(some) for some in (point, owner, sign))
+    @classmethod
+    def at(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> BodySeries:
+        """One state, order 0 alone."""
+        series = cls(body, 0)
+        series.put(0, displacement, factors)
+        return series
 
     def put(self, order: int, displacement: FloatArray | None, factors: FloatArray) -> None:
         """Set ``order`` of displacement (2N,) and load factors (L,)."""
-        body, inner, held = self.body, *self.body.stressed
+        body, stressed = self.body, self._held.stop
         self._factors[order] = factors
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
             _turn(turn, self._factors[: order + 1] @ plate.rate, order)
-        jets, on_faces = body.stretch_jets(factors, order), body.face_stretch(factors, order)
-        values = None if on_faces is None else on_faces[None]
-        if displacement is None:
-            self._displacement[order] = 0.0
-            for one in (self._place, self._middle, self._moved, self._loaded_gradient):
-                one[order] = 0.0
-            self._nodes.put(order, None, jets)
-            self._faces.put(order, None, values)
-        else:
+        stretch, on_faces = body.stretch_jets(factors, order), body.face_stretch(factors, order)
+        gradient: FloatArray | None = None
+        jets: FloatArray | None = None
+        if displacement is not None:
             self._displacement[order] = displacement
-            u = displacement.reshape(-1, 2)
-            seen = [one.seen(u) for one in (inner, held, self._loaded)]
-            self._place[order] = np.concatenate([one[0] for one in seen]).T
-            self._moved[order] = seen[2][0].T
-            self._middle[order] = (body.centers @ u).T
-            gradient = [np.stack([s[1, :, 0], s[2, :, 0], s[1, :, 1], s[2, :, 1]]) for s in seen]
-            self._faces.put(order, np.concatenate(gradient[:2], axis=1)[:, None], values)
-            self._loaded_gradient[order] = gradient[2]
-            self._nodes.put(order, _jets(body.elastic.model.stencils.derivatives(u)), jets)
+            seen = np.concatenate([one.seen(displacement) for one in body.points])
+            self._place[order] = seen[:, 0].T
+            self._moved[order] = seen[self._loaded, 0].T
+            self._middle[order] = (body.centers @ displacement.reshape(-1, 2)).T
+            whole = gradient_of(seen)
+            gradient, self._loaded_gradient[order] = whole[:, None, :stressed], whole[:, stressed:]
+            jets = jets_of(body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
+        self._nodes.put(order, jets, stretch)
+        self._faces.put(order, gradient, None if on_faces is None else on_faces[None])
         if not order:
-            places = [one.places.reshape(-1, 2) for one in (inner, held, self._loaded)]
-            self._place[0] += np.concatenate(places).T
+            self._place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
             self._middle[0] += body.elastic.pieces.whole.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
         self._forces(order)
 
     def _forces(self, order: int) -> None:
         """Forces at all points, in the components that count."""
-        applied, end = self.body.applied, int(self._ends[2])
+        applied, end = self.body.applied, self._held.stop
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
         self._force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
         self._force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]
@@ -124,50 +111,45 @@ class BodySeries:
                         pressure = applied.pressed[at] @ self._factors[low]
                         turned = cofactor_normal(gradient[:, order - low, 0, index], normal)
                         left[at] += pressure * turned[component]
+        last = body.node_rows
         if elastic.springs:
-            left[: elastic.rows - 3 * body.count] += body.pulls @ self._displacement[order]
-        first = elastic.rows - 3 * body.count - len(elastic.held_nodes)
-        left[first : first + len(elastic.held_nodes)] += body.single @ self._displacement[order]
-        left[elastic.rows - 3 * body.count :] = self._pieces(order)
+            left[:last] += body.pulls @ self._displacement[order]
+        left[last - len(elastic.held_nodes) : last] += body.single @ self._displacement[order]
+        left[last:] = self._pieces(order)
         return np.asarray(left)
 
     def _pieces(self, order: int) -> FloatArray:
         """Force x, y and moment imbalance (3k,) of the pieces."""
-        count, owner, point = self.body.count, self._owner, self._point
-        force = self._sign * self._force[: order + 1][:, :, point]
+        count, (point, owner, sign) = self.body.count, self.body.on_pieces
+        force = sign * self._force[: order + 1][:, :, point]
         arm = self._place[: order + 1][:, :, point] - self._middle[: order + 1][:, :, owner]
         back = force[::-1]
         moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
         x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
-        lack = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
-        lack -= self.body.of_force @ self._factors[order]
+        imbalance = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
+        imbalance -= self.body.of_force @ self._factors[order]
         for number, turning in self.body.turning.items():
             for low in range(order + 1):
                 if self._factors[low, number]:
-                    lack[2 * count :] -= self._factors[low, number] * (
+                    imbalance[2 * count :] -= self._factors[low, number] * (
                         turning @ self._displacement[order - low]
                     )
-        return lack
+        return imbalance
 
     def outline_forces(self) -> tuple[FloatArray, FloatArray]:
         """Forces (2, g), at order 0, at the points of held sides and of those with prescribed tractions."""
-        first, last = int(self._ends[1]), int(self._ends[2])
-        return self._force[0, :, first:last], self._force[0, :, last:]
-
-    def held_forces(self) -> FloatArray:
-        """Forces (2, g), at order 0, at the points of held sides."""
-        return self._force[0, :, int(self._ends[1]) : int(self._ends[2])]
+        return self._force[0, :, self._held], self._force[0, :, self._loaded]
 
     def spring_forces(self, surface: str) -> FloatArray:
         """Force (2,), at order 0, of the soft springs along a surface."""
         applied = self.body.applied
-        here = applied.along[surface]
+        here = applied.points.along[surface]
         return np.asarray(-(applied.pulling[:, here] * self._moved[0, :, here]).sum(axis=1))
 
     def resultant(self) -> FloatArray:
         """Sum (2, k), at order 0, of the forces on the faces of each piece, as in its rows."""
-        force = self._sign * self._force[0][:, self._point]
-        return np.stack([np.bincount(self._owner, one, self.body.count) for one in force])
+        point, owner, sign = self.body.on_pieces
+        return np.stack([np.bincount(owner, one, self.body.count) for one in sign * self._force[0][:, point]])
 
     def state(self) -> tuple[FloatArray, ...]:
         """At order 0: forces (2, q), positions (2, q) and centres of pieces (2, k), for the derivative."""
@@ -184,13 +166,6 @@ def _turn(turn: FloatArray, angle: FloatArray, order: int) -> None:
     turn[:, order] = -weighted @ sin, weighted @ cos
 
 
-def _jets(derivatives: FloatArray) -> FloatArray:
+def jets_of(derivatives: FloatArray) -> FloatArray:
     """Jets (4, 3, n) of the displacement gradient from ``derivatives`` (n, 6, 2) of the displacement."""
-    found = np.empty((4, 3, len(derivatives)))
-    for component in (0, 1):
-        for axis in (0, 1):
-            where = 2 * component + axis
-            found[where, 0] = derivatives[:, 1 + axis, component]
-            for along in (0, 1):
-                found[where, 1 + along] = derivatives[:, SECOND[axis][along], component]
-    return found
+    return np.asarray(derivatives[:, JETS].transpose(3, 1, 2, 0).reshape(4, 3, -1))

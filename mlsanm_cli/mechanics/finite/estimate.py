@@ -32,9 +32,7 @@ def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray)
     ``factors`` (L,)."""
     elastic, model = body.elastic, body.elastic.model
     cloud, count = model.cloud, len(model.cloud.points)
-    series = BodySeries(body, 0)
-    series.put(0, displacement, factors)
-    left = series.rows(0)
+    left = BodySeries.at(body, displacement, factors).rows(0)
     found = cloud.areas * cloud.spacing**2 * (left[:count] ** 2 + left[count : 2 * count] ** 2)
     for name, index, _, held in body.conditions:
         weight = cloud.surfaces[name].weight * cloud.spacing[index]
@@ -76,9 +74,8 @@ def missing_work(body: FiniteBody, displacement: FloatArray, factors: FloatArray
         moved = moved - extended(cloud, moved, held)
     stress = body.law.stress(body.gradient(displacement), body.stretch(factors))
     found = over_body(cloud, stress.T, body.gradient(moved.ravel()).T)
-    series = BodySeries(body, 0)
-    series.put(0, displacement, factors)
-    found -= float((series.outline_forces()[1].T * body.applied.points.seen(moved)[0]).sum())
+    force = BodySeries.at(body, displacement, factors).outline_forces()[1]
+    found -= float((force.T * body.applied.points.seen(moved)[:, 0]).sum())
     if body.loads.force is not None:
         found -= over_body(cloud, body.loads.force @ factors, moved)
     return found

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
+from mlsanm_cli.mechanics.finite.law import gradient_of
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 
 
@@ -26,15 +25,10 @@ class Forces:
     @classmethod
     def of(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> Forces:
         """Forces at ``displacement`` (2N,) and load ``factors`` (L,)."""
-        series = BodySeries(body, 0)
-        series.put(0, displacement, factors)
+        series = BodySeries.at(body, displacement, factors)
         loads, reactions = _of_loads(body, displacement, factors), _reactions(body, series)
         sizes = [float(np.hypot(*force).sum()) for force in series.outline_forces()]
         return cls(loads, reactions, max([*sizes, *np.hypot(*loads.T).tolist()], default=0.0))
-
-    def held(self, surfaces: Iterable[str]) -> FloatArray:
-        """Total force (2,) of some surfaces."""
-        return np.asarray(sum((self.reactions.get(name, np.zeros(2)) for name in surfaces), np.zeros(2)))
 
     @property
     def total(self) -> FloatArray:
@@ -52,8 +46,7 @@ def _of_loads(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -
     points = applied.points
     found = np.einsum("iql->li", applied.dead) * factors[:, None]
     if points.count:
-        _, by_x, by_y = points.seen(displacement.reshape(-1, 2))
-        gradient = np.stack([1.0 + by_x[:, 0], by_y[:, 0], by_x[:, 1], 1.0 + by_y[:, 1]])
+        gradient = gradient_of(points.seen(displacement)) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
         turned = cofactor_normal(gradient, points.normals.reshape(-1, 2)) * points.kept.T
         found -= (turned @ applied.pressure).T * factors[:, None]
     count = body.count
@@ -62,14 +55,9 @@ def _of_loads(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -
 
 
 def _reactions(body: FiniteBody, series: BodySeries) -> dict[str, FloatArray]:
-    """Reactions by surface, in the order of the held points, and of soft springs."""
+    """Reactions by surface, of soft springs and of held points."""
     found = {name: series.spring_forces(name) for name in body.elastic.soft_springs}
-    first = 0
-    force = series.held_forces()
-    for name, components in body.elastic.gripped.items():
-        if any(components):
-            surface = body.elastic.model.cloud.surfaces[name]
-            count = len(Halves.of(surface, body.rule).arc)
-            found[name] = found.get(name, 0.0) + force[:, first : first + count].sum(axis=1)
-            first += count
+    force = series.outline_forces()[0]
+    for name, here in body.points[1].along.items():
+        found[name] = found.get(name, 0.0) + force[:, here].sum(axis=1)
     return found

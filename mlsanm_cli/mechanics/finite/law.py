@@ -22,17 +22,25 @@ Equations (23) and (24) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.finite.response import Kind, Kirchhoff, LawConstants, Neo, Response, Warm
+from mlsanm_cli.mechanics.finite.response import Kind, Kirchhoff, Neo, Response, Warm
 
 WAVE_DIRECTIONS = 24
 """Directions, over half a turn, in which ellipticity is tested."""
 
 
-class Law(LawConstants):
-    """A law of one of two kinds."""
+@dataclass(frozen=True)
+class Law:
+    """A law of one of two kinds, with Lame's constants ``lam``, ``mu`` in ``plane`` "strain" or "stress"."""
+
+    kind: Kind
+    lam: float
+    mu: float
+    plane: str
 
     @classmethod
     def isotropic(cls, kind: Kind, modulus: float, poisson: float, plane: str) -> Law:
@@ -100,6 +108,11 @@ class Law(LawConstants):
             mean, half = 0.5 * (q[0, 0] + q[1, 1]), 0.5 * (q[0, 0] - q[1, 1])
             least = np.minimum(least, mean - np.hypot(half, 0.5 * (q[0, 1] + q[1, 0])))
         return least / self.mu
+
+
+def gradient_of(derivatives: FloatArray) -> FloatArray:
+    """Displacement gradient (4, n) from ``derivatives`` (n, 3 or more, 2): value, d/dX, d/dY, ..."""
+    return np.asarray(derivatives[:, 1:3].transpose(2, 1, 0).reshape(4, -1))
 
 
 def determinant(gradient: FloatArray) -> FloatArray:

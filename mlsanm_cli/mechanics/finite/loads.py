@@ -4,7 +4,7 @@ current length along the current normal: its nominal traction is - p cof(F) N, l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +12,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.faces import FacePoints, loaded_points
+from mlsanm_cli.mechanics.finite.faces import FacePoints, outline_points
+from mlsanm_cli.mechanics.heat import Field
+from mlsanm_cli.mechanics.springs import FREE
 
 
 @dataclass(frozen=True)
@@ -28,12 +30,17 @@ class FollowerPressure:
 
 @dataclass(frozen=True)
 class Warming:
-    """Thermal stretch beyond 1 for load ``number`` at factor 1: ``nodal`` (n,) at the cloud's points, and
-    ``at`` other points (e, 2)."""
+    """Thermal stretch beyond 1 for load ``number`` at factor 1, the ``expansion`` coefficient times a
+    temperature ``field``: ``nodal`` (n,) at the cloud's points."""
 
     number: int
     nodal: FloatArray
-    at: Callable[[FloatArray], FloatArray]
+    expansion: float
+    field: Field
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """The same (e,) at ``points`` (e, 2)."""
+        return np.asarray(self.expansion * self.field.at(points))
 
 
 @dataclass(frozen=True)
@@ -73,54 +80,44 @@ class Loads:
     warming: Sequence[Warming] = ()
     turning: Sequence[Turning] = ()
 
-    @property
-    def surfaces(self) -> tuple[str, ...]:
-        """The surfaces with prescribed tractions."""
-        return tuple(dict.fromkeys([*self.tractions, *(one.surface for one in self.pressing)]))
-
 
 @dataclass(frozen=True)
 class Applied:
     """Loads at the quadrature points of a ``body``'s pieces: ``dead`` (2, q, L) forces, follower ``pressure``
     (q, L); at its nodes ``pressed`` (r, L) for every traction row, 0 for others. Soft springs have the
-    stiffness ``pulling`` (2, q); ``along`` are the ranges of points of every surface."""
+    stiffness ``pulling`` (2, q)."""
 
     points: FacePoints
     dead: FloatArray
     pressure: FloatArray
     pressed: FloatArray
     pulling: FloatArray
-    along: dict[str, slice]
 
     @classmethod
     def on(cls, body: ElasticBody, loads: Loads) -> Applied:
         """Locate the points and evaluate the loads there."""
-        surfaces = tuple(dict.fromkeys([*loads.surfaces, *body.soft_springs]))
-        points = loaded_points(body, surfaces)
+        pressed_on = (one.surface for one in loads.pressing)
+        surfaces = dict.fromkeys([*loads.tractions, *pressed_on, *body.soft_springs])
+        kept = {name: [not one for one in body.gripped.get(name, FREE)] for name in surfaces}
+        points = outline_points(body, kept, FINE)
         dead = np.zeros((2, points.count, loads.count))
         pressure = np.zeros((points.count, loads.count))
         pressed = np.zeros((body.rows, loads.count))
-        pulling, along = np.zeros((2, points.count)), {}
-        first = 0
-        for name in surfaces:
-            halves = Halves.of(body.model.cloud.surfaces[name], FINE)
-            here = slice(first, first + len(halves.arc))
-            first = here.stop
-            along[name] = here
+        pulling = np.zeros((2, points.count))
+        for name, here in points.along.items():
+            length = Halves.of(body.model.cloud.surfaces[name], FINE).length
             if name in body.soft_springs:
-                pulling[:, here] = np.outer(body.soft_springs[name], halves.length)
+                pulling[:, here] = np.outer(body.soft_springs[name], length)
             if name in loads.tractions:
-                dead[:, here] += halves.length[:, None] * loads.tractions[name].transpose(1, 0, 2)
-            for one in loads.pressing:
-                if one.surface == name:
-                    pressure[here, one.number] += one.between
+                dead[:, here] += length[:, None] * loads.tractions[name].transpose(1, 0, 2)
         dead *= points.kept.T[:, :, None]
         for one in loads.pressing:
+            pressure[points.along[one.surface], one.number] += one.between
             for component in (0, 1):
-                if not body.held.get(one.surface, (False, False))[component]:
+                if not body.held.get(one.surface, FREE)[component]:
                     pressed[body.condition_rows(one.surface, component), one.number] += one.nodal
         pulling *= points.kept.T
-        return cls(points, dead, pressure, pressed, pulling, along)
+        return cls(points, dead, pressure, pressed, pulling)
 
     @property
     def follows(self) -> bool:

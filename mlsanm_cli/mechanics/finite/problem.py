@@ -8,7 +8,6 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
 
@@ -19,7 +18,6 @@ class FiniteProblem:
     residual is the displacement that would correct the state at the projector's base state, over ``length``,
     the typical displacement."""
 
-    body: FiniteBody
     projector: Projector
     start: FloatArray
     end: FloatArray
@@ -28,7 +26,7 @@ class FiniteProblem:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.body.unknowns
+        return self.projector.body.unknowns
 
     @property
     def scale(self) -> FloatArray:
@@ -39,16 +37,10 @@ class FiniteProblem:
         """Load factors (L,) at path parameter ``lam``."""
         return np.asarray((1.0 - lam) * self.start + lam * self.end)
 
-    def left(self, x: FloatArray, lam: float) -> FloatArray:
-        """Residual of the rows (r,) minus the projector's ``rest``."""
-        series = BodySeries(self.body, 0)
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            series.put(0, x, self.factors(lam))
-            return series.rows(0) - self.projector.rest
-
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """Correcting displacement (2N,) over the typical displacement; nan where det F <= 0."""
-        left = self.left(x, lam)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            left = self.projector.left(x, self.factors(lam))
         if not np.isfinite(left).all():
             return np.full(self.size, np.nan)
         return self.projector.displaced(left) / self.length
@@ -63,7 +55,10 @@ class FiniteProblem:
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """dR/dlam (2N,)."""
-        return self.projector.displaced(self._loaded(x, lam).rows(1)) / self.length
+        series = BodySeries(self.projector.body, 1)
+        series.put(0, x, self.factors(lam))
+        series.put(1, None, self.end - self.start)
+        return self.projector.displaced(series.rows(1)) / self.length
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         """Minus the coefficient (2N,) of the next order, from those of lower orders."""
@@ -73,16 +68,10 @@ class FiniteProblem:
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
         """Whether det F > 0 everywhere."""
-        return bool(np.isfinite(x).all()) and self.body.least_volume(x) > 0.0
-
-    def _loaded(self, x: FloatArray, lam: float) -> BodySeries:
-        series = BodySeries(self.body, 1)
-        series.put(0, x, self.factors(lam))
-        series.put(1, None, self.end - self.start)
-        return series
+        return bool(np.isfinite(x).all()) and self.projector.body.least_volume(x) > 0.0
 
     def _series(self, x: FloatArray, lam: FloatArray, orders: int) -> BodySeries:
-        series = BodySeries(self.body, orders)
+        series = BodySeries(self.projector.body, orders)
         for order in range(len(x)):
             series.put(order, x[order], self._part(lam, order))
         return series

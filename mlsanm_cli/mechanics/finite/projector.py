@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.assembly import row_weights
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
@@ -42,45 +42,36 @@ the next one would change it by this fraction of that. A bar on springs of 1e-5 
 NO_ROWS: IntArray = np.zeros(0, dtype=np.int64)
 
 
-@dataclass(frozen=True)
-class Weights:
-    """Weights (r - 3k,) of the nodes' rows and scales (3k,) of the pieces', 0 where unknown."""
-
-    nodes: FloatArray
-    pieces: FloatArray
-
-    @classmethod
-    def of(cls, body: FiniteBody, left_out: IntArray = NO_ROWS) -> Weights:
-        """Weights of the linear body, zero for rows (m,) ``left_out``."""
-        elastic = body.elastic
-        model, pieces = elastic.model, elastic.pieces
-        nodes = row_weights(model, elastic.held, elastic.held_nodes, body.table, elastic.gripped)
-        nodes[left_out] = 0.0
-        # Pins only fix the position: they take no force from pieces.
-        bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
-        known: BoolArray = pieces.rows_known(list(bearing))
-        scale = np.tile(pieces.strength / (model.material.modulus * pieces.size), 3)
-        return cls(nodes, np.where(known, scale, 0.0))
+def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
+    """Weights (r,) of the rows of the linear body, zero for rows (m,) ``left_out`` and unknown ones."""
+    elastic = body.elastic
+    model, pieces = elastic.model, elastic.pieces
+    nodes = row_weights(model, elastic.held, elastic.held_nodes, body.table, elastic.gripped)
+    nodes[left_out] = 0.0
+    # Pins only fix the position: they take no force from pieces.
+    bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
+    scale = np.tile(pieces.strength / (model.material.modulus * pieces.size), 3)
+    return np.concatenate([nodes, np.where(pieces.rows_known(list(bearing)), scale, 0.0)])
 
 
 @dataclass(frozen=True)
 class Projector:
-    """The weighted rows at a ``base_state`` (2N,), a displacement, with their factorised least squares.
-    ``places`` (k, 2) are the means of the pieces' nodes. The equations are for the residual minus ``rest``
-    (r,), which is 0 unless the base state is to be a solution itself."""
+    """The rows at a ``base_state`` (2N,), a displacement, and load ``factors`` (L,) there, times ``weights``
+    (r,), with their factorised least squares. The equations are for the residual minus ``rest`` (r,), which
+    is 0 unless the base state is to be a solution itself."""
 
     body: FiniteBody
-    weights: Weights
+    weights: FloatArray
     base_state: FloatArray
+    factors: FloatArray
     system: LeastSquares
-    places: FloatArray
     rest: FloatArray
 
     @classmethod
     def at(
         cls,
         body: FiniteBody,
-        weights: Weights,
+        weights: FloatArray,
         displacement: FloatArray,
         factors: FloatArray,
         solver: LinearSolver,
@@ -88,38 +79,29 @@ class Projector:
     ) -> Projector:
         """The projector at ``displacement`` (2N,) and load ``factors`` (L,); with ``keeps`` that state solves
         the nodes' rows by definition. Raises NumericalError if singular."""
-        nodes, pieces = body.elastic.model.nodes, body.elastic.pieces
+        nodes, split = body.elastic.model.nodes, body.node_rows
         rows, strong_rows = weighted_rows(body, weights, displacement, factors)
-        count = 3 * pieces.count
-        first = sparse.csr_array((count, body.elastic.rows - count))
-        loads = sparse.hstack([first, sparse.diags_array(weights.pieces)], format="csr")
-        places = np.zeros((pieces.count, 2))
-        np.add.at(places, pieces.labels, nodes)
-        places /= np.bincount(pieces.labels, minlength=pieces.count)[:, None]
-        owner = np.arange(count) % pieces.count
-        none = sparse.csr_array((0, count))
-        strong = Strong(strong_rows, sparse.csr_array(loads), owner, places, none)
-        system = least_squares.factorise(rows, weights.nodes, nodes, solver, strong)
+        count = 3 * body.count
+        loads = sparse.csr_array(sparse.diags_array(weights, format="csr")[split:])
+        owner, none = np.arange(count) % body.count, sparse.csr_array((0, count))
+        strong = Strong(strong_rows, loads, owner, body.centers @ nodes, none)
+        system = least_squares.factorise(rows, weights[:split], nodes, solver, strong)
         rest = np.zeros(body.elastic.rows)
         if keeps:
-            series = BodySeries(body, 0)
-            series.put(0, displacement, factors)
-            rest[:-count] = series.rows(0)[:-count]
-        return cls(body, weights, displacement, system, places, rest)
+            rest[:split] = BodySeries.at(body, displacement, factors).rows(0)[:split]
+        return cls(body, weights, displacement, factors, system, rest)
 
     def left(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Residual (r,) of the equations at ``displacement`` (2N,) and load ``factors`` (L,)."""
-        series = BodySeries(self.body, 0)
-        series.put(0, displacement, factors)
-        return np.asarray(series.rows(0) - self.rest)
+        return np.asarray(BodySeries.at(self.body, displacement, factors).rows(0) - self.rest)
 
     def displaced(self, left: FloatArray) -> FloatArray:
         """Displacement (2N,) that corresponds to a residual ``left`` (r,) of the rows, at the base state."""
         return self.system.solve(sparse.csc_array(left[:, None]))[:, 0]
 
     def scaled(self, left: FloatArray) -> FloatArray:
-        """Weighted residual (r,)."""
-        return np.asarray(left * np.concatenate([self.weights.nodes, self.weights.pieces]))
+        """Weighted residual, one (r,) or several (r, c)."""
+        return np.asarray((left.T * self.weights).T)
 
     def image(self, displacement: FloatArray) -> FloatArray:
         """The base state's weighted rows (r,) applied to a ``displacement`` (2N,)."""
@@ -131,34 +113,23 @@ class Projector:
 
     def gathered(self, scaled: FloatArray) -> FloatArray:
         """Right-hand side (2N,) of the equations for weighted rows (r,), without those of the pieces."""
-        return np.asarray(self._turned @ scaled[: len(self.weights.nodes)])
+        return np.asarray(self._turned @ scaled[: self.body.node_rows])
 
-    def scaled_columns(self, left: sparse.csr_array) -> FloatArray:
-        """The same for several columns (r, c), as an array."""
-        scale = np.concatenate([self.weights.nodes, self.weights.pieces])
-        return np.asarray((sparse.diags_array(scale) @ left).toarray())
-
-    def factorised(
-        self, displacement: FloatArray, factors: FloatArray, turning: sparse.csr_array | None = None
-    ) -> Factorised:
-        """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,), with rows
-        ``turning`` (r, 2N) of other configuration-dependent loads added. Raises NumericalError if
-        singular."""
-        if np.array_equal(displacement, self.base_state) and (turning is None or not turning.nnz):
+    def factorised(self, displacement: FloatArray, factors: FloatArray) -> Factorised:
+        """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,). Raises
+        NumericalError if singular."""
+        if np.array_equal(displacement, self.base_state):
             return Factorised(self, self.system.rows, self.system.strong.rows, None)
         rows, strong = weighted_rows(self.body, self.weights, displacement, factors)
-        if turning is not None:
-            scale = np.concatenate([self.weights.nodes, self.weights.pieces])
-            more = sparse.csr_array(sparse.diags_array(scale) @ turning)
-            rows = sparse.csr_array(rows + more[: rows.shape[0]])
-            strong = sparse.csr_array(strong + more[rows.shape[0] :])
         normal = sparse.csr_array(self._turned @ rows)
         place = self._multipliers
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
-        matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
-        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), PIVOT_THRESHOLD)
-        return Factorised(self, rows, strong, factor)
+        whole = [[normal, up], [down, -sparse.eye_array(place.shape[0])]]
+        matrix = sparse.csc_array(sparse.block_array(whole, format="csc"))
+        points = [self.body.elastic.model.nodes, np.repeat(self.system.strong.places, 2, axis=0)]
+        order = elimination_order(matrix, np.concatenate(points))
+        return Factorised(self, rows, strong, factor_unsymmetric(matrix, order, PIVOT_THRESHOLD))
 
     @cached_property
     def _multipliers(self) -> sparse.csr_array:
@@ -167,10 +138,6 @@ class Projector:
         number = np.arange(3 * count)
         line = 4 * (number % count) + number // count
         return sparse.csr_array((np.ones(3 * count), (line, number)), shape=(4 * count, 3 * count))
-
-    def _order(self, matrix: sparse.csc_array) -> IntArray:
-        points = np.concatenate([self.body.elastic.model.nodes, np.repeat(self.places, 2, axis=0)])
-        return elimination_order(sparse.csc_array(matrix), points)
 
 
 @dataclass(frozen=True)
@@ -201,7 +168,7 @@ class Factorised:
     def solve_unrefined(self, scaled: FloatArray) -> FloatArray:
         """The same by the factor alone, for one (r,) or several (r, c)."""
         projector = self.projector
-        count = len(projector.weights.nodes)
+        count = projector.body.node_rows
         if self.factor is None:
             gathered = projector.gathered(scaled) + self.strong.T @ scaled[count:]
             shape = (len(gathered), -1)
@@ -212,11 +179,11 @@ class Factorised:
 
 
 def weighted_rows(
-    body: FiniteBody, weights: Weights, displacement: FloatArray, factors: FloatArray
+    body: FiniteBody, weights: FloatArray, displacement: FloatArray, factors: FloatArray
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Weighted rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces in a state."""
     rows = derivative_rows(body, displacement, factors)
-    rows.data *= np.repeat(weights.nodes, np.diff(rows.indptr))
+    rows.data *= np.repeat(weights[: body.node_rows], np.diff(rows.indptr))
     strong = derivative_pieces(body, displacement, factors)
-    strong.data *= np.repeat(weights.pieces, np.diff(strong.indptr))
+    strong.data *= np.repeat(weights[body.node_rows :], np.diff(strong.indptr))
     return rows, strong

@@ -10,12 +10,14 @@ Equations (23) and (24) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from mlsanm_cli.mechanics.finite.law import Law
 
 Kind = Literal["saint-venant-kirchhoff", "neo-hookean"]
 COFACTOR = ((3, 1.0), (2, -1.0), (1, -1.0), (0, 1.0))
@@ -62,42 +64,19 @@ def weighted(series: FloatArray, order: int) -> FloatArray:
     return series[: order + 1] * np.arange(order + 1.0)[:, None, None]
 
 
-@dataclass(frozen=True)
-class LawConstants:
-    """``kind`` of a law, and Lame's constants ``lam``, ``mu`` in ``plane`` "strain" or "stress"."""
-
-    kind: Kind
-    lam: float
-    mu: float
-    plane: str
-
-
-class Response:
+class _Series:
     """Series of F and P at points, filled order by order: both are (4, K + 1, j, n)."""
 
-    def __init__(self, law: LawConstants, shape: tuple[int, ...]) -> None:
+    def __init__(self, law: Law, shape: tuple[int, ...]) -> None:
         self.law = law
         self.gradient = np.zeros((4, *shape))
         self.stress = np.zeros((4, *shape))
 
-    def put(self, order: int, gradient: FloatArray | None, stretch: FloatArray | None = None) -> None:
-        """Set ``order`` of the displacement gradient (4, j, n), None if unknown, and of the thermal
-        ``stretch`` (j, n) if any, and compute P."""
+    def _deform(self, order: int, gradient: FloatArray | None) -> None:
+        """Set ``order`` of the displacement gradient (4, j, n), None if unknown."""
         self.gradient[:, order] = 0.0 if gradient is None else gradient
         if not order:
             self.gradient[[0, 3], 0, 0] += 1.0
-        self._respond(order, stretch)
-
-    def thin(self, order: int, warm: Logarithm) -> None:
-        """Set ``order`` of the out-of-plane elastic stretch, the reciprocal of the thermal one (``warm``)."""
-        raise NotImplementedError
-
-    def across(self) -> FloatArray:
-        """Out-of-plane stretch (n,) in plane stress."""
-        raise NotImplementedError
-
-    def _respond(self, order: int, stretch: FloatArray | None) -> None:
-        raise NotImplementedError
 
 
 class Logarithm:
@@ -120,35 +99,10 @@ class Logarithm:
             self.log[0, 1:] = self.values[0, 1:] * self.over[0, 0]
 
 
-class Warm(Response):
-    """The response of a ``cold`` law to the deformation relative to a thermal stretch."""
-
-    def __init__(self, cold: Response, shape: tuple[int, ...]) -> None:
-        super().__init__(cold.law, shape)
-        self._cold, self._warm, self._square = cold, Logarithm(shape), np.zeros(shape)
-
-    def _respond(self, order: int, stretch: FloatArray | None) -> None:
-        warm = self._warm
-        warm.put(order, 0.0 if stretch is None else stretch)
-        self._square[order] = cauchy(warm.values, warm.values, order)
-        if self.law.plane == "strain":
-            self._cold.thin(order, warm)
-        elastic = np.stack([cauchy(one, warm.over, order) for one in self.gradient])
-        if not order:
-            elastic[[0, 3], 0] -= 1.0
-        self._cold.put(order, elastic)
-        for place, one in enumerate(self._cold.stress):
-            self.stress[place, order] = cauchy(self._square, one, order)
-
-    def across(self) -> FloatArray:
-        """Out-of-plane stretch (n,) in plane stress."""
-        return np.asarray(self._warm.values[0, 0] * self._cold.across())
-
-
-class Kirchhoff(Response):
+class Kirchhoff(_Series):
     """The Saint Venant-Kirchhoff law."""
 
-    def __init__(self, law: LawConstants, shape: tuple[int, ...]) -> None:
+    def __init__(self, law: Law, shape: tuple[int, ...]) -> None:
         super().__init__(law, shape)
         self._second, self._thin = np.zeros((3, *shape)), np.zeros(shape)
         self._lam = law.lam if law.plane == "strain" else 2.0 * law.lam * law.mu / (law.lam + 2.0 * law.mu)
@@ -166,7 +120,9 @@ class Kirchhoff(Response):
         square = 1.0 - 2.0 * law.lam / (law.lam + 2.0 * law.mu) * strain
         return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
-    def _respond(self, order: int, _: FloatArray | None) -> None:
+    def put(self, order: int, gradient: FloatArray | None, _: FloatArray | None = None) -> None:
+        """Set ``order`` of the displacement gradient (4, j, n), None if unknown, and compute P."""
+        self._deform(order, gradient)
         f, s, mu = self.gradient, self._second, self.law.mu
         xx = 0.5 * (cauchy(f[0], f[0], order) + cauchy(f[2], f[2], order))
         yy = 0.5 * (cauchy(f[1], f[1], order) + cauchy(f[3], f[3], order))
@@ -182,10 +138,10 @@ class Kirchhoff(Response):
             self.stress[line + 1, order] = cauchy(f[line], s[2], order) + cauchy(f[line + 1], s[1], order)
 
 
-class Neo(Response):
+class Neo(_Series):
     """The compressible neo-Hookean law."""
 
-    def __init__(self, law: LawConstants, shape: tuple[int, ...]) -> None:
+    def __init__(self, law: Law, shape: tuple[int, ...]) -> None:
         super().__init__(law, shape)
         self._volume = Logarithm(shape)
         self._factor, self._theta, self._theta_log, self._thin = (np.zeros(shape) for _ in range(4))
@@ -198,7 +154,9 @@ class Neo(Response):
         """Out-of-plane stretch (n,) in plane stress."""
         return np.asarray(np.sqrt(self._theta[0, 0]))
 
-    def _respond(self, order: int, _: FloatArray | None) -> None:
+    def put(self, order: int, gradient: FloatArray | None, _: FloatArray | None = None) -> None:
+        """Set ``order`` of the displacement gradient (4, j, n), None if unknown, and compute P."""
+        self._deform(order, gradient)
         f, law = self.gradient, self.law
         self._volume.put(order, cauchy(f[0], f[3], order) - cauchy(f[1], f[2], order))
         if law.plane == "strain":
@@ -228,15 +186,40 @@ class Neo(Response):
             log[0, 1:] = theta[0, 1:] / theta[0, 0]
             return
         over = inverse(theta[0])
-        rest = (
-            cauchy(weighted(log, order), theta[: order + 1], order, 1, order - 1) / order
-            if order > 1
-            else 0.0
-        )
+        rest = cauchy(weighted(log, order), theta[: order + 1], order, 1, order - 1) / order
         slope = 0.5 * lam * over
         slope[0] += mu
-        known = -lam * volume[order]
-        if order > 1:
-            known = known + 0.5 * lam * times(over, np.asarray(rest))
+        known = 0.5 * lam * times(over, rest) - lam * volume[order]
         theta[order] = times(inverse(slope), known)
         log[order] = times(over, theta[order] - rest)
+
+
+class Warm(_Series):
+    """The response of a ``cold`` law to the deformation relative to a thermal stretch."""
+
+    def __init__(self, cold: Kirchhoff | Neo, shape: tuple[int, ...]) -> None:
+        super().__init__(cold.law, shape)
+        self._cold, self._warm, self._square = cold, Logarithm(shape), np.zeros(shape)
+
+    def put(self, order: int, gradient: FloatArray | None, stretch: FloatArray | None = None) -> None:
+        """Set ``order`` of the displacement gradient (4, j, n), None if unknown, and of the thermal
+        ``stretch`` (j, n), zero if None, and compute P."""
+        self._deform(order, gradient)
+        warm = self._warm
+        warm.put(order, 0.0 if stretch is None else stretch)
+        self._square[order] = cauchy(warm.values, warm.values, order)
+        if self.law.plane == "strain":
+            self._cold.thin(order, warm)
+        elastic = np.stack([cauchy(one, warm.over, order) for one in self.gradient])
+        if not order:
+            elastic[[0, 3], 0] -= 1.0
+        self._cold.put(order, elastic)
+        for place, one in enumerate(self._cold.stress):
+            self.stress[place, order] = cauchy(self._square, one, order)
+
+    def across(self) -> FloatArray:
+        """Out-of-plane stretch (n,) in plane stress."""
+        return np.asarray(self._warm.values[0, 0] * self._cold.across())
+
+
+Response: TypeAlias = Kirchhoff | Neo | Warm

@@ -9,10 +9,10 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.mechanics.finite.body import FiniteBody
-from mlsanm_cli.mechanics.finite.body_series import SECOND, BodySeries
+from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
 from mlsanm_cli.mechanics.finite.faces import FacePoints
+from mlsanm_cli.mechanics.finite.law import gradient_of
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 
@@ -47,50 +47,21 @@ def _coefficients(
     """Derivatives at the nodes of P (4, 2, 2, n) by d/dX and d/dY of u_x and u_y, and of Div P (2, 5, 2, n)
     by all five derivatives."""
     derivatives = body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
-    count = len(derivatives)
-    series = BodyJets.of(body, derivatives, factors)
+    count, stretch = len(derivatives), body.stretch_jets(factors, 0)
+    series = body.law.series(1, 3, count, stretch is not None)
+    series.put(0, jets_of(derivatives), stretch)
     stress, divergence = np.zeros((4, 2, 2, count)), np.zeros((2, 5, 2, count))
     for kind in range(5):
         for component in (0, 1):
-            found = series.moved(kind, component)
+            unit = np.zeros((count, 6, 2))
+            unit[:, 1 + kind, component] = 1.0
+            series.put(1, jets_of(unit))
+            found = series.stress[:, 1]
             divergence[0, kind, component] = found[0, 1] + found[1, 2]
             divergence[1, kind, component] = found[2, 1] + found[3, 2]
             if kind < 2:
                 stress[:, kind, component] = found[:, 0]
     return stress, divergence
-
-
-class BodyJets:
-    """The law at the nodes of a state, and its response to unit derivatives."""
-
-    def __init__(self, body: FiniteBody, gradient: FloatArray, factors: FloatArray) -> None:
-        stretch = body.stretch_jets(factors, 0)
-        self._series = body.law.series(1, 3, gradient.shape[-1], stretch is not None)
-        self._series.put(0, gradient, stretch)
-
-    @classmethod
-    def of(cls, body: FiniteBody, derivatives: FloatArray, factors: FloatArray) -> BodyJets:
-        """From ``derivatives`` (n, 6, 2) of the displacement and load ``factors`` (L,)."""
-        gradient = np.zeros((4, 3, len(derivatives)))
-        for component in (0, 1):
-            for axis in (0, 1):
-                where = 2 * component + axis
-                gradient[where, 0] = derivatives[:, 1 + axis, component]
-                gradient[where, 1:] = derivatives[:, list(SECOND[axis]), component].T
-        return cls(body, gradient, factors)
-
-    def moved(self, kind: int, component: int) -> FloatArray:
-        """Change of P (4, 3, n), a jet, by the derivative number ``kind`` of one displacement
-        ``component``."""
-        unit = np.zeros_like(self._series.gradient[:, 1])
-        if kind < 2:
-            unit[2 * component + kind, 0] = 1.0
-        for axis in (0, 1):
-            for along in (0, 1):
-                if SECOND[axis][along] == kind + 1:
-                    unit[2 * component + axis, 1 + along] = 1.0
-        self._series.put(1, unit)
-        return self._series.stress[:, 1]
 
 
 def _rows(stencils: Stencils, kinds: range, coefficients: FloatArray) -> sparse.csr_array:
@@ -113,42 +84,37 @@ def _cofactor(normal: FloatArray) -> FloatArray:
 
 def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
     """Rows (3k, 2N) of the pieces at ``displacement`` (2N,) and load ``factors`` (L,)."""
-    state = BodySeries(body, 0)
-    state.put(0, displacement, factors)
+    state = BodySeries.at(body, displacement, factors)
     force, place, middle = state.state()
-    inner, held = body.stressed
-    loaded, u = body.applied.points, displacement.reshape(-1, 2)
-    total: sparse.csr_array = sparse.csr_array((3 * body.count, body.unknowns))
-    first, stretch = 0, body.face_stretch(factors)
-    for points in (inner, held, loaded):
+    size = body.elastic.pieces.size
+    total, first = _moments_of_centers(body, state, factors), 0
+    for points in body.points:
         here = slice(first, first + points.count)
         first = here.stop
-        if not points.count:
-            continue
-        shape = points.places.shape[:2]
-        pulling = np.zeros((2, *shape))
-        if points is loaded:
-            pulling = body.applied.pulling.reshape(2, *shape)
-            pressure = (body.applied.pressure @ factors).reshape(shape)
-            moduli = np.zeros((2, 2, 2, *shape))
-            if body.applied.follows:
-                turned = _cofactor(points.normals.reshape(-1, 2)).reshape(moduli.shape)
-                moduli = -pressure * turned
-        else:
-            moduli = _moduli(body, points, u, None if stretch is None else stretch[here])
-        moduli = moduli * points.kept.T[:, None, None, :, None]
-        parts = (force[:, here].reshape(2, *shape), place[:, here].reshape(2, *shape))
-        total = sparse.csr_array(total + _spread(body, points, moduli, pulling, *parts, middle))
-    return sparse.csr_array(total - _turned(body, state, factors))
+        if points.count:
+            moduli = _moduli(body, points, here, displacement, factors)
+            rows, center = _by_fit(body, points, moduli, force[:, here], place[:, here])
+            onto = _onto(points.fit, points.owner, points.sign, center, middle, size)
+            total = sparse.csr_array(total + onto @ rows)
+    return total
 
 
-def _moduli(body: FiniteBody, points: FacePoints, u: FloatArray, stretch: FloatArray | None) -> FloatArray:
-    """Derivatives (2, 2, 2, e, t) of P N at points with stress: component of the force, derivative, component
-    of the displacement ``u`` (N, 2)."""
-    _, by_x, by_y = points.seen(u)
-    gradient = np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
-    whole = body.law.moduli(gradient, stretch).reshape(2, 2, 2, 2, *points.places.shape[:2])
-    return np.asarray(np.einsum("iJkL...,...J->iLk...", whole, points.normals))
+def _moduli(
+    body: FiniteBody, points: FacePoints, here: slice, displacement: FloatArray, factors: FloatArray
+) -> FloatArray:
+    """Derivatives (2, 2, 2, e, t) of the forces at ``points``, which are ``here`` among all, in the kept
+    components: component of the force, derivative, component of the displacement."""
+    shape, stretch = points.places.shape[:2], body.face_stretch(factors)
+    if points is not body.applied.points:
+        warm = None if stretch is None else stretch[here]
+        whole = body.law.moduli(gradient_of(points.seen(displacement)), warm)
+        found = np.einsum("iJkL...,...J->iLk...", whole.reshape(2, 2, 2, 2, *shape), points.normals)
+    elif body.applied.follows:
+        pressure = (body.applied.pressure @ factors).reshape(shape)
+        found = -pressure * _cofactor(points.normals.reshape(-1, 2)).reshape(2, 2, 2, *shape)
+    else:
+        found = np.zeros((2, 2, 2, *shape))
+    return np.asarray(found * points.kept.T[:, None, None, :, None])
 
 
 def held_force(
@@ -156,66 +122,51 @@ def held_force(
 ) -> tuple[FloatArray, sparse.csr_array]:
     """Force x, y and moment (3,) about a point (2,) of some held sides, and rows (3, 2N) of their
     derivatives."""
-    inner, held = body.stressed
-    series, u, stretch = BodySeries(body, 0), displacement.reshape(-1, 2), body.face_stretch(factors)
-    series.put(0, displacement, factors)
-    here = slice(inner.count, inner.count + held.count)
-    force, place = (one[:, here] for one in series.state()[:2])
-    some, first = np.zeros(held.count), 0
-    for name in (one for one, components in body.elastic.gripped.items() if any(components)):
-        last = first + len(Halves.of(body.elastic.model.cloud.surfaces[name], body.rule).arc)
-        some[first:last] = name in names
-        first = last
-    force, arm = force * some, place - about[:, None]
-    now = np.array([*force.sum(axis=1), (arm[0] * force[1] - arm[1] * force[0]).sum()])
-    moduli = _moduli(body, held, u, None if stretch is None else stretch[here])[..., 0]
-    moduli = moduli * held.kept.T[:, None, None] * some
-    entry, weights = held.entries(), held.weights(0)
-    x, y = ((weights[:, 1:, None] * one[:, :, entry].transpose(2, 0, 1)).sum(axis=1) for one in moduli)
-    moment = arm[0, entry, None] * y - arm[1, entry, None] * x
-    moment += weights[:, :1] * np.stack([force[1], -force[0]], axis=1)[entry]
-    rows = np.stack([held.rows(one).sum(axis=0) for one in (x, y, moment)])
-    return now, sparse.csr_array(rows)
+    inner, held, _ = body.points
+    here, some = slice(inner.count, inner.count + held.count), np.zeros(held.count)
+    for name in names:
+        some[held.along[name]] = 1.0
+    force, place = (one[:, here] for one in BodySeries.at(body, displacement, factors).state()[:2])
+    rows, center = _by_fit(body, held, _moduli(body, held, here, displacement, factors), force, place)
+    onto = _onto(held.fit, np.zeros_like(held.fit), some, center, about[:, None], np.ones(1))
+    return onto[:, : force.size] @ force.ravel(), sparse.csr_array(onto @ rows)
 
 
-def _spread(
-    body: FiniteBody,
-    points: FacePoints,
-    moduli: FloatArray,
-    pulling: FloatArray,
-    force: FloatArray,
-    place: FloatArray,
-    middle: FloatArray,
-) -> sparse.csr_array:
-    """Contribution of points with ``moduli`` (2, 2, 2, e, t) of their forces, spring stiffness ``pulling``,
-    ``force`` and ``place`` (2, e, t), to pieces with centres ``middle`` (2, k). Moments of a fit are taken
-    about its own centre and then transferred to the pieces."""
-    entry, center = points.entries(), place.mean(axis=2)
+def _by_fit(
+    body: FiniteBody, points: FacePoints, moduli: FloatArray, force: FloatArray, place: FloatArray
+) -> tuple[sparse.csr_array, FloatArray]:
+    """Rows (3e, 2N) of the derivatives of forces x, forces y and moments of fits about their own centres, and
+    these (2, e); ``moduli`` (2, 2, 2, e, t), ``force`` and ``place`` (2, q) are those of the points."""
+    force, place = (one.reshape(2, *points.places.shape[:2]) for one in (force, place))
+    stencils, center = points.stencils, place.mean(axis=2)
+    entry = np.repeat(np.arange(len(points.places)), np.diff(stencils.indptr))
     x, y, moment = (np.zeros((len(entry), 2)) for _ in range(3))
     for point in range(place.shape[2]):
-        weights = points.weights(point)
+        weights = stencils.weights[:, 3 * point : 3 * point + 3]
         own = moduli[..., point][..., entry]
         d_x = weights[:, 1, None] * own[0, 0].T + weights[:, 2, None] * own[0, 1].T
         d_y = weights[:, 1, None] * own[1, 0].T + weights[:, 2, None] * own[1, 1].T
-        back = pulling[:, :, point][:, entry] * weights[:, 0]
-        d_x[:, 0] -= back[0]
-        d_y[:, 1] -= back[1]
+        if points is body.applied.points:
+            # Springs: one point per fit.
+            d_x[:, 0] -= body.applied.pulling[0, entry] * weights[:, 0]
+            d_y[:, 1] -= body.applied.pulling[1, entry] * weights[:, 0]
         arm = (place[:, :, point] - center)[:, entry]
         x += d_x
         y += d_y
         moment += arm[0][:, None] * d_y - arm[1][:, None] * d_x
         pull = force[:, :, point][:, entry]
         moment += weights[:, :1] * np.stack([pull[1], -pull[0]], axis=1)
-    rows = sparse.vstack([points.rows(one) for one in (x, y, moment)], format="csr")
-    return sparse.csr_array(_onto(body, points.fit, points.owner, points.sign, center, middle) @ rows)
+    return sparse.csr_array(
+        sparse.vstack([pair_rows(stencils, one) for one in (x, y, moment)], format="csr")
+    ), center
 
 
 def _onto(
-    body: FiniteBody, fit: IntArray, owner: IntArray, sign: FloatArray, center: FloatArray, middle: FloatArray
+    fit: IntArray, owner: IntArray, sign: FloatArray, center: FloatArray, middle: FloatArray, size: FloatArray
 ) -> sparse.csr_array:
-    """Matrix (3k, 3e) that sums forces x, forces y and moments about the ``center`` (2, e) of fits on the
-    pieces."""
-    count, fits, size = body.count, center.shape[1], body.elastic.pieces.size
+    """Matrix (3k, 3e) that sums forces x, forces y and moments about the ``center`` (2, e) of fits on bodies
+    with ``middle`` (2, k), moments over their ``size`` (k,)."""
+    count, fits = len(size), center.shape[1]
     arm = (center[:, fit] - middle[:, owner]) / size[owner]
     line = [owner, count + owner, *[2 * count + owner] * 3]
     column = [fit, fits + fit, fit, fits + fit, 2 * fits + fit]
@@ -231,11 +182,11 @@ def load_columns(
     ``displacement`` (2N,) and load ``factors`` (L,)."""
     points, dead = body.applied.points, body.applied.dead[:, :, some]
     u = displacement.reshape(-1, 2)
-    place = points.places.reshape(-1, 2).T + points.seen(u)[0].T
+    place = points.places.reshape(-1, 2).T + points.seen(u)[:, 0].T
     middle = body.elastic.pieces.whole.middle.T + (body.centers @ u).T
-    onto = _onto(body, points.fit, points.owner, points.sign, place, middle)
+    onto = _onto(points.fit, points.owner, points.sign, place, middle, body.elastic.pieces.size)
     forces = sparse.csr_array(dead.reshape(2 * points.count, dead.shape[2]))
-    sources = body.loads.sources[: body.elastic.rows - 3 * body.count, some].copy()
+    sources = body.loads.sources[: body.node_rows, some].copy()
     for plate in body.loads.turning:
         angle = float(plate.rate @ factors)
         sources[plate.rows] += np.outer(plate.moved(-math.sin(angle), math.cos(angle)), plate.rate[some])
@@ -243,20 +194,13 @@ def load_columns(
     return sparse.csr_array(sparse.vstack([nodes, onto[:, : 2 * points.count] @ forces], format="csr"))
 
 
-def _turned(body: FiniteBody, state: BodySeries, factors: FloatArray) -> sparse.csr_array:
-    """Derivative (3k, 2N) of the moments by the pieces' centres, to be subtracted; with body forces also by
-    their nodes."""
-    count, nodes, size = body.count, len(body.elastic.model.nodes), body.elastic.pieces.size
-    force = state.resultant()
-    centers = body.centers.tocoo()
-    own, node = centers.coords
-    pull = force[:, own]
-    rows = np.concatenate([2 * count + own] * 2)
-    columns = np.concatenate([2 * node, 2 * node + 1])
-    values = np.concatenate([pull[1] * centers.data, -pull[0] * centers.data]) / size[np.tile(own, 2)]
-    entries = (values, (rows, columns))
-    turned: sparse.csr_array = sparse.csr_array(entries, shape=(3 * count, 2 * nodes))
+def _moments_of_centers(body: FiniteBody, state: BodySeries, factors: FloatArray) -> sparse.csr_array:
+    """Derivative (3k, 2N) of the moments by the pieces' centres; with body forces also by their nodes."""
+    force, size = state.resultant(), body.elastic.pieces.size
+    rows = sparse.diags_array(1.0 / size) @ body.centers
+    by_x, by_y = (sparse.diags_array(one) @ rows for one in (-force[1], force[0]))
+    moments = sparse.kron(by_x, [[1.0, 0.0]]) + sparse.kron(by_y, [[0.0, 1.0]])
     for number, turning in body.turning.items():
-        nothing = sparse.csr_array((2 * count, 2 * nodes))
-        turned = turned + sparse.vstack([nothing, factors[number] * turning], format="csr")
-    return sparse.csr_array(turned)
+        moments = moments - factors[number] * turning
+    nothing = sparse.csr_array((2 * body.count, body.unknowns))
+    return sparse.csr_array(sparse.vstack([nothing, moments], format="csr"))
