@@ -98,8 +98,8 @@ def _body(name: str, prepared: SceneModel, quality: Quality) -> dict[str, Any]:
         "closest": cloud.closest,
         "hole": cloud.hole,
         "growth": cloud.growth,
-        "stencils_enlarged": quality.enlarged[name],
-        "worst_ratio": quality.worst_ratio[name],
+        "stencils_enlarged": model.stencils.enlarged,
+        "worst_ratio": model.stencils.worst_ratio,
     }
 
 

@@ -117,7 +117,9 @@ def set_up(
     else:
         adapted = refine_again(case, refinement, context)
     nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
-    for warning in (*adapted.warnings, *nodal_warnings(adapted.prepared, nodal, adapted.prepared.models)):
+    if adapted.refinement.failed:
+        warn(adapted.refinement.failed)
+    for warning in nodal_warnings(adapted.prepared, nodal, adapted.prepared.models):
         warn(warning)
     return adapted
 
@@ -153,8 +155,7 @@ def carry_out(
             quality = assess(case, adapted.prepared, context.memo)
             for warning in quality.warnings:
                 recorder.warn(warning)
-        degree = {name: body.model.settings.degree for name, body in built.scene.bodies.items()}
-        quality = replace(quality, degree=degree)
+        quality = replace(quality, models={name: body.model for name, body in built.scene.bodies.items()})
         context.stop_gently()
         reached = _follow(built, recorder.start(adapted), recorder, context)
         if reached is not None and recorder.last is not None:

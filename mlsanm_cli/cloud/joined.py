@@ -240,12 +240,6 @@ Chain = tuple[tuple[int, ...], bool]
 """Curves by index as they follow each other along a loop, and whether they are all of it."""
 
 
-def chain_of(outline: Outline, numbers: Sequence[int]) -> Chain | None:
-    """The chain of curves by index; None if they are not one contiguous chain."""
-    chains = chains_of(outline, numbers)
-    return chains[0] if len(chains) == 1 else None
-
-
 def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:
     """The contiguous chains of curves by index, in the order of the outline."""
     chains: list[Chain] = []

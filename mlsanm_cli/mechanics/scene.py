@@ -166,14 +166,12 @@ class Scene:
     bodies: Mapping[str, ElasticBody]
     loads: tuple[str, ...]
     surface_loads: tuple[SurfaceLoad, ...]
-    platens: tuple[Platen, ...]
+    rigid_constraints: tuple[RigidConstraint, ...]
     supports: Mapping[str, tuple[tuple[str, str], ...]]
     held_nodes: Mapping[str, tuple[bool, bool]]
     body_forces: tuple[BodyForce, ...] = ()
     heatings: tuple[Heating, ...] = ()
     probes: tuple[Probe, ...] = ()
-    obstacles: tuple[Obstacle, ...] = ()
-    floating: tuple[FloatingBody, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
 
@@ -240,9 +238,9 @@ class Scene:
         return float(max(forces))
 
     @property
-    def rigid_constraints(self) -> tuple[RigidConstraint, ...]:
-        """Everything that moves rigidly."""
-        return (*self.platens, *self.obstacles, *self.floating)
+    def platens(self) -> list[Platen]:
+        """The rigid plates."""
+        return [one for one in self.rigid_constraints if isinstance(one, Platen)]
 
     @property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:

@@ -161,9 +161,7 @@ def continued(
 
     def over(sets: ContactStatus) -> RegularizedFriction:
         stick_reference = np.where(sets.stuck & ~before.stuck, now, problem.stick_reference)
-        return RegularizedFriction(
-            problem.coupling, problem.start, problem.end, sets, stick_reference, problem.tally
-        )
+        return problem.changed(sets=sets, stick_reference=stick_reference)
 
     expected = _expected(problem, x, lam, hits)
     system = over(expected)

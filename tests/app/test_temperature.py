@@ -14,7 +14,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from tests.app.blocks import PINS, Result, block
 from tests.app.scenes import Quiet
-from tests.case_text import pin
+from tests.case_text import contact, pin, pushed, support
 
 E, NU, ALPHA = 200.0, 0.25, 1e-3
 HEAT = '[[load]]\nname = "heat"\nbody = "block"\nkind = "temperature"\ntemperature = "{}"\n'
@@ -119,6 +119,19 @@ def test_round_bodies(
         across = NU * at.sum() - E * ALPHA * heat
         mises = np.sqrt(0.5 * ((at[0] - at[1]) ** 2 + (at[1] - across) ** 2 + (across - at[0]) ** 2))
         assert seen["von_mises"] == pytest.approx(mises, rel=2 * close)
+
+
+def test_probes_under_a_contact_have_no_stress_of_free_expansion(tmp_path: Path) -> None:
+    """It was subtracted again whenever the grid was refined; without contact there is nothing to refine."""
+    roll = {"kind": "disk", "center": [1.0, 3.0], "radius": 2.0}
+    pressing = contact("under", "block.top", obstacle=roll, accuracy=0.02)
+    feet, force = support("block.bottom", ux=0.0, uy=0.0), pushed("press", "under", fy=-1.0)
+    Result(block(feet, HEAT.format("2 + y"), PROBE, force, pressing), tmp_path / "run")
+    [seen], [point] = (
+        probe_named(tmp_path / "run", (1.0,), "p"),
+        probe_point(tmp_path / "run", (1.0,), "block", (0.3, 0.4)),
+    )
+    assert seen["yy"] == pytest.approx(point["yy"], abs=0.05)
 
 
 def test_an_expression_without_a_value_is_told_by_its_key(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from mlsanm_cli.contact.response.coercivity import (
     contact_stability,
     relative_resistance,
 )
-from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows
+from mlsanm_cli.contact.response.functionals import relative_rows
 from mlsanm_cli.contact.response.load_vectors import _on_pieces
 from mlsanm_cli.contact.response.short_waves import FIT_WINDOW
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -212,7 +212,7 @@ def test_reaction_of_a_uniform_stress_is_exact(surface: str) -> None:
     sigma = np.array([[xx, xy], [xy, yy]])
     center = (0.3, -0.2)
     mask = np.array(held[surface])
-    got = reaction_rows(body, surface, center) @ u.ravel()
+    got = body.reaction_rows(surface, center) @ u.ravel()
     own = cloud.surfaces[surface]
     start, end = cloud.points[own.index[[0, -1]]]
     force = mask * (own.normal[0] @ sigma) * np.hypot(*(end - start))
@@ -255,8 +255,8 @@ def test_a_grain_along_the_surface_does_not_look_unsound() -> None:
 
 
 def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:
-    wrong = lambda *arguments: -gap_rows(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.response.observation.gap_rows", wrong)
+    wrong = lambda *arguments: -relative_rows(*arguments)  # noqa: E731
+    monkeypatch.setattr("mlsanm_cli.contact.response.observation.relative_rows", wrong)
     assert forced.again().stability < -0.5
 
 

@@ -13,7 +13,7 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round
-from mlsanm_cli.contact.geometry.pairing import pair_obstacle
+from mlsanm_cli.contact.geometry.pairing import pair_surfaces
 
 NUMBER = st.floats(-3.0, 3.0)
 DOWN = np.array([[0.0, -1.0]])
@@ -71,7 +71,7 @@ def test_a_node_on_a_corner_belongs_to_the_side_that_its_surface_faces() -> None
 def test_nodes_well_beside_a_punch_have_no_partner() -> None:
     cloud = build_cloud(rectangle((-1.0, 1.0), (-1.0, 0.0)), Spacing(0.1), 0)
     punch = Chain(np.array([[-0.35, 1.0], [-0.35, 0.02], [0.35, 0.02], [0.35, 1.0]]))
-    pairing = pair_obstacle("under", "block", cloud, cloud.surfaces["top"], punch)
+    pairing = pair_surfaces("under", "block", cloud, cloud.surfaces["top"], punch)
     x = cloud.points[pairing.node, 0]
     assert np.sort(x) == pytest.approx(np.linspace(-0.4, 0.4, 9))
     corner = float(np.hypot(0.05, 0.02))

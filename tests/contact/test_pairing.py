@@ -27,9 +27,7 @@ def pair(
 ) -> tuple[Pairing, Cloud, Cloud]:
     """Two clouds and the pairing of a surface on each."""
     one, other = build_cloud(upper, spacings[0], 0), build_cloud(lower, spacings[1], 0)
-    pairing = pair_surfaces(
-        "contact", "upper", one, one.surfaces[slave], "lower", other, other.surfaces[master]
-    )
+    pairing = pair_surfaces("contact", "upper", one, one.surfaces[slave], ("lower", other.surfaces[master]))
     return pairing, one, other
 
 
@@ -193,7 +191,7 @@ def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
     # The line's normal points away from the disk: run through the other way, it is the surface that faces it.
     back = Segment(line.end, line.start)
     facing = replace(face, curve=back, normal=-face.normal, index=np.arange(40, -1, -1))
-    pairing = pair_surfaces("contact", "disk", round_, arc, "flat", flat, facing).with_reach(0.01)
+    pairing = pair_surfaces("contact", "disk", round_, arc, ("flat", facing)).with_reach(0.01)
     assert (np.diff(pairing.arc) > 0.0).all()
     assert (np.diff(pairing.arc) < 0.2).all()
     nodes = round_.points[pairing.node[pairing.candidate]]
@@ -265,7 +263,7 @@ def test_gaps_to_a_master_known_by_its_nodes_converge_to_those_of_its_circle() -
         outer = np.array([[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]])
         loops = [Loop(np.arange(4), ("",) * 4), Loop(4 + np.arange(count), ("hole",) * count)]
         hole = build_cloud(trace(np.concatenate([outer, rim]), loops, 0.7).outline, Spacing(0.1), 0)
-        pairing = pair_surfaces("c", "pin", pin, pin.surfaces["arc"], "hole", hole, hole.surfaces["hole"])
+        pairing = pair_surfaces("c", "pin", pin, pin.surfaces["arc"], ("hole", hole.surfaces["hole"]))
         assert len(pairing.position) == len(pin.surfaces["arc"].index)
         exact = 1.1 - np.hypot(*pin.points[pairing.node].T)
         errors.append(np.abs(pairing.gap - exact).max())

@@ -19,13 +19,13 @@ import numpy as np
 from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
+from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, l2, rough_state
+from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, rough_state
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
-from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
+from mlsanm_cli.mechanics.defect import Corrected, correct
 from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -54,8 +54,8 @@ class Accuracy:
 
     ``displacement`` is the relative root mean square error over all nodes; ``from_bulk`` and ``from_contact``
     are relative L2 errors of the pressures, by contact, due to the bodies and to the contact's own spacing;
-    None without an estimate. ``defects`` and ``solutions`` (2N, 1) are those of the bodies in that state,
-    empty if not known; ``largest`` is the largest displacement, None if not needed. ``from_law`` is the part
+    None without an estimate. ``bodies`` are the corrected ones in that state, empty if not known; ``largest``
+    is the largest displacement, None if not needed. ``from_law`` is the part
     of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
     ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
     ``missing`` says why there are no estimates, with a hint.
@@ -65,9 +65,8 @@ class Accuracy:
     from_bulk: Mapping[str, float | None]
     from_contact: Mapping[str, float | None]
     state: ExactState
-    largest: float | None
-    defects: Mapping[str, Defect]
-    solutions: Mapping[str, FloatArray]
+    largest: float | None = None
+    bodies: Mapping[str, Corrected] = field(default_factory=dict)
     from_law: float = 0.0
     deflection: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
@@ -124,7 +123,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     unknown: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
     blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
-        return Accuracy(None, unknown, unknown, state, None, {}, {})
+        return Accuracy(None, unknown, unknown, state)
     bodies, missing = dict[str, Corrected](), ""
     try:
         bodies = bodies if blind else corrected_bodies(built, state.unknowns)
@@ -132,31 +131,50 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         missing = error.advice
     if not bodies:
         whole = [condensed.displacement(scene, name, state.unknowns) for name in scene.bodies]
-        return Accuracy(None, unknown, unknown, state, largest_of(whole), {}, {}, missing=missing)
-    solutions = {name: one.solution for name, one in bodies.items()}
-    defects = {name: one.defect for name, one in bodies.items()}
-    largest = largest_of([one.displacement for one in bodies.values()])
+        return Accuracy(None, unknown, unknown, state, _largest_of(whole), missing=missing)
+
+    def moved(by: Changes) -> Moved:
+        after = by.state(condensed, state)
+        return after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction)
+
     try:
         halved = halved_state(condensed, state) if has_nodal_pressures(built) else None
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        found = effects(built, bodies, state, lambda by: _moved(condensed, state, by), halved)
+        return estimated(built, state, bodies, moved, rough, halved)
     except NumericalError as error:  # the corrected scene has no contact state
         hint = finer_nodes(built.case, scene.bodies)
         missing = f"with bodies corrected for their errors, {error.message}; {hint}"
-        return Accuracy(None, unknown, unknown, state, largest, defects, solutions, missing=missing)
-    pressures = pressure_errors(built, state, found.pressures, rough, halved)
-    displacement = relative(found.squares, bodies)
+        largest = _largest_of([one.displacement for one in bodies.values()])
+        return Accuracy(None, unknown, unknown, state, largest, bodies, missing=missing)
+
+
+def estimated(
+    built: CondensedScene,
+    state: ExactState,
+    bodies: Mapping[str, Corrected],
+    moved: Callable[[Changes], Moved],
+    rough: FloatArray,
+    halved: Halved | None,
+    by_law: float = 0.0,
+) -> Accuracy:
+    """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
+    what these may miss, from pressures ``rough`` (m,) without smoothing, from nodal contacts of half as many
+    nodes, and from the sum of squares ``by_law`` of the displacements due to a regularised law."""
+    found = _effects(built, bodies, state, moved, halved)
+    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
+    displacement, from_law = (
+        float(np.sqrt(squares / size)) if size > 0.0 else None for squares in (found.squares + by_law, by_law)
+    )
     return Accuracy(
-        *(displacement, *pressures, state, largest, defects, solutions),
+        displacement,
+        *_pressure_errors(built, state, found.pressures, rough, halved),
+        state,
+        _largest_of([one.displacement for one in bodies.values()]),
+        bodies,
+        from_law=from_law or 0.0,
         probes=found.probes,
         forces=found.forces,
     )
-
-
-def _moved(condensed: Condensed, state: ExactState, by: Changes) -> Moved:
-    after = by.state(condensed, state)
-    moved = after.motion - state.motion, after.pressure - state.pressure
-    return *moved, np.zeros_like(state.traction)
 
 
 @dataclass(frozen=True)
@@ -175,31 +193,30 @@ class Effects:
         return Effects(self.squares + other.squares, probes, forces, [*self.pressures, *other.pressures])
 
 
-def effects(
+def _effects(
     built: CondensedScene,
     bodies: Mapping[str, Corrected],
     state: ExactState,
     moved: Callable[[Changes], Moved],
     halved: Halved | None,
 ) -> Effects:
-    """Effects of the corrections of ``bodies``, by which contacts have ``moved``; of what these corrections
-    may miss; and of nodal contacts of half as many nodes."""
+    """Effects of the corrections of ``bodies``, of what they may miss, and of half as many contact nodes."""
     parts = [bodies]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
     found = []
     for part in parts:
         by = changes_of(built.condensed, built.scene, part)
-        found.append(_effects(built, part, state, by.bonds, moved(by)))
+        found.append(_effects_of(built, part, state, by.bonds, moved(by)))
     if halved is not None:
         fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
         nothing = {name: replace(one, change=np.zeros_like(one.change)) for name, one in bodies.items()}
-        one = _effects(built, nothing, state, built.condensed.bonds, fewer)
+        one = _effects_of(built, nothing, state, built.condensed.bonds, fewer)
         found.append(replace(one, pressures=[]))
     return reduce(add, found)
 
 
-def _effects(
+def _effects_of(
     built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
 ) -> Effects:
     """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``."""
@@ -245,18 +262,12 @@ def has_nodal_pressures(built: CondensedScene) -> bool:
     return any(pairing.grid is None for pairing in built.condensed.pairings)
 
 
-def largest_of(displacements: list[FloatArray]) -> float:
+def _largest_of(displacements: list[FloatArray]) -> float:
     """Largest of the ``displacements`` (N, 2) of all bodies."""
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 
-def relative(squares: float, bodies: Mapping[str, Corrected]) -> float | None:
-    """Root of a sum of squares over that of the displacements of ``bodies``; None without displacements."""
-    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
-    return float(np.sqrt(squares / size)) if size > 0.0 else None
-
-
-def pressure_errors(
+def _pressure_errors(
     built: CondensedScene,
     state: ExactState,
     corrected: Sequence[FloatArray],

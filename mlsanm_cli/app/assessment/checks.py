@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -63,22 +63,12 @@ path deviates as much from the exact one."""
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Relative force imbalance by body, and ``force_balance``, the largest of them."""
-
-    force_balance: float
-    bodies: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class EnergyVerdict:
-    """Relative difference of twice the strain energy and the work by body, and ``energy_error``, the one
-    largest in magnitude; also by body the strain, the relative increase of the work at single supported nodes
-    with half the spacing (``pointed``) and a description of parts with too few nodes across (``thin``).
-    ``deflection`` is the root mean square error of the displacements, relative, as far as only the energies
-    show it."""
+    """By body the relative difference of twice the strain energy and the work, the strain, the relative
+    increase of the work at single supported nodes with half the spacing (``pointed``) and a description of
+    parts with too few nodes across (``thin``). ``deflection`` is the root mean square error of the
+    displacements, relative, as far as only the energies show it."""
 
-    energy_error: float
     bodies: Mapping[str, float]
     strains: Mapping[str, float] = field(default_factory=dict)
     pointed: Mapping[str, float] = field(default_factory=dict)
@@ -86,7 +76,12 @@ class EnergyVerdict:
     deflection: float = 0.0
 
 
-def force_balance(built: CondensedScene, state: State) -> Verdict:
+def worst_of(errors: Mapping[str, float]) -> str:
+    """The body with the error largest in magnitude, or with nan."""
+    return max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
+
+
+def force_balance(built: CondensedScene, state: State) -> dict[str, float]:
     """Resultant of all forces on each body over the largest force on it, in a state."""
     unbalanced = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
     per_body = {}
@@ -94,8 +89,7 @@ def force_balance(built: CondensedScene, state: State) -> Verdict:
         largest = max(largest_force(built, name, state.unknowns), least_force(built, name))
         size = float(np.hypot(*unbalanced[number]))
         per_body[name] = 0.0 if largest == 0.0 else size / largest
-    # Unlike the built-in max, np.max propagates nan.
-    return Verdict(float(np.max(list(per_body.values()))), per_body)
+    return per_body
 
 
 def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArray]) -> float:
@@ -165,14 +159,19 @@ def _check_cone(built: CondensedScene, state: State) -> None:
         )
 
 
-def check_balance(case: Case, verdict: Verdict) -> str:
-    """Warning of a force imbalance ("" if there is none). NumericalError above the limit."""
-    worst = max(verdict.bodies, key=lambda name: np.nan_to_num(verdict.bodies[name], nan=np.inf))
-    message = f"force imbalance on body {worst}: {100 * verdict.force_balance:.2g} % of the largest force"
-    hint = f"{finer_nodes(case, [worst])} where it is held and around its notches, or use mls.degree = 4"
-    if not verdict.force_balance <= BALANCE_LIMIT:
+def _judged(error: float, warning: float, limit: float, message: str, hint: str) -> str:
+    """A warning of an error above the level ``warning`` ("" below). NumericalError above the ``limit``."""
+    if not error <= limit:
         raise NumericalError(message, hint)
-    return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""
+    return f"{message}; {hint}" if error > warning else ""
+
+
+def check_balance(case: Case, imbalance: Mapping[str, float]) -> str:
+    """Warning of a force imbalance ("" if there is none). NumericalError above the limit."""
+    worst = worst_of(imbalance)
+    message = f"force imbalance on body {worst}: {100 * imbalance[worst]:.2g} % of the largest force"
+    hint = f"{finer_nodes(case, [worst])} where it is held and around its notches, or use mls.degree = 4"
+    return _judged(imbalance[worst], BALANCE_WARNING, BALANCE_LIMIT, message, hint)
 
 
 def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
@@ -186,33 +185,28 @@ def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def check_transfer(built: CondensedScene, state: State) -> list[str]:
-    """Warnings of contacts with different forces on slave and master. NumericalError above the limit."""
-    texts = []
-    mismatches = force_mismatch(built, state)
+    """For every contact a warning of different forces on slave and master ("" if there is none).
+    NumericalError above the limit."""
+    texts, mismatches = [], force_mismatch(built, state)
     for pairing in built.condensed.pairings:
         lost = mismatches[pairing.name]
         keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
         message = f"contact {pairing.name}: the forces on slave and master differ by {100.0 * lost:.2g} %"
         hint = f"bring {keys} closer together where they touch, or {finer_nodes(built.case, pairing.bodies)}"
-        if not lost <= TRANSFER_LIMIT:
-            raise NumericalError(message, hint)
-        if lost > TRANSFER_WARNING:
-            texts.append(f"{message}; {hint}")
+        texts.append(_judged(lost, TRANSFER_WARNING, TRANSFER_LIMIT, message, hint))
     return texts
 
 
 def check_energy(case: Case, verdict: EnergyVerdict) -> str:
     """Warning of a difference between strain energy and work ("" if there is none). NumericalError above the
     limit."""
-    worst = max(verdict.bodies, key=lambda name: np.nan_to_num(abs(verdict.bodies[name]), nan=np.inf))
+    worst = worst_of(verdict.bodies)
     error = verdict.bodies[worst]
     size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
     message = f"twice the strain energy of body {worst} is {size} the work done on it"
     where = verdict.thin.get(worst) or "where it is held and around its notches"
     hint = f"{finer_nodes(case, [worst])}, above all {where}"
-    if not abs(error) <= ENERGY_LIMIT:
-        raise NumericalError(message, hint)
-    return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
+    return _judged(abs(error), ENERGY_WARNING, ENERGY_LIMIT, message, hint)
 
 
 def check_points(verdict: EnergyVerdict) -> Iterator[str]:
@@ -250,8 +244,8 @@ def check_polish(levels: Sequence[Polish]) -> str:
 FORCE_WARNING = 0.005
 """Estimated error of the force of a contact above which a run warns."""
 PLACE_WARNING = 0.02
-"""Estimated error of displacements above which a run warns. Half-disks of four nodes per radius are told up
-to 1.6 % where 0.1 % is true."""
+"""Estimated error of displacements above which a run warns. For half-disks of four nodes per radius the
+estimate is up to 1.6 %, the error 0.1 %."""
 
 
 def estimate_limits(built: CondensedScene) -> dict[str, Any]:
@@ -278,7 +272,7 @@ def check_estimates(
     if displacement is None and missing:
         return [f"errors are not estimated: {missing}"]
     limits = estimate_limits(built)["pressure"]
-    coarse = _finer(built.case, built.scene.bodies)
+    coarse = finer_nodes(built.case, built.scene.bodies)
     if displacement is not None and from_law > PLACE_WARNING:
         texts.append(
             f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
@@ -305,17 +299,13 @@ def check_estimates(
             )
         error = estimates["pressure"].get(pairing.name)
         if error is not None and error > limits[pairing.name]:
-            on_grid = pairing.grid is not None and pairing.friction
-            hint = _finer(built.case, pairing.bodies, [f"contact.{pairing.name}.accuracy"] if on_grid else [])
+            hint = finer_nodes(built.case, pairing.bodies)
+            if pairing.grid is not None and pairing.friction:
+                hint += f" and a smaller contact.{pairing.name}.accuracy"
             texts.append(
                 f"contact {pairing.name}: pressures are estimated to be off by {100 * error:.2g} %; {hint}"
             )
     return texts
-
-
-def _finer(case: Case, bodies: Collection[str], more: Sequence[str] = ()) -> str:
-    """Hint to use finer nodes in the bodies, and ``more`` keys to make smaller."""
-    return " and ".join([finer_nodes(case, bodies), *(f"a smaller {key}" for key in more)])
 
 
 def check_linear(residual: float) -> None:

@@ -50,10 +50,8 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
     """Warnings with the boundaries to add to contacts: the end node carries the pressure of the rest."""
     contacts = {contact.name: contact for contact in built.case.contact}
     for pairing in built.condensed.pairings:
-        contact = contacts[pairing.name]
-        span = built.condensed.spans[pairing.name]
-        pressure, weight = state.pressure[span], built.condensed.weight[span]
-        closed = state.closed[span]
+        contact, span = contacts[pairing.name], built.condensed.spans[pairing.name]
+        pressure, weight, closed = state.pressure[span], built.condensed.weight[span], state.closed[span]
         if not closed.any():
             continue
         mean = float(weight @ pressure) / float(weight[closed].sum())
@@ -64,12 +62,12 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
             surface = pairing.surface_of(slave)
             for place, name in continuations(cloud, surface):
                 node, beyond = surface.index[place], name.partition("/")[0]
-                end = cloud.points[node]
-                if elastic.held.get(name) == (True, True) or _ends_with(contact, end, cloud.spacing[node]):
+                end, close = cloud.points[node], END_DISTANCE * cloud.spacing[node]
+                tips = np.concatenate([_bonded_nodes(built, body), _obstacle_corners(contact)])
+                held = elastic.held.get(name) == (True, True)
+                if held or (np.hypot(*(tips - end).T) <= close).any():
                     continue
-                if _is_bonded(built, body, end, cloud.spacing[node]):
-                    continue
-                near = np.hypot(*(places - end).T) <= END_DISTANCE * cloud.spacing[node]
+                near = np.hypot(*(places - end).T) <= close
                 if (closed & near & (pressure > MIN_PRESSURE_SHARE * mean)).any():
                     listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
                     yield (
@@ -80,22 +78,18 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
                     )
 
 
-def _is_bonded(built: CondensedScene, body: str, end: FloatArray, spacing: float) -> bool:
-    """Whether a bond begins at the ``end`` (2,) of a surface of a body, as at a crack tip."""
-    for pairing in built.condensed.bonds.pairings:
-        for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
-            if owner == body and (np.hypot(*(places - end).T) <= END_DISTANCE * spacing).any():
-                return True
-    return False
+def _bonded_nodes(built: CondensedScene, body: str) -> FloatArray:
+    """Nodes (n, 2) of a body on bonds, which may begin at the end of a surface, as at a crack tip."""
+    bonds = built.condensed.bonds.pairings
+    slaves = [one.points for one in bonds if one.slave_body == body]
+    masters = [one.partner for one in bonds if one.master_body == body]
+    return np.concatenate([np.zeros((0, 2)), *slaves, *masters])
 
 
-def _ends_with(contact: Contact, end: FloatArray, spacing: float) -> bool:
-    """Whether an obstacle has a corner at the ``end`` (2,) of a surface, as a punch does."""
+def _obstacle_corners(contact: Contact) -> FloatArray:
+    """Corners (n, 2) of the obstacle of a contact, as those of a punch."""
     shape = None if contact.obstacle is None else shape_of(contact.obstacle)
-    if not isinstance(shape, Chain):
-        return False
-    corners = shape.points[~shape.smooth]
-    return bool((np.hypot(*(corners - end).T) <= END_DISTANCE * spacing).any())
+    return shape.points[~shape.smooth] if isinstance(shape, Chain) else np.zeros((0, 2))
 
 
 MIN_INITIAL_PRESSURE = 0.01

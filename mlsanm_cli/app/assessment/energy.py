@@ -78,9 +78,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         name: 0.0 if near[name] > MIN_BENDING_SHARE * abs(work) else errors[name]
         for name, work in works.items()
     }
-    worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
-    deflection = _deflection(built, bent, fields)
-    return EnergyVerdict(errors[worst], errors, strains, pointed, thin, deflection)
+    return EnergyVerdict(errors, strains, pointed, thin, _deflection(built, bent, fields))
 
 
 def _relative(missing: float, unseen: float, scale: float) -> float:

@@ -11,11 +11,8 @@ from mlsanm_cli.app.assessment.accuracy import (
     Halved,
     Moved,
     corrected_bodies,
-    effects,
+    estimated,
     has_nodal_pressures,
-    largest_of,
-    pressure_errors,
-    relative,
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.accuracy import (
@@ -47,26 +44,13 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     )
     try:
         bodies = corrected_bodies(built, state.unknowns, memo)
-        halved = _halved(built, last)
-        found = effects(built, bodies, last, lambda by: _moved(built, last, by), halved)
         rough = _moved(built, last, roughness_of(condensed, built.scene, bodies))[1]
+        smooth = built.case.touching[0].regularization.law != "exact"
+        by_law = _smoothed(built, state) if smooth else 0.0
+        halved = _halved(built, last)
+        return estimated(built, last, bodies, lambda by: _moved(built, last, by), rough, halved, by_law)
     except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
         return replace(accuracy, missing=error.advice)
-    smooth = built.case.touching[0].regularization.law != "exact"
-    by_law = _smoothed(built, state) if smooth else 0.0
-    pressures = pressure_errors(built, last, found.pressures, rough, halved)
-    return replace(
-        accuracy,
-        displacement=relative(found.squares + by_law, bodies),
-        from_bulk=pressures[0],
-        from_contact=pressures[1],
-        from_law=relative(by_law, bodies) or 0.0,
-        state=last,
-        largest=largest_of([one.displacement for one in bodies.values()]),
-        probes=found.probes,
-        forces=found.forces,
-        missing="",
-    )
 
 
 def _moved(built: CondensedScene, state: ExactState, by: Changes) -> Moved:

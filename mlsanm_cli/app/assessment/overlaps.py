@@ -22,6 +22,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.functionals import platen_displacements
 from mlsanm_cli.solve.state import State
 
 CORNER_ANGLE = 0.1
@@ -78,10 +79,9 @@ def _given_gaps(built: CondensedScene) -> dict[str, float]:
     profiles = {contact.name: profile_of(contact) for contact in built.case.contact}
     for pairing in built.condensed.pairings:
         profile = profiles[pairing.name]
-        for body in pairing.bodies if profile is not None else ():
-            assert profile is not None
+        if profile is not None:
             largest = float(np.abs(profile.at(pairing.points)).max())
-            found[body] = max(found[body], largest)
+            found |= {body: max(found[body], largest) for body in pairing.bodies}
     return found
 
 
@@ -146,13 +146,8 @@ def _of_bodies(
             along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
             for outline, chosen in ((own, mine), (there, theirs)):
                 deep &= ~_at_corners(own.points[near], along, outline, chosen)
-    yield from _deepest(
-        own,
-        near[deep],
-        depth[deep],
-        one,
-        [f"{other}.{_label(there.names[number])}" for number in there.surface[facing[deep]]],
-    )
+    others = [f"{other}.{_label(there.names[number])}" for number in there.surface[facing[deep]]]
+    yield from _deepest(own, near[deep], depth[deep], one, others)
 
 
 def _with_obstacles(
@@ -160,7 +155,9 @@ def _with_obstacles(
 ) -> Iterator[Overlap]:
     """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``. A body
     without a contact with an obstacle that lies inside it initially is not checked against it."""
-    shifts = _obstacle_shifts(built, state)
+    moved = platen_displacements(built, state)
+    obstacles = [one for one in built.scene.rigid_constraints if isinstance(one, Obstacle)]
+    shifts = {one.contact: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
     pairings = {pairing.name: pairing for pairing in built.condensed.reported}
     for contact in built.case.contact:
         if contact.obstacle is None:
@@ -217,23 +214,6 @@ def _other_contacts(
     return found
 
 
-def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArray]:
-    """Displacements (2,) of the obstacles that move, by contact."""
-    shifts, unknown = {}, 0
-    for constraint in built.scene.rigid_constraints:
-        shift = np.zeros(2)
-        for motion in constraint.motions:
-            if motion.prescribed is None:
-                value = float(state.motion[unknown])
-                unknown += 1
-            else:
-                value = float(motion.prescribed @ state.factors)
-            shift += value * motion.direction[:2]
-        if isinstance(constraint, Obstacle):
-            shifts[constraint.contact] = shift
-    return shifts
-
-
 def _members(pairing: Pairing, body: str, outline: DeformedOutline) -> BoolArray:
     """Mask (s,) of the surfaces of a body that belong to a contact."""
     surfaces = [pairing.slave] if body == pairing.slave_body else []
@@ -251,14 +231,9 @@ def _at_corners(
     found = np.zeros(len(points), dtype=bool)
     for number in np.flatnonzero(chosen):
         for end in outline.ends[number]:
-            same = np.flatnonzero((outline.drawn[outline.ends] == outline.drawn[end]).all(axis=2).any(axis=1))
-            here = [
-                outline.normal[place]
-                for other in same
-                for place in outline.ends[other]
-                if (outline.drawn[place] == outline.drawn[end]).all() and other != number
-            ]
-            if any(float(normal @ outline.normal[end]) < np.cos(CORNER_ANGLE) for normal in here):
+            met = (outline.drawn[outline.ends] == outline.drawn[end]).all(axis=2)
+            met[number] = False
+            if (outline.normal[outline.ends[met]] @ outline.normal[end] < np.cos(CORNER_ANGLE)).any():
                 found |= np.hypot(*(points - outline.points[end]).T) <= SLIDE_FACTOR * along
     return found
 
@@ -290,14 +265,17 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
         pair += [_obstacle(contact.name)] if contact.obstacle is not None else []
         between = [one for one in found if one.owners == set(pair)]
         for role, side in zip(("slave", "master"), contact.sides, strict=False):
-            more = [name for one in between for name in _outside(one, side.boundaries, built)]
+            names = [name for one in between for name in (one.boundary, one.other)]
+            more = [
+                name for name in names if name not in side.boundaries and _joins(built, name, side.boundaries)
+            ]
             if more:
                 listed = ", ".join(f'"{name}"' for name in dict.fromkeys((*side.boundaries, *more)))
                 changes.append(f"contact.{contact.name}.{role} = [{listed}]")
                 meant |= any(name in more for name in (worst.boundary, worst.other))
     for contact in built.case.contact:
-        names, both = {worst.boundary, worst.other}, {*contact.boundaries, _obstacle(contact.name)}
-        if contact.ends is not None and names & set(contact.sides[0].boundaries) and names <= both:
+        two, both = {worst.boundary, worst.other}, {*contact.boundaries, _obstacle(contact.name)}
+        if contact.ends is not None and two & set(contact.sides[0].boundaries) and two <= both:
             return f"contact.{contact.name}.from and to exclude it: remove them, or move them farther apart"
     if meant:
         return f"add it to the contact, as in {' and '.join(changes)}, or draw it farther apart"
@@ -306,15 +284,6 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
         f'give it a [[contact]] of its own with slave = "{worst.boundary}" and {whom}, '
         f"or draw it farther apart"
     )
-
-
-def _outside(overlap: Overlap, boundaries: Sequence[str], built: CondensedScene) -> list[str]:
-    """Boundaries of an overlap that continue ``boundaries`` of a contact."""
-    return [
-        name
-        for name in (overlap.boundary, overlap.other)
-        if name not in boundaries and _joins(built, name, boundaries)
-    ]
 
 
 def _joins(built: CondensedScene, boundary: str, others: Sequence[str]) -> bool:

@@ -62,28 +62,26 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
     """Peaks on the free boundaries of all bodies that have one, from the ``fields`` of a state."""
     found = {}
     bodies = built.scene.bodies
-    largest = max(_strained(body, fields[name].displacement) for name, body in bodies.items())
+    largest = max(  # stress scale of the displacements over the sizes of the bodies
+        float(body.model.material.modulus * np.abs(fields[name].displacement).max())
+        / float(np.ptp(body.model.cloud.points, axis=0).max())
+        for name, body in bodies.items()
+    )
     for name, body in bodies.items():
         factors, *others = state.unknowns
         source = built.condensed.source(name, *state.unknowns).toarray()[:, 0]
-        lack = traction_error(body, fields[name].rest, source) * along_over_across(body)
+        missing = traction_error(body, fields[name].rest, source) * along_over_across(body)
         # The remainder of near fields of contacts on other sides is no load.
         alone = built.condensed.source(name, factors, *map(np.zeros_like, others)).toarray()[:, 0]
-        applied = np.zeros(len(lack))
+        applied = np.zeros(len(missing))
         for surface, traction in _given(body, fields[name].displacement, alone).items():
             np.maximum.at(applied, body.model.cloud.surfaces[surface].index, np.hypot(*traction.T))
         unbounded, touching = _left_out(built, state, name)
         stress = fields[name].von_mises
-        peak = _peak(body.model.cloud, stress, lack, applied > stress, unbounded, touching)
+        peak = _peak(body.model.cloud, stress, missing, applied > stress, unbounded, touching)
         if peak is not None and peak.stress > ROUND_OFF * largest:
             found[name] = peak
     return found
-
-
-def _strained(body: ElasticBody, displacement: FloatArray) -> float:
-    """Stress scale of a ``displacement`` (n, 2) over the size of the body."""
-    points = body.model.cloud.points
-    return float(body.model.material.modulus * np.abs(displacement).max() / np.ptp(points, axis=0).max())
 
 
 def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> FloatArray:
@@ -94,8 +92,8 @@ def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArr
     missing = np.zeros(len(cloud.points))
     stress, given = body.model.stress(displacement), _given(body, displacement, source)
     for name, surface in cloud.surfaces.items():
-        lack = traction_of(stress[surface.index], surface.normal) * _free(body, name) - given[name]
-        np.maximum.at(missing, surface.index, np.hypot(*lack.T))
+        apart = traction_of(stress[surface.index], surface.normal) * _free(body, name) - given[name]
+        np.maximum.at(missing, surface.index, np.hypot(*apart.T))
     for name, one in cloud.surfaces.items():
         for after, other in cloud.surfaces.items():
             joined = not one.curve.closed and one.index[-1] == other.index[0]
@@ -137,12 +135,12 @@ def along_over_across(body: ElasticBody) -> FloatArray:
 def _peak(
     cloud: Cloud,
     stress: FloatArray,
-    lack: FloatArray,
+    missing: FloatArray,
     loaded: BoolArray,
     unbounded: FloatArray,
     touching: FloatArray,
 ) -> Peak | None:
-    """Peak of the von Mises ``stress`` (n,) with the traction error ``lack`` (n,), away from ``loaded`` nodes
+    """Peak of the von Mises ``stress`` (n,) with traction errors ``missing`` (n,), away from ``loaded`` nodes
     (n,), from singular places ``unbounded`` (s, 2) and from places in contact ``touching`` (t, 2); None if
     there is none."""
     bounded = np.ones(len(stress), dtype=bool)
@@ -157,7 +155,7 @@ def _peak(
     tops = {}
     for node, place in zip(nodes.tolist(), around, strict=True):
         if free[node] and stress[node] > least and stress[node] >= stress[nodes[place]].max():
-            tops[node] = float(stress[node] + lack[nodes[place]].max())
+            tops[node] = float(stress[node] + missing[nodes[place]].max())
     if not tops:
         return None
     worst = max(tops, key=tops.__getitem__)

@@ -58,14 +58,11 @@ ROUND_OFF = 1e-6
 
 @dataclass(frozen=True)
 class Quality:
-    """Quality measures by body, ratio of facing spacings by contact, and warnings. ``degree`` is that of the
-    local polynomials of a body, ``enlarged`` the number of its stencils with more nodes than required,
-    ``worst_ratio`` the smallest ratio of QR diagonals of its stencils."""
+    """Quality measures of the clouds and the models by body, ratio of facing spacings by contact, and
+    warnings."""
 
     bodies: Mapping[str, CloudQuality]
-    degree: Mapping[str, int]
-    enlarged: Mapping[str, int]
-    worst_ratio: Mapping[str, float]
+    models: Mapping[str, BodyModel]
     spacing_ratio: Mapping[str, float]
     warnings: tuple[str, ...]
 
@@ -76,9 +73,9 @@ class Quality:
             "bodies": {
                 name: asdict(cloud)
                 | {
-                    "degree": self.degree[name],
-                    "stencils_enlarged": self.enlarged[name],
-                    "worst_ratio": self.worst_ratio[name],
+                    "degree": self.models[name].settings.degree,
+                    "stencils_enlarged": self.models[name].stencils.enlarged,
+                    "worst_ratio": self.models[name].stencils.worst_ratio,
                 }
                 for name, cloud in self.bodies.items()
             },
@@ -123,34 +120,26 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     warnings += load_warnings(case, prepared.boundaries, clouds)
     warnings += [motion.warning for motion in prepared.weak if motion.idle is None]
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
-    return Quality(
-        bodies,
-        {name: model.settings.degree for name, model in prepared.models.items()},
-        {name: model.stencils.enlarged for name, model in prepared.models.items()},
-        {name: model.stencils.worst_ratio for name, model in prepared.models.items()},
-        ratios,
-        tuple(warnings),
-    )
+    return Quality(bodies, prepared.models, ratios, tuple(warnings))
 
 
-def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing], own: Collection[str]) -> list[str]:
+def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing], own: Collection[str]) -> Iterator[str]:
     """Warnings of contacts with nodal pressures; of spacings, if one is its body's ``own``."""
     clouds = {name: model.cloud for name, model in prepared.models.items()}
-    nodal = [(pairing, spacing_ratio(pairing, clouds)) for pairing in pairings if not pairing.bonded]
-    warnings = [
-        ratio_message(one, ratio)
-        for one, ratio in nodal
-        if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF) and not set(own).isdisjoint(one.bodies)
-    ]
-    return warnings + [
-        text
-        for one, _ in nodal
-        for text in (
-            *_divided_warnings(one),
-            *_tip_warnings(one, prepared.pairings),
-            *_stiffness_warnings(prepared, one),
-        )
-    ]
+    for one in pairings:
+        if one.bonded:
+            continue
+        ratio = spacing_ratio(one, clouds)
+        if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF) and not set(own).isdisjoint(one.bodies):
+            yield ratio_message(one, ratio)
+        yield from _divided_warnings(one)
+        yield from _tip_warnings(one, prepared.pairings)
+        stiffer = stiffness_ratio(one, prepared.models)
+        if stiffer > MAX_STIFFNESS_RATIO:
+            yield (
+                f"contact {one.name}: the slave is {stiffer:.3g} times stiffer than the master; "
+                f"swap them: pressures are more accurate with the softer body as slave"
+            )
 
 
 def _tip_warnings(pairing: Pairing, pairings: Sequence[Pairing]) -> Iterator[str]:
@@ -211,15 +200,6 @@ def ratio_message(pairing: Pairing, ratio: float) -> str:
         f"bring the spacings of {' and '.join(pairing.names)} closer together "
         f"({', '.join(f'body.{body}.spacing' for body in pairing.bodies)}, or their refinements)"
     )
-
-
-def _stiffness_warnings(prepared: SceneModel, pairing: Pairing) -> Iterator[str]:
-    ratio = stiffness_ratio(pairing, prepared.models)
-    if ratio > MAX_STIFFNESS_RATIO:
-        yield (
-            f"contact {pairing.name}: the slave is {ratio:.3g} times stiffer than the master; "
-            f"swap them: pressures are more accurate with the softer body as slave"
-        )
 
 
 def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:

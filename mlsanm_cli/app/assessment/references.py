@@ -107,9 +107,8 @@ def _middle(
 ) -> tuple[FloatArray, FloatArray]:
     """Middle of the contact and the normal there: along the line of centres of curved surfaces, or else the
     resultant of the pressures."""
-    centers = [
-        np.array(_center(case, boundary)) for boundary in contact.boundaries if _curvature(case, boundary)
-    ]
+    curves = [_curve(case, boundary) for boundary in contact.boundaries]
+    centers = [np.array(curve.center) for curve in curves if isinstance(curve, Arc)]
     if isinstance(contact.obstacle, DiskObstacle):
         centers.append(np.array(contact.obstacle.center))
     apart = np.hypot(*np.diff(points, axis=0).T)
@@ -131,13 +130,6 @@ def _curve(case: Case, boundary: str) -> Curve | None:
     outline = drawn(shape)
     numbers = numbers_of(outline, edge)
     return outline.curves[numbers[0]] if len(numbers) == 1 else None
-
-
-def _center(case: Case, boundary: str) -> tuple[float, float]:
-    """Centre of a curved boundary."""
-    curve = _curve(case, boundary)
-    assert isinstance(curve, Arc)
-    return curve.center
 
 
 def _curvature(case: Case, boundary: str) -> float:

@@ -12,7 +12,7 @@ refined by its residual, and these zones are kept.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -97,19 +97,9 @@ class Adapted:
         return self.refinement.passes
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warning of a failed pass, if there was one."""
-        return (self.refinement.failed,) if self.refinement.failed else ()
-
-    @property
     def refined(self) -> bool:
         """Whether the clouds differ from those of the case."""
         return len(self.passes) > 1
-
-    @property
-    def figures(self) -> list[dict[str, Any]]:
-        """Results of the passes as plain values."""
-        return [asdict(one) for one in self.passes]
 
 
 def refine_again(case: Case, found: Refinement, context: RunContext) -> Adapted:
@@ -124,7 +114,8 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
     scene cannot be solved, the one before it is kept."""
     built, accuracy = _solved(case, prepared, context)
     history = [_figures(built, accuracy, None)]
-    rule = rule_for(min(model.settings.degree for model in prepared.models.values()))
+    degree = min(model.settings.degree for model in prepared.models.values())
+    rule = LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE
     bulk: tuple[Zone, ...] = ()
     placed: tuple[Zone, ...] = ()
     failed = ""
@@ -134,7 +125,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads:
-            more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
+            more = residual_zones(built, accuracy.bodies, patches, (*zones, *bulk))
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
             context.console.note(f"refinement stops before pass {number}: all clouds are fine enough")
             break
@@ -192,11 +183,6 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
             for patch in contact_patches(pairing, state.stuck[span]):
                 if patch.half_width > least and len(patch.edges):
                     yield replace(patch, finest=rule.at_edge / STICK_REFINEMENT)
-
-
-def rule_for(degree: int) -> Rule:
-    """Rule for local polynomials of a degree."""
-    return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE
 
 
 def _is_coarse(patch: Patch, rule: Rule) -> bool:

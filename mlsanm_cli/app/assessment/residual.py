@@ -22,9 +22,8 @@ from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone, cover
 from mlsanm_cli.contact.geometry.profile import Patch
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight
-from mlsanm_cli.mechanics.defect import Defect
+from mlsanm_cli.mechanics.defect import Corrected, Defect
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 MAX_REFINEMENT = 2.0
@@ -39,28 +38,31 @@ SYMMETRY_TOLERANCE = 0.05
 
 def residual_zones(
     built: CondensedScene,
-    defects: Mapping[str, Defect],
+    bodies: Mapping[str, Corrected],
     patches: tuple[Patch, ...],
     planned: tuple[Zone, ...],
 ) -> tuple[Zone, ...]:
-    """Zones in addition to the ``planned`` ones; none without defects or large residuals. Zones of symmetric
-    clouds are symmetric if the requirements of the nodes are."""
-    if not defects:
+    """Zones in addition to the ``planned`` ones; none without corrected ``bodies``. Those of
+    symmetric clouds are symmetric if the requirements of the nodes are."""
+    if not bodies:
         return ()
     levels, ruled = {}, {}
-    for name, defect in defects.items():
-        levels[name] = _residual(built.scene.bodies[name], defect)
-        ruled[name] = _near_contact(built.scene.bodies[name].model, patches)
+    for name, body in built.scene.bodies.items():
+        levels[name] = _residual(body, bodies[name].defect)
+        points = body.model.cloud.points
+        ruled[name] = np.zeros(len(points), dtype=bool)
+        for patch in patches:
+            ruled[name] |= np.hypot(*(points - patch.middle).T) < CONTACT_DISTANCE * patch.half_width
     degree = min(body.model.settings.degree for body in built.scene.bodies.values())
     level = _level(np.concatenate(list(levels.values())), np.concatenate(list(ruled.values())), degree)
     zones: list[Zone] = []
     boundaries = Boundaries.of(built.case)
-    for body in built.case.body:
-        cloud = built.scene.bodies[body.name].model.cloud
-        finer = np.where(ruled[body.name], 1.0, _finer(levels[body.name], level, degree))
+    for given in built.case.body:
+        cloud = built.scene.bodies[given.name].model.cloud
+        finer = np.where(ruled[given.name], 1.0, _finer(levels[given.name], level, degree))
         finer, line = _made_symmetric(finer, cloud.mirror)
         wanted = np.where(finer >= MIN_REFINEMENT, cloud.spacing / finer, np.inf)
-        spacing = spacing_of(built.case, boundaries, body).with_zones((*planned, *zones))
+        spacing = spacing_of(built.case, boundaries, given).with_zones((*planned, *zones))
         zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 
@@ -86,13 +88,6 @@ def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArra
     if np.abs(finer - image).mean() > SYMMETRY_TOLERANCE * (finer - 1.0).mean():
         return finer, None
     return np.maximum(finer, image), mirror.line
-
-
-def _near_contact(model: BodyModel, patches: tuple[Patch, ...]) -> BoolArray:
-    near = np.zeros(len(model.cloud.points), dtype=bool)
-    for patch in patches:
-        near |= np.hypot(*(model.cloud.points - patch.middle).T) < CONTACT_DISTANCE * patch.half_width
-    return near
 
 
 def _finer(residual: FloatArray, level: float, degree: int) -> FloatArray:

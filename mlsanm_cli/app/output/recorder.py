@@ -87,7 +87,8 @@ class Recorder(RunWriter):
 
     def start(self, adapted: Adapted) -> Checkpoint | None:
         """Stores the model; returns the checkpoint from which the path continues, None for a new path."""
-        built, self._starts = adapted.built, adapted.accuracy.solutions
+        built, bodies = adapted.built, adapted.accuracy.bodies
+        self._starts = {name: one.solution for name, one in bodies.items()}
         with self._clock.phase("output"):
             self._views = Views.of(built, self._memo)
             self._file.confirm(recording.model_datasets(built, self._views.clouds))

@@ -15,6 +15,7 @@ from mlsanm_cli.app.assessment.checks import (
     estimate_limits,
     force_balance,
     force_mismatch,
+    worst_of,
 )
 from mlsanm_cli.app.assessment.quality import Quality
 from mlsanm_cli.app.assessment.references import reference_profile
@@ -96,7 +97,7 @@ def summarise(
     summary["residual"] = recorder.residual
     summary["linear_residual"] = recorder.linear_residual
     if built is not None and adapted is not None and state is not None:
-        verdict = force_balance(built, state)
+        imbalance = force_balance(built, state)
         lost = force_mismatch(built, state)
         summary["contacts"] = {
             p.name: _contact(built, p.name, state, recorder.cone.get(p.name))
@@ -112,17 +113,17 @@ def summarise(
             summary["probes"] = {
                 name: probe_figures(probe_record(built, name, state)) for name in built.condensed.probes
             }
-        summary["force_balance"] = verdict.force_balance
-        summary["force_balance_bodies"] = dict(verdict.bodies)
-        energies = recorder.energies
-        summary["energy_error"] = energies.energy_error if energies else None
-        summary["energy_error_bodies"] = dict(energies.bodies) if energies else {}
+        summary["force_balance"] = imbalance[worst_of(imbalance)]
+        summary["force_balance_bodies"] = imbalance
+        energies = dict(recorder.energies.bodies) if recorder.energies else {}
+        summary["energy_error"] = energies[worst_of(energies)] if energies else None
+        summary["energy_error_bodies"] = energies
     if recorder.polished:
         summary["polish"] = polish_figures(recorder.polished)
     summary["stability"] = built.stability if built is not None else ending.stability
     summary["quality"] = quality.figures
     if adapted is not None and adapted.refined:
-        summary["adapt"] = adapted.figures
+        summary["adapt"] = [asdict(one) for one in adapted.passes]
     summary["limits"] = limits(case, built)
     summary["seconds"] = clock.seconds
     summary["wall_seconds"] = clock.wall_seconds

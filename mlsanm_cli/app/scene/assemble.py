@@ -248,23 +248,9 @@ def assemble_bodies(
         bodies=bodies,
         loads=case.moved,
         surface_loads=prepared.acting.surface_loads,
-        platens=tuple(
-            constraint
-            for constraint in prepared.rigid_constraints
-            if isinstance(constraint, mechanics.Platen)
-        ),
+        rigid_constraints=prepared.rigid_constraints,
         supports=supports,
         held_nodes={name: components(nodes) for name, nodes in prepared.held_nodes.items()},
-        obstacles=tuple(
-            constraint
-            for constraint in prepared.rigid_constraints
-            if isinstance(constraint, mechanics.Obstacle)
-        ),
-        floating=tuple(
-            constraint
-            for constraint in prepared.rigid_constraints
-            if isinstance(constraint, mechanics.FloatingBody)
-        ),
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
         probes=prepared.probes,

@@ -13,16 +13,16 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, range_of, run_of
+from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, chains_at, run_of
 from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
-from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
+from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.case import Body
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline
-from mlsanm_cli.cloud.joined import chain_of, cut, joined, part_of
+from mlsanm_cli.cloud.joined import cut
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 
@@ -67,11 +67,7 @@ class Boundaries:
         """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
         run = run_of(self.drawn, place, key)
         others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
-        own = joined(run.curves, run.around)
-        if place.ends is not None:
-            first, length = range_of(run, place)
-            own = part_of(own, first, first + length)
-        return own, others
+        return run.part(place), others
 
     def surface(self, cloud: Cloud, place: Place, key: str) -> Surface:
         """A side of a contact as one surface. Raises CaseError if its pieces do not join."""
@@ -90,32 +86,21 @@ class Boundaries:
 
     def names(self, place: Place) -> tuple[str, ...]:
         """The names of the surfaces of a place, in order along the outline."""
-        if place.ends is None:
-            outline = self.drawn[place.body]
-            numbers = [number for edge in place.edges for number in numbers_of(outline, edge)]
-            found = chain_of(outline, numbers)
-            ordered = sorted(set(numbers)) if found is None else found[0]
-            run = BoundaryRun(outline, tuple(ordered), False)
-            return tuple(name for name, _, _ in self._pieces(run, place))
-        run = run_of(self.drawn, place, "")
-        first, length = range_of(run, place)
-        found_names = []
-        for name, start, end in self._pieces(run, place):
-            away = (0.5 * (start + end) - first) % run.starts[-1]
-            if away < length:
-                found_names.append((away, name))
-        return tuple(name for _, name in sorted(found_names))
-
-    def _pieces(self, run: BoundaryRun, place: Place) -> Iterator[tuple[str, float, float]]:
-        """Names, and arc lengths of start and end, of the pieces of a run, cut like the outline."""
+        outline, cuts = self.drawn[place.body], self.cuts[place.body]
+        chains = chains_at(outline, place.edges)
+        # Loaded and held boundaries need not join.
+        numbers = chains[0][0] if len(chains) == 1 else sorted(k for chain, _ in chains for k in chain)
+        run = BoundaryRun(outline, tuple(numbers), chains[0][1])
+        (first, length), found = run.range_of(place), []
         for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
-            name, places = run.outline.names[number], sorted(self.cuts[place.body].get(number, ()))
-            if not places:
-                yield name, start, start + curve.length
-                continue
-            ends = [*places, places[0] + curve.length] if curve.closed else [0.0, *places, curve.length]
-            for k, (first, last) in enumerate(pairwise(ends), start=1):
-                yield f"{name}/{k}", start + first, start + last
+            name, places = outline.names[number], sorted(cuts.get(number, ()))
+            whole = [*places, places[0] + curve.length] if places and curve.closed else None
+            for k, (low, high) in enumerate(pairwise(whole or [0.0, *places, curve.length]), start=1):
+                away = (start + 0.5 * (low + high) - first) % run.starts[-1]
+                found.append((away, f"{name}/{k}" if places else name))
+        if place.ends is None:
+            return tuple(name for _, name in found)
+        return tuple(name for away, name in sorted(found) if away < length)
 
     def split(self, body: str, cloud: Cloud) -> Cloud:
         """A cloud from a file with its surfaces cut like the outline."""
@@ -141,10 +126,7 @@ class Boundaries:
             if place.ends is None:
                 continue
             run = run_of(self.drawn, place, f"contact.{contact}")
-            for point in place.ends:
-                at, _ = run.nearest(point)
-                if END_TOLERANCE < at / run.starts[-1] < 1.0 - END_TOLERANCE or run.curves[0].closed:
-                    found.append(point)
+            found += [point for point in place.ends if run.continues(run.nearest(point)[0])]
         return found
 
 
@@ -179,7 +161,7 @@ def _cuts_of(
                 message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
                 raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
             _add_cut(cuts, run, body, at)
-        if range_of(run, place)[1] <= END_TOLERANCE * whole:
+        if run.range_of(place)[1] <= END_TOLERANCE * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:

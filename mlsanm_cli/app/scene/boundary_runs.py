@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.app.scene.outlines import numbers_of
 from mlsanm_cli.case import Place
 from mlsanm_cli.cloud.curves import Curve, Outline
-from mlsanm_cli.cloud.joined import chain_of, chains_of
+from mlsanm_cli.cloud.joined import Chain, chains_of, joined, part_of
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 END_TOLERANCE = 1e-6
@@ -32,6 +32,11 @@ class BoundaryRun:
         return tuple(self.outline.curves[number] for number in self.numbers)
 
     @property
+    def curve(self) -> Curve:
+        """The pieces as one curve."""
+        return joined(self.curves, self.around)
+
+    @property
     def starts(self) -> list[float]:
         """Arc lengths at the starts of the pieces and at the end of the last one."""
         return [*accumulate((curve.length for curve in self.curves), initial=0.0)]
@@ -49,44 +54,38 @@ class BoundaryRun:
                 best = start + at, away
         return best
 
+    def range_of(self, place: Place) -> tuple[float, float]:
+        """Arc length of the start of a place on the run, and the length of the place."""
+        if place.ends is None:
+            return 0.0, self.starts[-1]
+        (one, _), (other, _) = (self.nearest(end) for end in place.ends)
+        if self.around:
+            return one, (other - one) % self.starts[-1]
+        return min(one, other), abs(other - one)
+
+    def part(self, place: Place) -> Curve:
+        """The curve of a place on the run."""
+        first, length = self.range_of(place)
+        return part_of(self.curve, first, first + length) if place.ends else self.curve
+
+    def continues(self, at: float) -> bool:
+        """Whether the run continues on both sides of the arc length ``at``."""
+        return self.around or END_TOLERANCE < at / self.starts[-1] < 1.0 - END_TOLERANCE
+
 
 def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryRun:
     """The pieces of a place in the outline of its body as drawn. Raises CaseError if they do not join."""
-    return run_on(outlines[place.body], place, key)
+    outline = outlines[place.body]
+    chains = chains_at(outline, place.edges)
+    if len(chains) == 1:
+        return BoundaryRun(outline, *chains[0])
+    names = (dict.fromkeys(outline.names[k].partition("/")[0] for k in chain) for chain, _ in chains)
+    groups = [f'"{"+".join(some)}"' for some in names]
+    message = f"{', '.join(groups[:-1])} and {groups[-1]} do not join end to end"
+    hint = "the pieces of one surface are consecutive along the outline"
+    raise CaseError((CaseProblem(key, message, hint=hint),))
 
 
-def run_on(outline: Outline, place: Place, key: str) -> BoundaryRun:
-    """The pieces of a place in an outline. Raises CaseError if they do not join."""
-    numbers = [number for edge in place.edges for number in numbers_of(outline, edge)]
-    found = chain_of(outline, numbers)
-    if found is None:
-        groups = [f'"{name}"' for name in _groups(outline, numbers)]
-        message = f"{', '.join(groups[:-1])} and {groups[-1]} do not join end to end"
-        hint = "the pieces of one surface are consecutive along the outline"
-        raise CaseError((CaseProblem(key, message, hint=hint),))
-    return BoundaryRun(outline, *found)
-
-
-def runs_on(outline: Outline, place: Place, key: str) -> list[BoundaryRun]:
-    """The runs of a part, or of all boundaries of a place, whose pieces need not join."""
-    if place.ends:
-        return [run_on(outline, place, key)]
-    chains = [chain for edge in place.edges for chain in chains_of(outline, numbers_of(outline, edge))]
-    return [BoundaryRun(outline, *chain) for chain in chains]
-
-
-def _groups(outline: Outline, numbers: Sequence[int]) -> list[str]:
-    """The names of the pieces, in groups that join."""
-    return [
-        "+".join(dict.fromkeys(outline.names[k].partition("/")[0] for k in chain))
-        for chain, _ in chains_of(outline, numbers)
-    ]
-
-
-def range_of(run: BoundaryRun, place: Place) -> tuple[float, float]:
-    """Arc length of the start of a part of a run, and the length of the part."""
-    assert place.ends is not None
-    (one, _), (other, _) = (run.nearest(end) for end in place.ends)
-    if run.around or run.curves[0].closed:
-        return one, (other - one) % run.starts[-1]
-    return min(one, other), abs(other - one)
+def chains_at(outline: Outline, edges: Sequence[str]) -> list[Chain]:
+    """The chains of curves that form the boundaries named ``edges``."""
+    return chains_of(outline, [number for edge in edges for number in numbers_of(outline, edge)])

@@ -11,6 +11,9 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.default_spacing import (
     GROWTH,
+    NODAL_BAND,
+    NODAL_GROWTH,
+    NODAL_RATIO,
     PER_THICKNESS,
     arc_zones,
     automatic_spacing,
@@ -20,7 +23,6 @@ from mlsanm_cli.app.scene.default_spacing import (
     contact_zone,
     crack_zones,
     leans,
-    nodal_zone,
 )
 from mlsanm_cli.app.scene.load_profiles import runs_of
 from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
@@ -29,10 +31,11 @@ from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.app.scene.roots import root_zones
 from mlsanm_cli.case import Displacement, Place, Platen
-from mlsanm_cli.case.model.case import Body, Case
+from mlsanm_cli.case.model.case import Body, Case, Contact
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.loops import mirrored
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -50,10 +53,11 @@ def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
         if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):
             clamped = []  # under a contact the far ends of a bulky body matter little
         finite = case.model.strain == "finite" and not bends(outline)
-        touching = None if case.model.strain == "finite" else [*_touching(boundaries, body.name)]
+        sides = [side for contact in case.contact for side in _sides(boundaries, contact)]
+        touching = [curve for place, curve, _ in sides if place.body == body.name]
         zones = [
             *arc_zones(outline, far, finer),
-            *root_zones(outline, far, GROWTH, touching),
+            *root_zones(outline, far, GROWTH, None if case.model.strain == "finite" else touching),
             *narrow_zones(outline, far, PER_THICKNESS * finer, GROWTH),
             *_contact_zones(case, boundaries, body, far),
             *load_zones(case, body, far),
@@ -82,12 +86,10 @@ def _clamped(case: Case, body: str) -> Iterator[Place]:
             yield place
 
 
-def _touching(boundaries: Boundaries, body: str) -> Iterator[Curve]:
-    """The sides of a body in contact."""
-    for contact, sides in boundaries.sides.items():
-        for place, role in zip(sides, ("slave", "master"), strict=False):
-            if place.body == body:
-                yield boundaries.curve(place, f"contact.{contact}.{role}")[0]
+def _sides(boundaries: Boundaries, contact: Contact) -> list[tuple[Place, Curve, tuple[Curve, ...]]]:
+    """The slave and, if there is one, the master of a contact: place, curve, and the rest of the outline."""
+    roles = zip(("slave", "master"), boundaries.sides[contact.name], strict=False)
+    return [(place, *boundaries.curve(place, f"contact.{contact.name}.{role}")) for role, place in roles]
 
 
 def _contact_zones(case: Case, boundaries: Boundaries, body: Body, far: float) -> Iterator[Zone]:
@@ -95,26 +97,23 @@ def _contact_zones(case: Case, boundaries: Boundaries, body: Body, far: float) -
     bonds = (contact.name for contact in case.contact if contact.bonded)
     bond_ends = [end for name in bonds for end in boundaries.bond_ends(name)]
     for contact in case.contact:
-        sides = boundaries.sides[contact.name]
-        found = [
-            boundaries.curve(place, f"contact.{contact.name}.{role}")
-            for role, place in zip(("slave", "master"), sides, strict=False)
-        ]
+        sides = _sides(boundaries, contact)
         obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
-        partners = sides[::-1]
-        for place, partner, (own, rest), (other, _) in zip(sides, partners, found, found[::-1], strict=True):
-            if place.body == body.name:
-                facing = other if len(found) > 1 else None
-                if contact.bonded:
-                    ends = boundaries.bond_ends(contact.name)
-                    yield from bond_zones(own, ends, min(far, _far(case, partner.body)))
-                    continue
-                yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
-                yield from crack_zones(found[0][0], bond_ends)
-                if case.model.strain == "finite":
-                    yield nodal_zone(own, far)
-                elif obstacle is not None:
-                    yield from sharp_ends(rest, own, obstacle, far)
+        for (place, own, rest), (partner, other, _) in zip(sides, sides[::-1], strict=True):
+            if place.body != body.name:
+                continue
+            if contact.bonded:
+                ends = boundaries.bond_ends(contact.name)
+                yield from bond_zones(own, ends, min(far, _far(case, partner.body)))
+                continue
+            facing = other if len(sides) > 1 else None
+            yield from contact_zone(rest, own, facing, obstacle, far)
+            yield from crack_zones(sides[0][1], bond_ends)
+            if case.model.strain == "finite":
+                fine = far / NODAL_RATIO
+                yield Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
+            elif obstacle is not None:
+                yield from sharp_ends(rest, own, obstacle, far)
 
 
 def _far(case: Case, name: str) -> float:
@@ -131,15 +130,6 @@ def _finer(case: Case, body: Body) -> float:
     return math.sqrt(materials(case)[body.material].stretch)
 
 
-def _from_file(cloud: Cloud, line: SymmetryLine | None) -> Cloud:
-    """The cloud of a body with nodes from a file, symmetric about ``line`` if that is given and they are."""
-    if line is None:
-        return cloud
-    from mlsanm_cli.cloud.loops import mirrored
-
-    return mirrored(cloud, line) or cloud
-
-
 def clouds(
     case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: SymmetryLine | None = None
 ) -> dict[str, Cloud]:
@@ -149,7 +139,7 @@ def clouds(
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
             cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
-            placed[body.name] = _from_file(cloud, line)
+            placed[body.name] = (mirrored(cloud, line) if line is not None else None) or cloud
         else:
             spacing = spacing_of(case, boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]

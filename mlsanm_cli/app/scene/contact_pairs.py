@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
-from mlsanm_cli.contact.geometry.pairing import Pairing, pair_obstacle, pair_surfaces
+from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 BOND_TOLERANCE = 0.05
@@ -29,46 +29,36 @@ FIT_TOLERANCE = 1e-3
 
 def pair(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     """Slave nodes and their projections for every contact, within its reach. Raises CaseError."""
-    pairings, problems = [], []
+    pairings, problems = list[Pairing](), list[CaseProblem]()
     for contact in case.contact:
-        pairing, key = _facing(case, boundaries, contact, clouds), f"contact.{contact.name}"
-        if not len(pairing.position):
-            slave, other = (*contact.names, "the obstacle")[:2]
-            hint = no_opposite_surface_hint(boundaries, contact, clouds)
-            problems.append(CaseProblem(key, f"no node of {slave} faces {other}", hint=hint))
-            continue
-        if contact.bonded:
-            try:
-                pairings.append(_bonded(pairing))
-            except CaseError as error:
-                problems += error.problems
-            continue
-        profile = profile_of(contact)
-        if profile is not None:
-            try:
-                pairing = replace(pairing, gap=pairing.gap + profile.at(pairing.points))
-            except CaseError as error:
-                problems += error.problems
-                continue
-        if contact.interference is not None:
-            try:
-                pairing = _fitted(pairing, contact.interference)
-            except CaseError as error:
-                problems += error.problems
-                continue
-        reach = contact.reach if isinstance(contact.reach, float) else pairing.first_reach()
-        pairing = pairing.with_reach(reach)
-        if not pairing.candidate.any():
-            problems.append(
-                CaseProblem(
-                    f"{key}.reach",
-                    f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}",
-                )
-            )
-        pairings.append(pairing)
+        try:
+            pairings.append(_paired(case, boundaries, contact, clouds))
+        except CaseError as error:
+            problems += error.problems
     if problems:
         raise CaseError(tuple(problems))
     return pairings
+
+
+def _paired(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
+    pairing, key = _facing(case, boundaries, contact, clouds), f"contact.{contact.name}"
+    if not len(pairing.position):
+        slave, other = (*contact.names, "the obstacle")[:2]
+        hint = no_opposite_surface_hint(boundaries, contact, clouds)
+        raise CaseError((CaseProblem(key, f"no node of {slave} faces {other}", hint=hint),))
+    if contact.bonded:
+        return _bonded(pairing)
+    profile = profile_of(contact)
+    if profile is not None:
+        pairing = replace(pairing, gap=pairing.gap + profile.at(pairing.points))
+    if contact.interference is not None:
+        pairing = _fitted(pairing, contact.interference)
+    reach = contact.reach if isinstance(contact.reach, float) else pairing.first_reach()
+    pairing = pairing.with_reach(reach)
+    if not pairing.candidate.any():
+        message = f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}"
+        raise CaseError((CaseProblem(f"{key}.reach", message),))
+    return pairing
 
 
 def profile_of(contact: Contact) -> AmountField | None:
@@ -85,13 +75,8 @@ def _facing(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mappin
         (place.body, boundaries.surface(clouds[place.body], place, f"contact.{contact.name}.{key}"))
         for place, key in places
     ]
-    if contact.obstacle is not None:
-        shape = shape_of(contact.obstacle)
-        return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.coefficient)
-    ((other, master),) = others
-    found = pair_surfaces(
-        contact.name, body, clouds[body], slave, other, clouds[other], master, contact.coefficient
-    )
+    master = others[0] if contact.obstacle is None else shape_of(contact.obstacle)
+    found = pair_surfaces(contact.name, body, clouds[body], slave, master, contact.coefficient)
     return replace(found, exchanged=exchanged)
 
 
@@ -152,14 +137,9 @@ def refuse_overlap(pairings: tuple[Pairing, ...]) -> None:
     for pairing in pairings:
         deepest = int(np.argmin(pairing.gap + pairing.spacing))
         if pairing.gap[deepest] < -pairing.spacing[deepest]:
-            x, y = pairing.partner[deepest]
-            problems.append(
-                CaseProblem(
-                    f"contact.{pairing.name}",
-                    f"the surfaces overlap by {-pairing.gap[deepest]:g} near ({x:g}, {y:g}), "
-                    f"more than the node spacing",
-                    hint="move one body so that the surfaces at most touch, or declare it with interference",
-                )
-            )
+            (x, y), overlap = pairing.partner[deepest], -pairing.gap[deepest]
+            message = f"the surfaces overlap by {overlap:g} near ({x:g}, {y:g}), more than the node spacing"
+            hint = "move one body so that the surfaces at most touch, or declare it with interference"
+            problems.append(CaseProblem(f"contact.{pairing.name}", message, hint=hint))
     if problems:
         raise CaseError(tuple(problems))

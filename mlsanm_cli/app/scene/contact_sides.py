@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, range_of, run_of, run_on
+from mlsanm_cli.app.scene.boundary_runs import run_of
 from mlsanm_cli.app.scene.outlines import numbers_of
 from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.model.places import listed
 from mlsanm_cli.cloud.curves import Arc, Outline
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, joined, part_of
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 
 COINCIDENCE = 1e-4
 """Largest distance of coincident surfaces, relative to their length."""
@@ -25,22 +25,24 @@ def sides_of(case: Case, outlines: Mapping[str, Outline], contact: Contact) -> t
     sides = contact.sides
     if not contact.bonded or len(sides) < 2:
         return tuple(
-            _with_roundings(case, outlines[place.body], contact, place, role)
+            _with_roundings(case, outlines, contact, place, role)
             for role, place in zip(("slave", "master"), sides, strict=False)
         )
     return _facing_part(outlines, contact, 0), _facing_part(outlines, contact, 1)
 
 
-def _with_roundings(case: Case, outline: Outline, contact: Contact, place: Place, role: str) -> Place:
+def _with_roundings(
+    case: Case, outlines: Mapping[str, Outline], contact: Contact, place: Place, role: str
+) -> Place:
     """The side of a contact, extended by adjacent rounded corners: the contact zone of a face may extend into
     them. Roundings with conditions of their own, or between two sides in contact, are excluded.
     """
     if place.ends is not None:
         return place
-    run = run_on(outline, place, f"contact.{contact.name}.{role}")
-    if run.around or run.curves[0].closed:
+    run = run_of(outlines, place, f"contact.{contact.name}.{role}")
+    if run.around:
         return place
-    found: list[tuple[str, int]] = []
+    outline, found = run.outline, list[tuple[str, int]]()
     loop = next(loop for loop in outline.loops if loop.start <= run.numbers[0] < loop.stop)
     count = loop.stop - loop.start
     for last, step in ((run.numbers[0], -1), (run.numbers[-1], 1)):
@@ -78,38 +80,23 @@ def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) 
         return own
     run = run_of(outlines, own, f"contact.{contact.name}")
     facing = run_of(outlines, Place(other.boundaries), f"contact.{contact.name}")
-    theirs = joined(facing.curves, facing.around)
-    if other.ends is not None:
-        first, length = range_of(facing, other)
-        theirs = part_of(theirs, first, first + length)
+    theirs = facing.part(other)
     if theirs.closed:
         return own
-    whole, closed = run.starts[-1], run.around or run.curves[0].closed
+    whole = run.starts[-1]
     tips = theirs.points(np.array([0.0, 0.5, 1.0]) * theirs.length).tolist()
     (start, *_), (middle, _), (end, *_) = places = [run.nearest((x, y)) for x, y in tips]
     if places[1][1] > COINCIDENCE * whole:
         return own
-    inside = [
-        away <= COINCIDENCE * whole and END_TOLERANCE < at / whole < 1.0 - END_TOLERANCE
-        for at, away in places[::2]
-    ]
+    inside = [away <= COINCIDENCE * whole and run.continues(at) for at, away in places[::2]]
     if not any(inside):
         return own
     # Surfaces that face each other run in opposite directions; on a closed one the part contains the middle.
     low, high = sorted((start, end))
-    if closed:
+    if run.around:
         low, high = (low, high) if low < middle < high else (high, low)
     else:
-        low, high = (place if within else far for place, within, far in _ordered(start, end, inside, whole))
-    curve = joined(run.curves, run.around)
-    (a, b), (c, d) = curve.points(np.array([low, high])).tolist()
+        both = sorted(zip((start, end), inside, strict=True))
+        low, high = (at if within else far for (at, within), far in zip(both, (0.0, whole), strict=True))
+    (a, b), (c, d) = run.curve.points(np.array([low, high])).tolist()
     return Place(own.boundaries, ((a, b), (c, d)))
-
-
-def _ordered(
-    start: float, end: float, inside: Sequence[bool], whole: float
-) -> list[tuple[float, bool, float]]:
-    """Both ends of a part in order along an open run, each with whether it is inside the run, and the end of
-    the run."""
-    both = sorted([(start, inside[0]), (end, inside[1])])
-    return [(*both[0], 0.0), (*both[1], whole)]

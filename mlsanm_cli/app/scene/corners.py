@@ -169,7 +169,8 @@ def _known(wedge: Wedge) -> bool:
 
 def _limited(cloud: Cloud, corner: Corner, faces: tuple[Face, Face], spacing: float) -> Corner | None:
     """The corner with fields along its faces only, None if these cannot end outside the body."""
-    curved = max(float(np.abs(_curvature(face)).max()) for face in faces)
+    curves = [face.curve for face in faces if face.curve is not None]
+    curved = max(float(np.abs(one.curvature(np.linspace(0.0, one.length, SAMPLES))).max()) for one in curves)
     span = min(corner.length, 1.0 / curved if curved else np.inf)
     if span < MIN_SPAN * spacing:
         return None
@@ -181,12 +182,6 @@ def _limited(cloud: Cloud, corner: Corner, faces: tuple[Face, Face], spacing: fl
         if all_see(cloud, corner.tip + places, inward, center):
             return replace(corner, curved=faces, span=span, center=center)
     return None
-
-
-def _curvature(face: Face) -> FloatArray:
-    """Curvatures along a face."""
-    assert face.curve is not None
-    return face.curve.curvature(np.linspace(0.0, face.curve.length, SAMPLES))
 
 
 def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArray:

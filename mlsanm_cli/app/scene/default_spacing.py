@@ -15,7 +15,7 @@ import numpy as np
 from mlsanm_cli.app.scene.roots import PER_ROOT, roots_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.joined import Joined, part_of, points_of
+from mlsanm_cli.cloud.joined import part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
@@ -27,8 +27,6 @@ PER_RADIUS, PER_CONCAVE_RADIUS = 5.0, 14.0
 """Spacings over the radius of an arc; stresses concentrate around holes and in hollows: their peaks were 2 to
 4 % low with 10, and are 1 % low. In orthotropic bodies concave arcs have more by the ratio of decay lengths:
 at a hole in plates of E1/E2 = 4 to 14 peaks were 2 to 9 % low with its root, and are 1 % low."""
-CONFORMING_RATIO, PER_CONFORMING_RADIUS = 1.5, 16.0
-"""Ratio of radii below which one arc in another is conforming, and spacings over these radii."""
 GROWTH = 0.15
 """Increase of the spacing per unit length. At 0.25 the wide, flat stencils where the spacing grows hardly
 resist displacements that alternate from node to node: pressures at the lip of a keyway were three times too
@@ -42,12 +40,6 @@ LEVELS, LEVEL_RATIO = 12, 2.0**-0.5
 HOLLOW_ANGLE = 0.5
 """Curves that turn to the concave side by more than this angle (radian) within a coarse spacing are
 hollows."""
-EQUAL_MINIMA = 0.05
-"""Another minimum of the gap counts if it is larger by less than this part of its distance from the end."""
-PER_END_DISTANCE = 10.0
-"""Spacings between the outermost of several such minima and the end of the surface."""
-PER_ADJACENT_FACE = 8.0
-"""Spacings along short faces adjacent to a surface in contact."""
 TOUCHING = 0.01
 PER_TIP_SPAN, TIP_RADIUS = 20.0, 3.0
 """For curved conforming surfaces (gap up to this part of the span over which fields of a corner decay) that
@@ -188,33 +180,19 @@ def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, Flo
 
 
 def contact_zone(
-    rest: Sequence[Curve],
-    own: Curve,
-    other: Curve | None,
-    obstacle: Shape | None,
-    far: float,
-    others_far: float,
+    rest: Sequence[Curve], own: Curve, other: Curve | None, obstacle: Shape | None, far: float
 ) -> Iterator[Zone]:
     """Zones of a body where its boundary ``own`` is nearest to the ``other`` surface or a rigid ``obstacle``,
-    if the ``rest`` of its outline or an end is close; and along conforming surfaces, which need similar
-    spacings on both sides."""
-    if isinstance(own, Arc) and isinstance(other, Arc) and _conform(own, other):
-        # Contact and bodies have the same length scale.
-        yield Zone(own, min(own.radius / PER_CONFORMING_RADIUS, others_far), 0.0, GROWTH)
+    if the ``rest`` of its outline or an end is close."""
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
-        # Where short pieces of a surface touch, both sides need similar spacings.
-        yield from _beside_zones(other, (), min(far, others_far))
     else:
         assert obstacle is not None
         partner, _ = obstacle.closest(points, own.normals(_places(own)))
     apart = np.hypot(*(points - partner).T)
-    if not own.closed:
-        yield from _end_zones(points, apart, far)
-        yield from _beside_zones(own, rest, far)
-        if other is not None:
-            yield from _tip_zones(own, rest, other, far)
+    if other is not None and not own.closed:
+        yield from _tip_zones(own, rest, other, far)
     nearest = np.flatnonzero(apart <= apart.min() + FLAT * own.length)
     place = points[nearest[len(nearest) // 2]]
     distances = [float(np.hypot(*(_along(curve) - place).T).min()) for curve in rest]
@@ -225,43 +203,27 @@ def contact_zone(
         yield Zone.around((float(place[0]), float(place[1])), distance / PER_CONTACT_DEPTH, distance, GROWTH)
 
 
-def nodal_zone(own: Curve, far: float) -> Zone:
-    """The zone along a surface with nodal contact pressures."""
-    fine = far / NODAL_RATIO
-    return Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
-
-
-def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zone]:
-    """Zones along short faces that form a corner with a surface in contact, or with another of its pieces:
-    lips and edges bend."""
-    pieces = own.pieces if isinstance(own, Joined) else (own,)
-    for number, piece in enumerate(pieces):
-        point, normal = (of(np.array([0.0, piece.length])) for of in (piece.points, piece.normals))
-        others = [one for k, one in enumerate(pieces) if abs(k - number) == 1 or (own.closed and k != number)]
-        for curve in [*others, *(rest if number in (0, len(pieces) - 1) else ())]:
-            if curve.length >= PER_ADJACENT_FACE * far:
-                continue
+def joints(own: Curve, others: Sequence[Curve]) -> Iterator[tuple[FloatArray, Curve, float]]:
+    """The ends of a curve at which one of the ``others`` begins or ends: arc length (1,), the other curve,
+    and the cosine of the angle between the normals."""
+    for at in (np.zeros(1), np.array([own.length])):
+        for curve in others:
             ends = np.array([0.0, curve.length])
-            apart = np.hypot(*(curve.points(ends) - point[:, None]).transpose(2, 0, 1))
-            corner = (apart <= FLAT * own.length) & (normal @ curve.normals(ends).T < SMOOTH)
-            if corner.any():
-                yield Zone(curve, curve.length / PER_ADJACENT_FACE, 0.0, GROWTH)
+            apart = np.hypot(*(curve.points(ends) - own.points(at)).T)
+            for cosine in (curve.normals(ends) @ own.normals(at)[0])[apart <= FLAT * own.length].tolist():
+                yield at, curve, cosine
 
 
 def _tip_zones(own: Curve, rest: Sequence[Curve], other: Curve, far: float) -> Iterator[Zone]:
     """Zones where a curved surface that conforms to the ``other`` one ends at a corner."""
-    ends = np.array([0.0, own.length])
-    for point, normal in zip(own.points(ends), own.normals(ends), strict=True):
-        x, y = point.tolist()
-        for curve in rest:
-            both = np.array([0.0, curve.length])
-            apart = np.hypot(*(curve.points(both) - point).T)
-            corner = (apart <= FLAT * own.length) & (curve.normals(both) @ normal < SMOOTH)
-            curved = float(np.abs(own.curvature(_places(own))).max())
-            span = min(own.length, curve.length, 1.0 / curved if curved else np.inf)
-            gap = np.hypot(*(other.points(other.closest(point[None])) - point).T)[0]
-            if curved and corner.any() and gap < TOUCHING * span < TOUCHING * PER_TIP_SPAN * far:
-                yield Zone.around((x, y), span / PER_TIP_SPAN, span / TIP_RADIUS, GROWTH)
+    curved = float(np.abs(own.curvature(_places(own))).max())
+    for at, curve, cosine in joints(own, rest) if curved else ():
+        point = own.points(at)
+        span = min(own.length, curve.length, 1.0 / curved)
+        gap = float(np.hypot(*(other.points(other.closest(point)) - point)[0]))
+        if cosine < SMOOTH and gap < TOUCHING * span < TOUCHING * PER_TIP_SPAN * far:
+            x, y = point[0].tolist()
+            yield Zone.around((x, y), span / PER_TIP_SPAN, span / TIP_RADIUS, GROWTH)
 
 
 def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
@@ -284,39 +246,6 @@ def crack_zones(part: Curve, ends: Sequence[tuple[float, float]]) -> Iterator[Zo
             yield Zone.around((x, y), part.length / PER_CRACK, 0.0, BOND_GROWTH)
 
 
-def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:
-    """Zones at the ends of a surface whose gap ``apart`` (s,) at ``points`` (s, 2) has several minima, the
-    outermost of which is near the end."""
-    least = np.array(valleys(apart, FLAT * len(apart) * float(np.hypot(*(points[1] - points[0])))), dtype=int)
-    for end in (0, -1):
-        away = np.hypot(*(points[least] - points[end]).T)
-        close = apart[least] <= apart.min() + EQUAL_MINIMA * away
-        if close.sum() < 2:
-            continue
-        distance = float(away[close].min())
-        if 0.0 < distance < PER_END_DISTANCE * far:
-            x, y = points[end].tolist()
-            yield Zone.around((x, y), distance / PER_END_DISTANCE, distance, GROWTH)
-
-
-def valleys(values: FloatArray, slack: float) -> list[int]:
-    """Indices of the local minima of ``values`` (n,) between rises and falls of more than ``slack``, which
-    ignores round-off."""
-    found, falling, lowest, highest = list[int](), True, 0, 0
-    row = values.tolist()
-    for k, value in enumerate(row):
-        if falling:
-            lowest = k if value < row[lowest] else lowest
-            if value > row[lowest] + slack:
-                found.append(lowest)
-                falling, highest = False, k
-        else:
-            highest = k if value > row[highest] else highest
-            if value < row[highest] - slack:
-                falling, lowest = True, k
-    return [*found, lowest] if falling else found
-
-
 def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zone]:
     """Zones at both ends of a clamped side, where stresses are singular beside a free one; they determine the
     stiffness of the clamping. At ``finite`` strain these corners are also crushed."""
@@ -324,12 +253,6 @@ def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zo
     if not curve.closed:
         for x, y in curve.points(np.array([0.0, curve.length])).tolist():
             yield Zone.around((x, y), far / finer, 0.0, growth)
-
-
-def _conform(one: Arc, other: Arc) -> bool:
-    """Whether one arc lies in the other with a similar radius."""
-    unlike = max(one.radius, other.radius) / min(one.radius, other.radius)
-    return one.sweep * other.sweep < 0.0 and unlike < CONFORMING_RATIO
 
 
 def _along(curve: Curve) -> FloatArray:

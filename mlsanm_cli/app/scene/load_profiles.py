@@ -8,13 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, range_of, runs_on
+from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, chains_at
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction, value_at
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import joined, part_of
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 SAMPLES = 4096
@@ -43,12 +42,10 @@ class LoadProfile:
 def runs_of(shape: AnyShape, place: Place) -> list[tuple[BoundaryRun, float, Curve]]:
     """The runs of a place on the outline of a shape, the arc length along them at which it starts, and its
     curves. Loaded boundaries need not join."""
-    found = []
-    for run in runs_on(drawn(shape), place, "load"):
-        whole = joined(run.curves, run.around)
-        first, length = range_of(run, place) if place.ends else (0.0, whole.length)
-        found.append((run, first, part_of(whole, first, first + length) if place.ends else whole))
-    return found
+    outline = drawn(shape)
+    groups = [place.edges] if place.ends else [(edge,) for edge in place.edges]
+    runs = [BoundaryRun(outline, *chain) for edges in groups for chain in chains_at(outline, edges)]
+    return [(run, run.range_of(place)[0], run.part(place)) for run in runs]
 
 
 def profiles(shape: AnyShape, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun
+from mlsanm_cli.app.scene.boundary_runs import BoundaryRun
 from mlsanm_cli.app.scene.default_spacing import GROWTH, SMOOTH
 from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
 from mlsanm_cli.app.scene.outlines import drawn
@@ -66,14 +66,9 @@ def _places(case: Case, body: str) -> Iterator[tuple[Place, float]]:
             yield support.place, PER_LENGTH_AT_ENDS if support.spring else PER_LENGTH_AT_FIXED_ENDS
     for load in case.load:
         if isinstance(load, Pressure | Traction | Displacement | Platen):
-            for place in load.places:
-                if place.body == body:
-                    yield (
-                        place,
-                        PER_LENGTH_AT_FIXED_ENDS
-                        if isinstance(load, Displacement | Platen)
-                        else PER_LENGTH_AT_ENDS,
-                    )
+            fixed = isinstance(load, Displacement | Platen)
+            at_ends = PER_LENGTH_AT_FIXED_ENDS if fixed else PER_LENGTH_AT_ENDS
+            yield from ((place, at_ends) for place in load.places if place.body == body)
 
 
 def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float, at_edge: float) -> Iterator[Zone]:
@@ -93,8 +88,7 @@ def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float, at_edg
 def _continues(run: BoundaryRun, at: float, end: int) -> bool:
     """Whether the boundary continues smoothly at arc length ``at`` of a run: inside it, or beyond its first
     (0) or last (1) ``end``."""
-    whole = run.starts[-1]
-    if run.around or END_TOLERANCE * whole < at < (1.0 - END_TOLERANCE) * whole:
+    if run.continues(at):
         return True
     outline, number = run.outline, run.numbers[-end]
     loop = next(loop for loop in outline.loops if loop.start <= number < loop.stop)

@@ -51,10 +51,6 @@ def temperature_of(load: Temperature) -> AmountField:
     return AmountField(f"load.{load.name}.temperature", load.temperature)
 
 
-class _BadTableError(ValueError):
-    """A table that does not fit its boundary."""
-
-
 def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Acting:
     """Evaluates all loads. Raises CaseError for expressions without a value at a node, and for tables that do
     not cover their boundary.
@@ -91,8 +87,6 @@ def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> A
             problems.append(CaseProblem(key, str(error)))
         except CaseError as error:
             problems += error.problems
-        except _BadTableError as error:
-            problems.append(CaseProblem(f"load.{load.name}.table", str(error)))
     if problems:
         raise CaseError(tuple(problems))
     return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case, boundaries))
@@ -126,22 +120,26 @@ def _on_surface(
         return amounts_at([0.0 if part is None else part for part in load.components], points)
     if isinstance(load, Traction):
         if load.table is not None:
-            return _from_table(load.table, part, arc)
+            return _from_table(load, load.table, part, arc)
         assert load.traction is not None
         return amounts_at(load.traction, points)
     if load.table is not None:
-        return -_from_table(load.table, part, arc) * surface.curve.normals(arc)
+        return -_from_table(load, load.table, part, arc) * surface.curve.normals(arc)
     assert load.pressure is not None
     return -amounts_at([load.pressure], points) * surface.curve.normals(arc)
 
 
-def _from_table(rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: FloatArray) -> FloatArray:
-    """Values (e, c) at ``arc`` (e,), interpolated linearly between rows of arc length and c values."""
+def _from_table(
+    load: Traction | Pressure, rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: FloatArray
+) -> FloatArray:
+    """Values (e, c) at ``arc`` (e,), interpolated linearly between rows of arc length and c values. Raises
+    CaseError for tables that do not cover their boundary."""
     table = np.array(rows)
     length = part.total
     first, last = float(table[0, 0]), float(table[-1, 0])
     if first > TABLE_TOLERANCE * length or last < (1.0 - TABLE_TOLERANCE) * length:
-        raise _BadTableError(f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}")
+        message = f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}"
+        raise CaseError((CaseProblem(f"load.{load.name}.table", message),))
     columns = [np.interp(arc + part.first, table[:, 0], column) for column in table[:, 1:].T]
     return np.stack(columns, axis=1)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.scene.default_spacing import FLAT, GROWTH, TOUCHING
+from mlsanm_cli.app.scene.default_spacing import GROWTH, TOUCHING, joints
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import part_of
@@ -101,14 +101,9 @@ def sharp_ends(rest: Sequence[Curve], own: Curve, obstacle: Shape, far: float) -
     both would need them: a dovetail had twice the nodes and was no better."""
     if own.closed:
         return
-    ends = np.array([0.0, own.length])
-    points, normals = own.points(ends), own.normals(ends)
-    partner, _ = obstacle.closest(points, normals)
-    for point, normal, gap in zip(points, normals, np.hypot(*(points - partner).T), strict=True):
-        for curve in rest:
-            both = np.array([0.0, curve.length])
-            at = np.hypot(*(curve.points(both) - point).T) <= FLAT * own.length
-            turn = np.abs(np.arccos(np.clip(curve.normals(both) @ normal, -1.0, 1.0)) - 0.5 * np.pi)
-            oblique = (turn > RIGHT) & (turn < 0.5 * np.pi - RIGHT)
-            if gap <= TOUCHING * far and (at & oblique).any():
-                yield Zone.around((float(point[0]), float(point[1])), far / AT_SHARP, 0.0, GROWTH)
+    for at, _, cosine in joints(own, rest):
+        point = own.points(at)
+        gap = np.hypot(*(point - obstacle.closest(point, own.normals(at))[0])[0])
+        if gap <= TOUCHING * far and RIGHT < abs(np.arccos(cosine) - 0.5 * np.pi) < 0.5 * np.pi - RIGHT:
+            x, y = point[0].tolist()
+            yield Zone.around((x, y), far / AT_SHARP, 0.0, GROWTH)

@@ -19,7 +19,6 @@ from mlsanm_cli.case.model.shapes import (
     FileShape,
     HalfDisk,
     Mesh,
-    OutlineShape,
     Points,
     Polygon,
     Rectangle,
@@ -40,14 +39,6 @@ from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
 
 
-def imported_geometry(shape: FileShape) -> ImportedGeometry:
-    """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
-    # Imported for cases with such bodies only.
-    from mlsanm_cli.app.scene.outlines import read_body
-
-    return read_body(shape)
-
-
 @lru_cache(maxsize=256)
 def drawn(shape: AnyShape) -> Outline:
     """The outline of a shape: closed loops of named curves, "name/1" and so on for several pieces of a name.
@@ -65,10 +56,6 @@ def drawn(shape: AnyShape) -> Outline:
         return imported_geometry(shape).traced.outline
     if isinstance(shape, Disk):
         return disk(shape.center, shape.radius)
-    return _looped(shape)
-
-
-def _looped(shape: Polygon | OutlineShape) -> Outline:
     holes = [
         (name, hole.center, hole.radius) for name, hole in zip(hole_names(shape), shape.holes, strict=True)
     ]
@@ -104,7 +91,7 @@ class ImportedGeometry:
         return cloud_of_nodes(self.points, self.traced, self.normals)
 
 
-def read_body(shape: FileShape) -> ImportedGeometry:
+def imported_geometry(shape: FileShape) -> ImportedGeometry:
     """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
     path = Path(shape.file)
     try:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.joined import turn
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
 
@@ -34,54 +36,50 @@ def root_zones(
     follow the trace of the singular field into the corner (a dovetail's peak was 5 % too high). Nor have
     those at finite strain, where they were not tried.
     """
-    for (x, y), apart in _sharp_roots(outline):
+    corners = _inward_corners(outline)
+    if not corners:
+        return
+    at = np.concatenate([outline.curves[number].points(np.zeros(1)) for number in corners])
+    for place, apart in zip(at, _apart(outline, corners, at).tolist(), strict=True):
         fine = apart / PER_ROOT_DISTANCE
-        if touching is not None and not any(_on(curve, x, y) for curve in touching):
+        away = [(curve, curve.points(curve.closest(place[None]))[0] - place) for curve in touching or ()]
+        if touching is not None and all(np.hypot(*way) > ON_SIDE * curve.length for curve, way in away):
             fine = min(fine, far / ROOT_RATIO)
         if fine < far:
+            x, y = place.tolist()
             yield Zone.around((x, y), fine, 0.0, growth)
 
 
-def _on(curve: Curve, x: float, y: float) -> bool:
-    """Whether a place is on a curve."""
-    place = np.array([[x, y]])
-    away = curve.points(curve.closest(place)) - place
-    return bool(np.hypot(*away.T)[0] <= ON_SIDE * curve.length)
-
-
-def _sharp_roots(outline: Outline) -> Iterator[tuple[tuple[float, float], float]]:
-    """The corners that point into the material, and the distance of the nearest other one that is seen across
-    it, infinite without any."""
-    place, into, least = [], [], []
+def _inward_corners(outline: Outline) -> dict[int, tuple[int, float]]:
+    """The corners that point into the material, by the number of the curve that begins there: that of the
+    curve that ends there, and the angle between the two."""
+    found = {}
     for loop in outline.loops:
-        curves = outline.curves[loop]
-        for one, other in zip(curves, (*curves[1:], *curves[:1]), strict=True):
-            a, b = one.normals(np.array([one.length]))[0], other.normals(np.array([0.0]))[0]
-            turn = float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
-            if turn < -SMOOTH_TURN:
-                place.append(other.points(np.array([0.0]))[0])
-                into.append(-(a + b) / np.hypot(*(a + b)))
-                least.append(np.cos(0.5 * (np.pi - turn) - SMOOTH_TURN))
-    if not place:
-        return
-    at = np.array(place)
+        numbers = range(len(outline.curves))[loop]
+        for before, number in zip((numbers[-1], *numbers), numbers, strict=False):
+            angle = turn(outline.curves[before], outline.curves[number])
+            if angle < -SMOOTH_TURN:
+                found[number] = before, angle
+    return found
+
+
+def _apart(outline: Outline, corners: Mapping[int, tuple[int, float]], at: FloatArray) -> FloatArray:
+    """Distance (c,) of every corner ``at`` (c, 2) to the nearest other one that is seen across the material,
+    infinite without any."""
+    into, least = [], []
+    for number, (before, angle) in corners.items():
+        one, other = outline.curves[before], outline.curves[number]
+        normal = one.normals(np.array([one.length]))[0] + other.normals(np.zeros(1))[0]
+        into.append(-normal / np.hypot(*normal))
+        least.append(np.cos(0.5 * (np.pi - angle) - SMOOTH_TURN))
     way = at - at[:, None]
     away = np.hypot(*way.T)
     np.fill_diagonal(away, np.inf)
     seen = (way * np.array(into)[:, None]).sum(axis=2) > np.array(least)[:, None] * away
-    apart = np.where(seen & seen.T, away, np.inf).min(axis=1)
-    yield from zip(map(tuple, at.tolist()), apart.tolist(), strict=True)
+    return np.asarray(np.where(seen & seen.T, away, np.inf).min(axis=1))
 
 
 def roots_of(outline: Outline) -> set[int]:
     """Numbers of the curves between two corners that point into the material."""
-    found = set()
-    for loop in outline.loops:
-        numbers = range(len(outline.curves))[loop]
-        ends = [outline.curves[k].normals(np.array([0.0, outline.curves[k].length])) for k in numbers]
-        crossed = [
-            a[1, 0] * b[0, 1] - a[1, 1] * b[0, 0] for a, b in zip(ends, ends[1:] + ends[:1], strict=True)
-        ]
-        inward = [turn < -SMOOTH_TURN for turn in crossed]
-        found |= {number for k, number in enumerate(numbers) if inward[k] and inward[k - 1]}
-    return found
+    corners = _inward_corners(outline)
+    return {before for before, _ in corners.values() if before in corners}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -29,34 +28,23 @@ def check_tips(case: Case, pairings: tuple[Pairing, ...]) -> None:
     slowly: a contact grid ends at the corner, and what the other side carries would be missed."""
     problems = []
     for pairing in pairings:
-        corners = list(_corners(pairing))
-        if not corners:
-            continue
-        facing = facing_of(case, pairing)
-        for body, role, place in corners:
-            if _is_tip(facing, place):
-                x, y = place
-                problems.append(
-                    CaseProblem(
-                        f"contact.{pairing.name}",
+        sides = zip((pairing.slave, pairing.master), pairing.bodies, ("slave", "master"), strict=False)
+        for surface, body, role in () if pairing.bonded else sides:
+            corners = np.zeros(0) if surface is None else corners_of(surface.curve)
+            for place in surface.curve.points(corners) if surface is not None and len(corners) else ():
+                if _is_tip(facing_of(case, pairing), place):
+                    x, y = place
+                    message = (
                         f"body {body} touches with its sharp corner at ({x:.6g}, {y:.6g}), on both sides of "
-                        "which pressures would be unbounded",
-                        hint=f"give it a radius, as by body.{body}.shape.rounding, and add the name of the "
-                        f"arc to contact.{pairing.name}.{role}",
+                        "which pressures would be unbounded"
                     )
-                )
+                    hint = (
+                        f"give it a radius, as by body.{body}.shape.rounding, and add the name of the "
+                        f"arc to contact.{pairing.name}.{role}"
+                    )
+                    problems.append(CaseProblem(f"contact.{pairing.name}", message, hint=hint))
     if problems:
         raise CaseError(tuple(problems))
-
-
-def _corners(pairing: Pairing) -> Iterator[tuple[str, str, FloatArray]]:
-    """Body, role and places (2,) of the corners within both surfaces; none of bonds."""
-    for surface, body, role in zip(
-        (pairing.slave, pairing.master), pairing.bodies, ("slave", "master"), strict=False
-    ):
-        if surface is not None and not pairing.bonded:
-            for place in surface.curve.points(corners_of(surface.curve)):
-                yield body, role, place
 
 
 def _is_tip(facing: Facing, place: FloatArray) -> bool:

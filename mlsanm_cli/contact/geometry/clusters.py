@@ -24,7 +24,7 @@ from mlsanm_cli.contact.geometry.hat_pairs import (
     ZERO_COMPONENT,
     Distance,
     HatPairs,
-    far_logarithms,
+    couples,
 )
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 
@@ -35,7 +35,7 @@ CHEBYSHEV_POINTS = 12
 ADMISSIBILITY = 0.7
 """Admissibility: least distance of far clusters over the size of the larger one."""
 BATCH_SIZE = 2000
-"""Hats processed at once, to fit into the processor's cache."""
+"""Hats, or pairs of hats, processed at once, to fit into the processor's cache."""
 MIN_WIDTHS = 10.0
 """Least distance of far clusters in widths of the widest interval, for Gauss quadrature to be accurate."""
 
@@ -97,22 +97,15 @@ class Clusters:
         """Integrals (m, m) of :meth:`HatPairs.integrals` for hats in close clusters, with directions
         ``along`` (g, 2) on either side; symmetric, since ``log`` is symmetric and ``turn`` antisymmetric."""
         pairs, place, (one, other) = self.pairs, self.pairs.hats.place, self._close_pairs
-        way, total = place[one] - place[other], np.zeros(len(one))
+        total = np.zeros(len(one))
         for function, table in ((LOGARITHM, log), (SIGN, turn)):
-            turned = along @ table.T
-            if not pairs.meet(table, along, turned):
-                continue
-            touching = np.abs(way) <= function.reach * (pairs.widths[one] + pairs.widths[other])
-            some = one[touching], other[touching]
-            total[touching] += pairs.directed(pairs.near(function, 0.0, *some), along, turned)
-            some, apart = (one[~touching], other[~touching]), way[~touching]
-            for seen, by in zip(along.T, turned.T, strict=True):
-                if seen.any() and by.any():
-                    a, b = pairs.moments(seen)[some[0]], pairs.moments(by)[some[1]]
-                    if function.constant:
-                        total[~touching] += function.values(apart) * a[:, 0] * b[:, 0]
-                    else:
-                        total[~touching] += far_logarithms(apart, a, b)
+            if couples(along, table, along):
+                by = along @ table.T
+                for first in range(0, len(one), BATCH_SIZE):
+                    some = slice(first, first + BATCH_SIZE)
+                    total[some] += pairs.quadrature(function, 0.0, one[some], other[some], along, by)
+                near = pairs.near(function, 0.0, one, other)
+                total[near.chosen] += pairs.correction(near, along, by)
         beside = one < other
         values = np.concatenate([total, total[beside]])
         rows, columns = (np.concatenate([a, b[beside]]) for a, b in ((one, other), (other, one)))
@@ -122,9 +115,9 @@ class Clusters:
         """Matrix products to be added to :meth:`near` for far clusters."""
         found = list[Chain]()
         for function, table in ((LOGARITHM, log), (SIGN, turn)):
-            if not len(self.far) or not self.pairs.meet(table, along, along @ table.T):
+            if not len(self.far) or not couples(along, table, along):
                 continue
-            count = 1 if function.constant else CHEBYSHEV_POINTS
+            count = 1 if function is SIGN else CHEBYSHEV_POINTS
             between = self._between(function, count)
             shares = {c: self._shares(values, count) for c, values in enumerate(along.T) if values.any()}
             for seen, by in product(shares, repeat=2):

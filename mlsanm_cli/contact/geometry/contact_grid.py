@@ -219,7 +219,7 @@ class ContactGrid:
             found -= logarithm(apart + shift)[..., None, None] * log
         found -= np.sign(apart)[..., None, None] * turn
         both = [kernel.displacement(one, np.diagonal(base)) for one in (tangent, -tangent)]
-        around = sum(float(logarithm(np.array(shift))) for shift in self.hats.shifts)
+        around = logarithm(np.array(self.hats.shifts)).sum()
         found[own] = 0.5 * (both[0] + both[1]) + (np.log(stretch) - around)[:, None, None] * log
         if center is not None:
             other = z - center

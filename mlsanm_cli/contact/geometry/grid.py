@@ -167,14 +167,20 @@ class Hats:
 
     def norm(self, values: FloatArray) -> float:
         """L2 norm of the piecewise linear function with nodal ``values`` (m,)."""
-        padded = np.concatenate([[0.0], values, [0.0]])
-        a, b = padded[:-1], padded[1:]
-        return float(np.sqrt((self.steps * (a * a + a * b + b * b) / 3.0).sum()))
+        return l2(self.nodes, np.concatenate([[0.0], values, [0.0]]))
+
+
+def l2(arc: FloatArray, values: FloatArray) -> float:
+    """L2 norm of the piecewise linear function with ``values`` (m,) at ``arc`` (m,)."""
+    a, b = values[:-1], values[1:]
+    return float(np.sqrt((np.diff(arc) * (a * a + a * b + b * b) / 3.0).sum()))
 
 
 def logarithm(distance: FloatArray) -> FloatArray:
     """ln|distance|, 0 at zero distance."""
-    return np.asarray(np.log(np.where(distance == 0.0, 1.0, np.abs(distance))))
+    size = np.abs(distance)
+    size[size == 0.0] = 1.0
+    return np.asarray(np.log(size, out=size))
 
 
 def _gauss(start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,7 @@
 """Double integrals of half-plane kernels with the hat functions of a contact grid.
 
-Near pairs of hats are integrated exactly, in extended precision, by repeated integrals of the kernel; distant
-pairs by multipole moments about their peaks.
+All pairs of hats are integrated by Gauss quadrature. For near pairs its error with constant directions is
+added, from exact integrals in extended precision by repeated integrals of the kernel.
 
 Equations (7) and (8) of docs/method.md.
 """
@@ -9,7 +9,7 @@ Equations (7) and (8) of docs/method.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -21,44 +21,35 @@ from mlsanm_cli.contact.geometry.grid import Hats, logarithm
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
 NEAR_WIDTHS = 5.0
-"""Pairs closer than this many widths are integrated exactly; the error of moments beyond is 1e-9."""
-MOMENT_ORDERS = 8
-"""Highest order of the moments."""
+"""Pairs closer than this many widths are integrated exactly; the error of quadrature beyond is 1e-9."""
 ZERO_COMPONENT = 1e-14
 THREE = np.arange(3)
-BATCH_SIZE = 50_000
-"""Pairs processed at once, to fit into the processor's cache."""
+MAX_ENTRIES = 200_000
+"""Kernel values computed at once, to limit memory."""
 
 
 @dataclass(frozen=True)
 class Distance:
     """A kernel of the distance along a contact: its ``values``, its fourth, third and second repeated
-    ``integrals``, and the ``reach`` in widths up to which pairs are integrated by these. A kernel
-    ``constant`` on either side of 0 needs moments of order 0 only. The ``parity`` is 1 for even and -1 for
-    odd kernels."""
+    ``integrals``, and the ``reach`` in widths up to which pairs are integrated by these."""
 
     values: Table
     integrals: tuple[Table, Table, Table]
     reach: float
-    constant: bool
-    parity: float
 
 
 @dataclass(frozen=True)
 class NearPairs:
-    """The ``exact`` double integrals (e,) of a kernel with the ``first`` and ``second`` (e,) hats of pairs,
-    some of which ``overlap`` (e,), and its ``values`` (e, q, q) at the points of both."""
+    """Near pairs, ``chosen`` among others, of the hats ``first`` and ``second`` (e,), some of which
+    ``overlap`` (e,), and the ``error`` (e,) of quadrature for a kernel of s + ``shift`` - s'."""
 
-    values: FloatArray
+    function: Distance
+    shift: float
+    chosen: IntArray
     first: IntArray
     second: IntArray
-    exact: FloatArray
     overlap: BoolArray
-
-    def opposite(self, parity: float) -> NearPairs:
-        """The pairs in reverse order, of a function of given parity."""
-        values = parity * self.values.transpose(0, 2, 1)
-        return NearPairs(values, self.second, self.first, parity * self.exact, self.overlap)
+    error: FloatArray
 
 
 @dataclass(frozen=True)
@@ -85,22 +76,21 @@ class HatPairs:
         """Wider interval (m,) of every hat."""
         return np.asarray(np.maximum(self.hats.steps[1:], self.hats.steps[:-1]))
 
-    def moments(self, values: FloatArray) -> FloatArray:
-        """Moments (m, k): integrals of ``values`` (g,) times every hat times powers of the distance from its
-        peak."""
-        points, weights = self.hats.own_points
-        away, part = self.hats.points[points] - self.hats.place[:, None], weights * values[points]
-        found = [part.sum(axis=1)]
-        for _ in range(MOMENT_ORDERS):
-            part *= away
-            found.append(part.sum(axis=1))
-        return np.stack(found, axis=1)
-
     def near(self, function: Distance, shift: float, one: IntArray, other: IntArray) -> NearPairs:
-        """A kernel ``function`` of s + ``shift`` - s' for pairs (e,) of hats ``one`` and ``other``."""
-        hats, wide = self.hats, self.widths
-        # Extended precision, as fourth differences lose digits; once per pair of nodes.
-        nodes: Any = hats.nodes.astype(np.longdouble)
+        """The near ones among pairs (e,) of hats ``one`` and ``other``."""
+        way = np.abs(self.hats.place[one] + shift - self.hats.place[other])
+        wide = self.widths[one] + self.widths[other]
+        chosen = np.flatnonzero(way <= function.reach * wide)
+        one, other, overlap = one[chosen], other[chosen], (way < wide)[chosen]
+        ones = np.ones((len(self.hats.points), 1))
+        error = self._exact(function, shift, one, other)
+        error -= self.quadrature(function, shift, one, other, ones, ones)
+        return NearPairs(function, shift, chosen, one, other, overlap, error)
+
+    def _exact(self, function: Distance, shift: float, one: IntArray, other: IntArray) -> FloatArray:
+        """Exact double integrals (e,) of a kernel, in extended precision as fourth differences lose digits;
+        once per pair of nodes."""
+        nodes: Any = self.hats.nodes.astype(np.longdouble)
         lowest, highest = int((other - one).min(initial=0)) - 2, int((other - one).max(initial=0)) + 2
         first, last = (one[:, None] + THREE)[:, :, None], (other[:, None] + THREE)[:, None, :]
         beside = last - first - lowest
@@ -118,129 +108,66 @@ class HatPairs:
             exact += np.einsum("ea,eab,eb->e", impulses[one], rise, doublets[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], rise, impulses[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t)[pairs], doublets[other])
-        way = np.abs(hats.place[one] + shift - hats.place[other])
-        at = hats.points[hats.own_points[0]]
-        seen = function.values(at[one][:, :, None] + shift - at[other][:, None, :])
-        return NearPairs(seen, one, other, exact.astype(np.float64), way < wide[one] + wide[other])
+        return np.asarray(exact, dtype=np.float64)
 
-    def directed(self, near: NearPairs, one: FloatArray, turned: FloatArray) -> FloatArray:
-        """Double integrals (e,) of near pairs with directions ``one`` and ``turned`` (g, 2) at the points."""
+    def quadrature(
+        self,
+        function: Distance,
+        shift: float,
+        one: IntArray,
+        other: IntArray,
+        seen: FloatArray,
+        by: FloatArray,
+    ) -> FloatArray:
+        """Double integrals (e,) of a kernel with pairs of hats and directions ``seen`` and ``by`` (g, c) at
+        the points, by Gauss quadrature."""
         points, weights = self.hats.own_points
-        first, second = near.first, near.second
-        middle = [self.hats.at_places(values) for values in (one, turned)]
-        own = self.hats.at_places((one * turned).sum(axis=1, keepdims=True))[:, 0]
-        # Correction of the quadrature error for the mean directions; for overlapping pairs, where the error
-        # arises at coinciding points, for directions at the same point.
-        both = (middle[0][first] * middle[1][second]).sum(axis=1)
-        both = np.where(near.overlap, 0.5 * (own[first] + own[second]), both)
-        rough = np.einsum("ep,epq,eq->e", weights[first], near.values, weights[second])
-        total = both * (near.exact - rough)
-        for seen, by in zip(one.T, turned.T, strict=True):
-            if seen.any() and by.any():
-                sides = (weights * values[points] for values in (seen, by))
-                total += np.einsum("ep,epq,eq->e", next(sides)[first], near.values, next(sides)[second])
-        return np.asarray(total)
+        at = self.hats.points[points]
+        values = function.values(at[one][:, :, None] + shift - at[other][:, None, :])
+        left, right = (weights[:, :, None] * side[points] for side in (seen, by))
+        return np.asarray(np.einsum("epc,epq,eqc->e", left[one], values, right[other]))
+
+    def correction(self, near: NearPairs, seen: FloatArray, by: FloatArray) -> FloatArray:
+        """Correction (e,) of quadrature for near pairs with directions ``seen`` and ``by`` (g, 2): for the
+        mean directions; for overlapping pairs, where the error arises at coinciding points, for directions at
+        the same point."""
+        middle = [self.hats.at_places(values) for values in (seen, by)]
+        own = self.hats.at_places((seen * by).sum(axis=1, keepdims=True))[:, 0]
+        both = (middle[0][near.first] * middle[1][near.second]).sum(axis=1)
+        both = np.where(near.overlap, 0.5 * (own[near.first] + own[near.second]), both)
+        return np.asarray(both * near.error)
 
     @cached_property
-    def logarithms(self) -> tuple[tuple[NearPairs, FloatArray], ...]:
-        """For every shift, the near pairs of ln|s + shift - s'|, each once without a shift, and the distances
-        (m, m) of the others."""
-        return tuple(self._parted(LOGARITHM, shift) for shift in self.hats.shifts)
-
-    @cached_property
-    def signs(self) -> tuple[NearPairs, FloatArray]:
-        """The same for sgn(s - s')."""
-        return self._parted(SIGN, 0.0)
-
-    def _parted(self, function: Distance, shift: float) -> tuple[NearPairs, FloatArray]:
-        way = self.hats.place[:, None] + shift - self.hats.place
-        close = np.abs(way) <= function.reach * (self.widths[:, None] + self.widths)
-        found = self.near(function, shift, *np.nonzero(close if shift else np.triu(close)))
-        way[close] = 1.0
-        return found, way
+    def _near(self) -> list[NearPairs]:
+        """The near pairs of ln|s + shift - s'| for every shift, and of sgn(s - s')."""
+        every = np.indices((len(self.widths),) * 2).reshape(2, -1)
+        logarithms = (self.near(LOGARITHM, shift, *every) for shift in self.hats.shifts)
+        return [self.near(SIGN, 0.0, *every), *logarithms]
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,
         with the logarithms of all shifts. ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2)
         directions at the points."""
-        logarithms = self._integrals(LOGARITHM, log, one, other, lambda: self.logarithms)
-        return logarithms + self._integrals(SIGN, turn, one, other, lambda: (self.signs,))
-
-    def meet(self, table: FloatArray, one: FloatArray, turned: FloatArray) -> bool:
-        """Whether directions ``one`` and ``turned`` (g, 2) have common components, judged by the extreme
-        ones."""
-        extreme = []
-        for values in (one, turned):
-            middle = self.hats.at_places(values)
-            extreme.append(middle[np.concatenate([middle.argmin(axis=0), middle.argmax(axis=0)])])
-        both = np.abs(extreme[0] @ extreme[1].T)
-        return bool(both.max(initial=0.0) > ZERO_COMPONENT * np.abs(table).max())
-
-    def _integrals(
-        self,
-        function: Distance,
-        table: FloatArray,
-        one: FloatArray,
-        other: FloatArray,
-        parted: Callable[[], Iterable[tuple[NearPairs, FloatArray]]],
-    ) -> FloatArray:
-        """Part of :meth:`integrals` by one kernel; zero if the directions have no common components."""
-        total = np.zeros((len(self.hats.place), len(self.hats.place)))
-        turned = other @ table.T
-        if not self.meet(table, one, turned):
-            return total
-        acting = [(a, b) for a, b in zip(one.T, turned.T, strict=True) if a.any() and b.any()]
-        moments = [np.stack([self.moments(side) for side in sides]) for sides in zip(*acting, strict=True)]
-        odd = np.abs(table - function.parity * table.T).max()
-        symmetric = np.array_equal(one, other) and odd <= ZERO_COMPONENT * np.abs(table).max()
-        for shift, (near, way) in zip(self.hats.shifts, parted(), strict=False):
-            part = np.zeros_like(total)
-            if acting:
-                part = function.values(way) * (moments[0][:, :, 0].T @ moments[1][:, :, 0])
-                if not function.constant:
-                    part += _beyond(way, *moments)
-            found = self.directed(near, one, turned)
-            part[near.first, near.second] = found
-            if not shift:
-                back = found if symmetric else self.directed(near.opposite(function.parity), one, turned)
-                part[near.second, near.first] = back
-            total += part
+        hats, points = self.hats, self.hats.points
+        total = np.zeros((len(hats.place), len(hats.place)))
+        for near in self._near:
+            table = turn if near.function is SIGN else log
+            if not couples(one, table, other):
+                continue
+            by = other @ table.T
+            for some in np.array_split(np.arange(len(points)), 1 + len(points) ** 2 // MAX_ENTRIES):
+                values = near.function.values(points[:, None] + near.shift - points[some])
+                values *= one @ by[some].T
+                total += (hats.integrals[:, some] @ (hats.integrals @ values).T).T
+            total[near.first, near.second] += self.correction(near, one, by)
         return total
 
 
-def _beyond(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Taylor series of double integrals of logarithms at distances ``way`` (m, m) beyond order zero, from
-    moments (c, m, k) of components on either side."""
-    total, inverse = np.zeros_like(way), 1.0 / way
-    power = np.ones_like(way)
-    for order in range(1, MOMENT_ORDERS + 1):
-        power *= inverse
-        share = np.arange(order + 1)
-        left, right = np.concatenate(one[:, :, order - share] * taylor(order), axis=1), other[:, :, share]
-        total += power * (left @ np.concatenate(right, axis=1).T)
-    return total
-
-
-def taylor(order: int) -> FloatArray:
-    """Coefficients (order + 1,) of products of moments in the series of ln|t + a - b|."""
-    share = np.arange(order + 1)
-    binomial = np.array([math.comb(order, int(k)) for k in share])
-    return np.asarray(-((-1.0) ** (order + share)) * binomial / order)
-
-
-def far_logarithms(way: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Double integrals (e,) of logarithms at distances ``way`` (e,), from moments (e, k)."""
-    total = np.empty(len(way))
-    for first in range(0, len(way), BATCH_SIZE):
-        some = slice(first, first + BATCH_SIZE)
-        a, b, inverse = one[some].T, other[some].T, 1.0 / way[some]
-        part, power = np.log(np.abs(way[some])) * a[0] * b[0], np.ones(len(inverse))
-        for order in range(1, MOMENT_ORDERS + 1):
-            power = power * inverse
-            factors = taylor(order)
-            part += power * sum(factors[k] * a[order - k] * b[k] for k in range(order + 1))
-        total[some] = part
-    return total
+def couples(one: FloatArray, table: FloatArray, other: FloatArray) -> bool:
+    """Whether a tensor (2, 2) couples directions ``one`` and ``other`` (g, 2), judged by the extreme ones."""
+    ends = (side[np.concatenate([side.argmin(axis=0), side.argmax(axis=0)])] for side in (one, other))
+    both = np.abs(next(ends) @ table @ next(ends).T)
+    return bool(both.max() > ZERO_COMPONENT * np.abs(table).max())
 
 
 def _power(t: FloatArray, order: int) -> FloatArray:
@@ -263,7 +190,5 @@ LOGARITHM = Distance(
     logarithm,
     (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
     NEAR_WIDTHS,
-    constant=False,
-    parity=1.0,
 )
-SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0, constant=True, parity=-1.0)
+SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0)

@@ -136,14 +136,6 @@ def opposed(pairing: Pairing, s: FloatArray) -> BoolArray:
     return np.asarray((slave.normals(s) * master.curve.normals(there)).sum(axis=1) < MAX_FACING_COSINE)
 
 
-def _weights(slave: Surface, position: IntArray, normal: FloatArray) -> FloatArray:
-    """Surface lengths (m,) of the slave's nodes at ``position`` (m,), of the parts that face the master."""
-    weight = np.zeros(len(position))
-    for part, own, on in facing_parts(slave, position, normal):
-        weight[on] += part.weight[own]
-    return weight
-
-
 def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
     """The contact with pressures on a contact grid; slave nodes beyond the grid are monitored."""
     hats, facing = grid.hats, grid.facing
@@ -177,38 +169,19 @@ def pair_surfaces(
     slave_body: str,
     slave_cloud: Cloud,
     slave: Surface,
-    master_body: str,
-    master_cloud: Cloud,
-    master: Surface,
+    master: tuple[str, Surface] | Shape,
     friction: float = 0.0,
 ) -> Pairing:
-    """Pair the slave nodes with closest points of the master's exact curve that face them. A node whose
-    closest point is an end of the master, seen at an angle, has no partner."""
-    s = master.curve.closest(slave_cloud.points[slave.index])
-    partner, normal = master.curve.points(s), normals_towards(master.curve, s, slave.normal)
-    return _paired(name, slave_body, slave_cloud, slave, (master_body, master), partner, normal, friction)
-
-
-def pair_obstacle(
-    name: str, slave_body: str, slave_cloud: Cloud, slave: Surface, obstacle: Shape, friction: float = 0.0
-) -> Pairing:
-    """Pair the slave nodes with closest points of a rigid obstacle that face them."""
-    partner, normal = obstacle.closest(slave_cloud.points[slave.index], slave.normal)
-    return _paired(name, slave_body, slave_cloud, slave, (None, None), partner, normal, friction)
-
-
-def _paired(
-    name: str,
-    slave_body: str,
-    slave_cloud: Cloud,
-    slave: Surface,
-    master: tuple[str, Surface] | tuple[None, None],
-    partner: FloatArray,
-    normal: FloatArray,
-    friction: float,
-) -> Pairing:
-    """Pairs of the slave nodes with given closest points and normals (b, 2) that face them."""
+    """Pair the slave nodes with closest points that face them, of the exact curve of a ``master``, given by
+    its body and surface, or of a rigid obstacle. A node whose closest point is an end of the master, seen at
+    an angle, has no partner."""
     points = slave_cloud.points[slave.index]
+    body, surface = master if isinstance(master, tuple) else (None, None)
+    if isinstance(master, tuple):
+        s = master[1].curve.closest(points)
+        partner, normal = master[1].curve.points(s), normals_towards(master[1].curve, s, slave.normal)
+    else:
+        partner, normal = master.closest(points, slave.normal)
     away = points - partner
     tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     spacing = slave_cloud.spacing[slave.index]
@@ -217,17 +190,19 @@ def _paired(
     # Coincident surfaces have zero gaps, whatever the round-off of their coordinates.
     gap[np.abs(gap) <= ROUND_OFF * np.abs(points).max()] = 0.0
     position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)), gap)
-    arc = slave.arc_length[position]
+    arc, weight = slave.arc_length[position], np.zeros(len(position))
+    for part, own, on in facing_parts(slave, position, normal[position]):
+        weight[on] += part.weight[own]
     return Pairing(
         name=name,
         slave_body=slave_body,
         slave=slave,
-        master_body=master[0],
-        master=master[1],
+        master_body=body,
+        master=surface,
         position=position,
         points=points[position],
         arc=arc + slave.curve.length * (arc < arc[:1]),
-        weight=_weights(slave, position, normal[position]),
+        weight=weight,
         partner=partner[position],
         normal=normal[position],
         gap=gap[position],
@@ -249,14 +224,18 @@ def _along(slave: Surface, position: IntArray, gap: FloatArray) -> IntArray:
     return np.roll(position, -(int(np.argmax(left_out)) + 1))
 
 
+def facing_spacing(pairing: Pairing, cloud: Cloud) -> FloatArray:
+    """Spacings (m,) of the master, a surface of ``cloud``, opposite the candidates."""
+    master = pairing.surface_of(slave=False)
+    around = master.curve.length if master.curve.closed else None
+    place = master.curve.closest(pairing.partner[pairing.candidate])
+    return np.asarray(np.interp(place, master.arc_length, cloud.spacing[master.index], period=around))
+
+
 def spacing_ratio(pairing: Pairing, clouds: Mapping[str, Cloud]) -> float:
     """Largest ratio, either way, of the two spacings over the candidates; 1 for an obstacle."""
-    chosen, master = pairing.candidate, pairing.master
-    if master is None or pairing.master_body is None or not chosen.any():
+    chosen = pairing.candidate
+    if pairing.master_body is None or not chosen.any():
         return 1.0
-    master_cloud = clouds[pairing.master_body]
-    arc = master.curve.closest(pairing.partner[chosen])
-    around = master.curve.length if master.curve.closed else None
-    h = np.interp(arc, master.arc_length, master_cloud.spacing[master.index], period=around)
-    ratio = pairing.spacing[chosen] / h
+    ratio = pairing.spacing[chosen] / facing_spacing(pairing, clouds[pairing.master_body])
     return float(np.maximum(ratio, 1.0 / ratio).max())

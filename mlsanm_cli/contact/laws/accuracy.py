@@ -17,7 +17,7 @@ from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.contact.response.drivers import spans
-from mlsanm_cli.contact.response.functionals import changes, reaction_rows
+from mlsanm_cli.contact.response.functionals import changes
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
@@ -80,7 +80,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
         if isinstance(constraint, Platen) and not motion.alone:
             for owner, surface in constraint.held:
                 body, corrected = scene.bodies[owner], bodies[owner]
-                carried = reaction_rows(body, surface, constraint.center) @ corrected.change
+                carried = body.reaction_rows(surface, constraint.center) @ corrected.change
                 fx, fy, moment = corrected.defect.reactions[surface]
                 x, y = constraint.center
                 carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
@@ -145,12 +145,6 @@ def halved_state(condensed: Condensed, state: ExactState) -> tuple[FloatArray, F
         found = solve_exact(thin, state.factors, state.active[rows])
         motion, pressure = motion + 0.5 * found.motion, pressure + 0.5 * (join @ found.pressure)
     return motion, pressure
-
-
-def l2(arc: FloatArray, values: FloatArray) -> float:
-    """L2 norm over the surface of piecewise linear ``values`` (m,) at ``arc`` (m,)."""
-    a, b = values[:-1], values[1:]
-    return float(np.sqrt((np.diff(arc) * (a * a + a * b + b * b) / 3.0).sum()))
 
 
 def _shifted(linear: LinearMap, change: FloatArray) -> LinearMap:

@@ -10,8 +10,10 @@ Equation (12) of docs/method.md.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Protocol, Self, cast
 
 import numpy as np
 import scipy.sparse as sparse
@@ -44,66 +46,67 @@ class CoupledTangent(Protocol):
         """Solution (r,)."""
 
 
-class Coupling(Protocol):
+@dataclass(frozen=True, eq=False)
+class Coupling(ABC):
     """Linear part of a contact problem: r = m + n + k rows of gaps, slips and balances. ``condensed``
     describes the nodes, ``law`` the scales; ``motion`` (k,) are scales of all motions. ``constant`` (r,) and
-    ``load`` (r, L) are the terms independent of y; ``gaps`` (m, r) and ``slips`` (n, r) multiply y."""
-
-    @property
-    def condensed(self) -> Condensed: ...
-    @property
-    def law(self) -> Regularization: ...
-    @property
-    def motion(self) -> FloatArray: ...
-    @property
-    def constant(self) -> FloatArray: ...
-    @property
-    def load(self) -> FloatArray: ...
-    @property
-    def gaps(self) -> Rows: ...
-    @property
-    def slips(self) -> Rows: ...
-
-    def __call__(self, f: FloatArray, y: FloatArray) -> FloatArray:
-        """All rows (r,) in one state."""
-
-    def with_thresholds(self, threshold: FloatArray) -> Coupling:
-        """The same with friction thresholds (n,) of the law replaced."""
-
-    def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Split all motions into rigid motions and, if they are unknowns, the bodies' displacements."""
-
-    def tangent(self, local: Local) -> CoupledTangent:
-        """Factorise; raises numpy's LinAlgError if singular."""
-
-
-@dataclass(frozen=True, eq=False)
-class DenseCoupling:
-    """Coupling by condensed compliances: ``matrix`` (r, r), column-major, multiplies y."""
+    ``load`` (r, L) are the terms independent of y, which ``matrix`` multiplies."""
 
     condensed: Condensed
     law: Regularization
+    motion: FloatArray
     constant: FloatArray
     load: FloatArray
+    matrix: Any
+
+    @abstractmethod
+    def __call__(self, f: FloatArray, y: FloatArray) -> FloatArray:
+        """All rows (r,) in one state."""
+
+    @abstractmethod
+    def tangent(self, local: Local) -> CoupledTangent:
+        """Factorise; raises numpy's LinAlgError if singular."""
+
+    @cached_property
+    def gaps(self) -> Rows:
+        """Rows (m, r) of the gaps."""
+        return cast(Rows, self.matrix[: len(self.condensed.weight)])
+
+    @cached_property
+    def slips(self) -> Rows:
+        """Rows (n, r) of the slips."""
+        m = len(self.condensed.weight)
+        return cast(Rows, self.matrix[m : m + len(self.condensed.friction_nodes)])
+
+    def with_thresholds(self, threshold: FloatArray) -> Self:
+        """The same with friction thresholds (n,) of the law replaced."""
+        return replace(self, law=replace(self.law, threshold=threshold))
+
+    def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Split all motions (..., k) into rigid motions and, if they are unknowns, the bodies'
+        displacements."""
+        count = len(self.law.motion)
+        return motion[..., :count], motion[..., count:]
+
+
+@dataclass(frozen=True, eq=False)
+class DenseCoupling(Coupling):
+    """Coupling by condensed compliances: ``matrix`` (r, r) is dense and column-major."""
+
     matrix: FloatArray
 
     @classmethod
     def of(cls, condensed: Condensed, law: Regularization) -> DenseCoupling:
         """The condensed system of a scene with the scales of a law."""
-        maps = (condensed.gap, condensed.slip, condensed.balance)
-        scale = row_scales(condensed, law)
-        matrix = np.vstack([np.hstack([one.pressure, one.traction, one.motion]) for one in maps])
+        maps, scale = (condensed.gap, condensed.slip, condensed.balance), row_scales(condensed, law)
         return cls(
             condensed,
             law,
+            law.motion,
             np.concatenate([one.constant for one in maps]) / scale,
             np.vstack([one.load for one in maps]) / scale[:, None],
-            np.asfortranarray(matrix / scale[:, None]),
+            np.asfortranarray(condensed.whole / scale[:, None]),
         )
-
-    def with_thresholds(self, threshold: FloatArray) -> DenseCoupling:
-        """The same with friction thresholds (n,) of the law replaced."""
-        return replace(self, law=replace(self.law, threshold=threshold))
 
     def with_stick_compliance(self) -> DenseCoupling:
         """The same with the asperities' compliance added to the slips."""
@@ -112,29 +115,9 @@ class DenseCoupling:
         matrix[own, own] += self.law.stick_compliance / self.law.slip
         return replace(self, matrix=matrix)
 
-    @property
-    def motion(self) -> FloatArray:
-        """Scales (k,) of the motions."""
-        return self.law.motion
-
-    @property
-    def gaps(self) -> FloatArray:
-        """Rows (m, r) of the gaps."""
-        return self.matrix[: len(self.condensed.weight)]
-
-    @property
-    def slips(self) -> FloatArray:
-        """Rows (n, r) of the slips."""
-        m, n = len(self.condensed.weight), len(self.condensed.friction_nodes)
-        return self.matrix[m : m + n]
-
     def __call__(self, f: FloatArray, y: FloatArray) -> FloatArray:
         """All rows (r,) in one state."""
         return np.asarray(self.constant + self.load @ f + self.matrix @ y)
-
-    def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The motions (..., k), all of which are rigid."""
-        return motion, np.zeros(0)
 
     def tangent(self, local: Local) -> DenseTangent:
         """Factorise; raises numpy's LinAlgError if singular."""
@@ -176,6 +159,42 @@ class GapTangent:
         y = self._factor.solve(np.concatenate([one - self._local.gap * two, four, three]))
         gap = (two + self._coupling.gaps @ y) * self._coupling.law.gap
         return y[:m], gap, y[m + n :], y[m : m + n]
+
+
+class RegularizedContact:
+    """What the regularised laws share: the problem between two load factors (L,), for the continuation
+    driver."""
+
+    def __init__(self, coupling: Coupling, start: FloatArray, end: FloatArray) -> None:
+        self.coupling, self.condensed, self.law = coupling, coupling.condensed, coupling.law
+        self.start, self.end, self.change = start, end, end - start
+        self.m, self.k, self.n = (
+            len(v) for v in (self.condensed.weight, coupling.motion, self.condensed.friction_nodes)
+        )
+        self.limit = self.condensed.friction * self.law.pressure
+        self.scale = np.concatenate(
+            [np.full(self.m, self.law.pressure), np.full(self.m, self.law.gap), coupling.motion, self.limit]
+        )
+
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at path parameter ``lam``."""
+        return self.start + lam * self.change
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, ...]:
+        """Pressures (m,), gaps (m,), motions (k,), tractions (n,)."""
+        m, k, n = self.m, self.k, self.n
+        first = 2 * m + k
+        return x[..., :m], x[..., m : 2 * m], x[..., 2 * m : first], x[..., first : first + n]
+
+    def slips_of(self, known: FloatArray, x: FloatArray) -> FloatArray:
+        """Slips (n,), or their rates, for the terms ``known`` (r,) of loads and the unknowns."""
+        p, _, q, t, *_ = self.split(x)
+        moved = self.coupling.slips @ np.concatenate([p, t, q])
+        return np.asarray((known[self.m : self.m + self.n] + moved) * self.law.slip)
+
+    def slip(self, x: FloatArray, lam: float) -> FloatArray:
+        """Slips (n,) in one state."""
+        return self.slips_of(self.coupling.constant + self.coupling.load @ self.factors(lam), x)
 
 
 def row_scales(condensed: Condensed, law: Regularization) -> FloatArray:

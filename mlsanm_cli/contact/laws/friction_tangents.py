@@ -2,55 +2,22 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
-from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling, GapTangent, Local
+from mlsanm_cli.contact.laws.coupling import DenseCoupling, DenseTangent, GapTangent, Local
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
-from mlsanm_cli.startup import dgetrf, dgetrs
 
-
-class FrictionEquations:
-    """Coupling and ``sets`` of regularised frictional contact, and what its tangents need of them."""
-
-    def __init__(self, coupling: Coupling, sets: ContactStatus) -> None:
-        self.coupling, self.sets = coupling, sets
-        self.condensed, self.law = condensed, law = coupling.condensed, coupling.law
-        self.m, self.k, self.n = len(condensed.weight), len(coupling.motion), len(condensed.friction_nodes)
-        self.limit = condensed.friction * law.pressure
-        self.stuck = np.flatnonzero(sets.stuck)
-        self.friction_slope = sets.slip_sign * condensed.friction
-
-    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Pressures (m,), gaps (m,), motions (k,), tractions (n,)."""
-        m, k = self.m, self.k
-        return x[..., :m], x[..., m : 2 * m], x[..., 2 * m : 2 * m + k], x[..., 2 * m + k :]
-
-    @cached_property
-    def reduced(self) -> FloatArray:
-        """Rows of gaps, sticking nodes' slips and balances over pressures, sticking tractions and motions.
-        Tractions of slipping nodes are eliminated by their pressures. Dense couplings only."""
-        assert isinstance(self.coupling, DenseCoupling)
-        m, n = self.m, self.n
-        # LAPACK is column-major: columns are rows of the transposed matrices.
-        columns = self.coupling.matrix.T
-        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
-        reduced = columns.take(kept, axis=0).take(kept, axis=1)
-        friction_nodes = np.flatnonzero(self.friction_slope)
-        dragged = columns.take(m + friction_nodes, axis=0).take(kept, axis=1)
-        reduced[self.condensed.friction_nodes[friction_nodes]] += (
-            dragged * self.friction_slope[friction_nodes, None]
-        )
-        return reduced.T
+if TYPE_CHECKING:
+    from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 
 
 class CoupledFrictionTangent:
     """Factorised tangent for any coupling."""
 
-    def __init__(self, problem: FrictionEquations, x: FloatArray) -> None:
+    def __init__(self, problem: RegularizedFriction, x: FloatArray) -> None:
         self._problem, law = problem, problem.law
         p, h, _, _ = problem.split(x)
         stuck = problem.sets.stuck
@@ -71,7 +38,7 @@ class CoupledFrictionTangent:
 class FrictionTangent:
     """The same for dense couplings, faster: tractions of nodes that do not stick are eliminated too."""
 
-    def __init__(self, problem: FrictionEquations, base: DenseCoupling, x: FloatArray) -> None:
+    def __init__(self, problem: RegularizedFriction, base: DenseCoupling, x: FloatArray) -> None:
         self._problem, self._base = problem, base
         law, m = problem.law, problem.m
         p, h, _, _ = problem.split(x)
@@ -80,9 +47,7 @@ class FrictionTangent:
         matrix[:m] *= self._stress[:, None]
         matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
         # Pivoting compares rows, which are dimensionless, not unknowns of different units.
-        self._factor, self._pivots, info = dgetrf(matrix, overwrite_a=1)
-        if info != 0:
-            raise np.linalg.LinAlgError("singular tangent of the contact problem")
+        self._tangent = DenseTangent(matrix)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k + n,)."""
@@ -99,7 +64,7 @@ class FrictionTangent:
             held = held - by_known[m + stuck]
             three = three - by_known[m + n :]
         reduced = np.concatenate([one - self._stress * two, held, three])
-        solution, _ = dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
+        solution = self._tangent.solve(reduced)
         p, q = solution[:m], solution[m + len(stuck) :]
         t = known + problem.friction_slope * p[problem.condensed.friction_nodes]
         t[stuck] = solution[m : m + len(stuck)]
@@ -117,8 +82,8 @@ class FrictionTangent:
             slope,
             normal,
             size,
-            self._factor.T,
-            self._pivots.astype(np.int64),
+            self._tangent.factor.T,
+            self._tangent.pivots.astype(np.int64),
             problem.reduced.T,
             problem.m,
             law.pressure * law.gap,

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.coupling import Coupling, GapTangent, Local
+from mlsanm_cli.contact.laws.coupling import Coupling, GapTangent, Local, RegularizedContact
 
 
 class HolonomicTangent:
@@ -50,45 +50,23 @@ class HolonomicTangent:
         return np.concatenate([p, h, q, t, known + self._s * s / self._r])
 
 
-class HolonomicContact:
+class HolonomicContact(RegularizedContact):
     """The problem over one stage, for the continuation driver."""
 
     def __init__(self, coupling: Coupling, start: FloatArray, end: FloatArray) -> None:
-        self.coupling, self.condensed, self.law = coupling, coupling.condensed, coupling.law
-        condensed, law = self.condensed, self.law
-        self.start, self.change = start, end - start
-        self.m, self.k, self.n = (
-            len(v) for v in (condensed.weight, coupling.motion, condensed.friction_nodes)
-        )
+        super().__init__(coupling, start, end)
         self.size = 2 * self.m + self.k + 2 * self.n
-        limit = condensed.friction * law.pressure
-        self.small: FloatArray = law.stick_compliance * limit
-        self.work: FloatArray = limit * law.slip
-        slips = np.full(self.n, law.slip)
-        self.scale = np.concatenate(
-            [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, limit, slips]
-        )
+        self.small: FloatArray = self.law.stick_compliance * self.limit
+        self.work: FloatArray = self.limit * self.law.slip
+        self.scale = np.append(self.scale, np.full(self.n, self.law.slip))
 
     def over(self, start: FloatArray, end: FloatArray) -> HolonomicContact:
         """The same problem between other load factors (L,)."""
         return HolonomicContact(self.coupling, start, end)
 
-    def factors(self, lam: float) -> FloatArray:
-        """Load factors (L,) at path parameter ``lam``."""
-        return self.start + lam * self.change
-
     def split(self, x: FloatArray) -> tuple[FloatArray, ...]:
         """Pressures (m,), gaps (m,), motions (k,), tractions (n,), auxiliary unknowns (n,)."""
-        m, k, n = self.m, self.k, self.n
-        ends = np.cumsum([m, m, k, n])
-        return tuple(np.split(x, ends, axis=-1))
-
-    def slip(self, x: FloatArray, lam: float) -> FloatArray:
-        """Slips (n,)."""
-        p, _, q, t, _ = self.split(x)
-        rows = slice(self.m, self.m + self.n)
-        shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)
-        return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)
+        return *super().split(x), x[..., self.size - self.n :]
 
     def sticking(self, x: FloatArray, lam: float) -> BoolArray:
         """Mask (n,) of nodes that have slipped by less than the law's small slip."""

@@ -15,8 +15,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
-from mlsanm_cli.contact.laws.loose_bodies import null_space
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.errors import NumericalError
 
 DRIVEN = 1e-6

@@ -14,6 +14,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.dense import null_space
 
 ROUND_OFF, UNRESISTED = 1e-9, 1e-7
 """Parts of motions that are round-off; and parts that closed nodes resist below which, squared, the stiffness
@@ -72,13 +73,3 @@ class IdleMotions:
             return False
         common = np.linalg.svd(self.motions.T @ other.motions, compute_uv=False)
         return bool(common.min() > 1.0 - ROUND_OFF)
-
-
-def null_space(rows: FloatArray, least: float = ROUND_OFF) -> FloatArray:
-    """Orthonormal null space (k, d) of the ``rows`` (r, k), up to singular values of ``least``."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    # The R factor has the same singular values and is much smaller.
-    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    basis: FloatArray = right[int((values > least).sum()) :].T
-    return basis

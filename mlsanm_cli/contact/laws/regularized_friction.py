@@ -23,17 +23,15 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
-from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling
-from mlsanm_cli.contact.laws.friction_tangents import (
-    CoupledFrictionTangent,
-    FrictionEquations,
-    FrictionTangent,
-)
+from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling, RegularizedContact
+from mlsanm_cli.contact.laws.friction_tangents import CoupledFrictionTangent, FrictionTangent
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 
@@ -57,7 +55,7 @@ class FactorisationCount:
         return count
 
 
-class RegularizedFriction(FrictionEquations):
+class RegularizedFriction(RegularizedContact):
     """The problem over one stage with given ``sets``, for the continuation driver. The slips of the
     ``coupling`` include the asperities' compliance; ``stick_reference`` (n,) are the values of s + c t at
     which nodes stick. ``tally`` counts the tangents of a whole path."""
@@ -71,20 +69,15 @@ class RegularizedFriction(FrictionEquations):
         stick_reference: FloatArray,
         tally: FactorisationCount | None = None,
     ) -> None:
-        self.tally = tally or FactorisationCount()
-        super().__init__(coupling, sets)
-        law = self.law
-        self.start, self.end, self.change = start, end, end - start
-        self.stick_reference = stick_reference
+        super().__init__(coupling, start, end)
+        self.sets, self.stick_reference, self.tally = sets, stick_reference, tally or FactorisationCount()
         self.size = 2 * self.m + self.k + self.n
-        self.scale = np.concatenate(
-            [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, self.limit]
-        )
-        moved = coupling.load @ self.change
-        slip_change = np.zeros(self.n)
-        slip_change[self.stuck] = moved[self.m + self.stuck]
+        self.stuck = np.flatnonzero(sets.stuck)
+        self.friction_slope = sets.slip_sign * self.condensed.friction
+        self._moved = coupling.load @ self.change
+        slip_change = np.where(sets.stuck, self._moved[self.m : self.m + self.n], 0.0)
         self._load_derivative = np.concatenate(
-            [np.zeros(self.m), -moved[: self.m], moved[self.m + self.n :], slip_change]
+            [np.zeros(self.m), -self._moved[: self.m], self._moved[self.m + self.n :], slip_change]
         )
         self._ready: tuple[FloatArray, FrictionTangent | CoupledFrictionTangent] | None = None
 
@@ -96,13 +89,31 @@ class RegularizedFriction(FrictionEquations):
             coupling, start, end, ContactStatus(nowhere, np.zeros(0, dtype=bool), np.zeros(0)), np.zeros(0)
         )
 
-    def factors(self, lam: float) -> FloatArray:
-        """Load factors (L,) at path parameter ``lam``."""
-        return self.start + lam * self.change
+    def changed(self, **changes: Any) -> RegularizedFriction:
+        """The same problem with some arguments changed."""
+        names = ("coupling", "start", "end", "sets", "stick_reference", "tally")
+        return RegularizedFriction(**({name: getattr(self, name) for name in names} | changes))
 
     def over(self, start: FloatArray, end: FloatArray) -> RegularizedFriction:
         """The same problem between other load factors (L,)."""
-        return RegularizedFriction(self.coupling, start, end, self.sets, self.stick_reference, self.tally)
+        return self.changed(start=start, end=end)
+
+    @cached_property
+    def reduced(self) -> FloatArray:
+        """Rows of gaps, sticking nodes' slips and balances over pressures, sticking tractions and motions.
+        Tractions of slipping nodes are eliminated by their pressures. Dense couplings only."""
+        assert isinstance(self.coupling, DenseCoupling)
+        m, n = self.m, self.n
+        # LAPACK is column-major: columns are rows of the transposed matrices.
+        columns = self.coupling.matrix.T
+        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
+        reduced = columns.take(kept, axis=0).take(kept, axis=1)
+        friction_nodes = np.flatnonzero(self.friction_slope)
+        dragged = columns.take(m + friction_nodes, axis=0).take(kept, axis=1)
+        reduced[self.condensed.friction_nodes[friction_nodes]] += (
+            dragged * self.friction_slope[friction_nodes, None]
+        )
+        return reduced.T
 
     def pressed(self, p: FloatArray) -> FloatArray:
         """Pressures (n,) that friction is proportional to: those above the law's threshold."""
@@ -156,10 +167,7 @@ class RegularizedFriction(FrictionEquations):
     def slip_rate(self, x: FloatArray, lam: float) -> FloatArray:
         """Approximate slip rates (n,) at x, with the last tangent available."""
         tangent = self.tangent(x, lam) if self._ready is None else self._ready[1]
-        p, _, q, t = self.split(-tangent.solve(self._load_derivative))
-        rows = slice(self.m, self.m + self.n)
-        moved = self.coupling.load[rows] @ self.change + self.coupling.slips @ np.concatenate([p, t, q])
-        return np.asarray(moved * self.law.slip)
+        return self.slips_of(self._moved, -tangent.solve(self._load_derivative))
 
     def slope(self, x: FloatArray, lam: float) -> ContactSolution:
         """:meth:`rates` of the current sets, from the tangent used for continuation. Raises
@@ -169,13 +177,18 @@ class RegularizedFriction(FrictionEquations):
         except np.linalg.LinAlgError as error:
             raise SingularSystemError from error
         p, _, q, t = self.split(slope)
-        base, rows = self.coupling, slice(self.m, self.m + self.n)
-        slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
-        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= MAX_RATE:
+        motion = self.coupling.split_motions(q)[0]
+        return self._expected(self.sets, ContactSolution(p, t, motion, p, self.slips_of(self._moved, slope)))
+
+    def _expected(self, sets: ContactStatus, rates: ContactSolution) -> ContactSolution:
+        """Rates as :func:`admissible_sets` expects them. An open node closes where its pressure grows; that
+        pressure is expressed as the gap its own compliance would need. Raises SingularSystemError if nothing
+        resists the load."""
+        p = rates.pressure
+        if not max(np.abs(p).max() / self.law.pressure, np.abs(rates.slip).max() / self.law.slip) <= MAX_RATE:
             raise SingularSystemError
-        gap = np.where(self.sets.closed, 0.0, -p * self.condensed.own[0])
-        motion = base.split_motions(q)[0]
-        return ContactSolution(np.where(self.sets.closed, p, 0.0), t, motion, gap, slipped * self.law.slip)
+        gap = np.where(sets.closed, 0.0, -p * self.condensed.own[0])
+        return replace(rates, pressure=np.where(sets.closed, p, 0.0), gap=gap)
 
     def softened(self, x: FloatArray) -> Condensed:
         """Compliance for rates at x, with those of hyperbola and asperities added."""
@@ -188,17 +201,10 @@ class RegularizedFriction(FrictionEquations):
     def rates(
         self, softened: Condensed, sets: ContactStatus, near: SetSystem | None = None
     ) -> tuple[SetSystem, ContactSolution]:
-        """The system of some ``sets``, and the rates of the state and of s + c t, as :func:`admissible_sets`
-        expects them. An open node closes where its pressure grows; that pressure is expressed as the gap its
-        own compliance would need. Raises SingularSystemError if nothing resists the load."""
+        """The system of some ``sets``, and the rates of the state and of s + c t. Raises
+        SingularSystemError."""
         system = SetSystem(softened, replace(sets, closed=np.ones_like(sets.closed)), near)
-        rates = system.rate(self.change)
-        largest = np.abs(rates.pressure).max() / self.law.pressure, np.abs(rates.slip).max() / self.law.slip
-        if not max(largest) <= MAX_RATE:
-            raise SingularSystemError
-        p = rates.pressure
-        gap = np.where(sets.closed, 0.0, -p * self.condensed.own[0])
-        return system, replace(rates, pressure=np.where(sets.closed, p, 0.0), gap=gap)
+        return system, self._expected(sets, system.rate(self.change))
 
     def within_cone(self, x: FloatArray) -> FloatArray:
         """The unknowns with sticking tractions clipped to their limits, which round-off and the residual of
@@ -220,9 +226,7 @@ class RegularizedFriction(FrictionEquations):
             self.sets.stuck & ~beyond,
             np.where(beyond, np.sign(traction), self.sets.slip_sign),
         )
-        return RegularizedFriction(
-            self.coupling, self.start, self.end, sets, self.stick_reference, self.tally
-        )
+        return self.changed(sets=sets)
 
     def by_pressure_alone(self, x: FloatArray) -> RegularizedFriction:
         """The same problem with negative thresholds (friction without pressure) reset to zero at nodes that
@@ -231,10 +235,7 @@ class RegularizedFriction(FrictionEquations):
         ends = (law.threshold < 0.0) & (self.split(x)[0][nodes] > law.eta[nodes])
         if not ends.any():
             return self
-        coupling = self.coupling.with_thresholds(np.where(ends, 0.0, law.threshold))
-        return RegularizedFriction(
-            coupling, self.start, self.end, self.sets, self.stick_reference, self.tally
-        )
+        return self.changed(coupling=self.coupling.with_thresholds(np.where(ends, 0.0, law.threshold)))
 
     def on_limits(self, x: FloatArray) -> FloatArray:
         """The unknowns with tractions of slipping and open nodes set exactly."""
@@ -262,7 +263,4 @@ class RegularizedFriction(FrictionEquations):
 
     def stick_coordinate(self, x: FloatArray, lam: float) -> FloatArray:
         """Slip plus the asperities' compliance times traction, s + c t (n,)."""
-        p, _, q, t = self.split(x)
-        rows = slice(self.m, self.m + self.n)
-        shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)
-        return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)
+        return super().slip(x, lam)

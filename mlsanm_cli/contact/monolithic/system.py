@@ -24,13 +24,14 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.laws.coupling import Local, row_scales, slip_places
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.laws.coupling import Coupling, Local, row_scales, slip_places
 from mlsanm_cli.contact.laws.scales import Regularization
 from mlsanm_cli.contact.monolithic.elimination import Elimination, plan_elimination
 from mlsanm_cli.contact.response.balance import CondensedForces, balance_of_constraints
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers
-from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows, slip_rows, spring_rows
+from mlsanm_cli.contact.response.functionals import candidate_rows, spring_rows
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
@@ -43,49 +44,31 @@ UPDATE_TOLERANCE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class SparseCoupling:
-    """Gaps, slips, balances and residuals of the bodies' equations for y = (p, t, q, u). ``contact`` (m + n +
-    k, r) are the rows of the first three, ``gaps`` (m, r) and ``slips`` (n, r) parts of them; ``scale`` (2N,)
-    are divisors of the bodies' equations."""
+class SparseCoupling(Coupling):
+    """Gaps, slips, balances and residuals of the bodies' equations for y = (p, t, q, u). ``matrix`` (m + n +
+    k, r) are the rows of the first three; ``scale`` (2N,) are divisors of the bodies' equations."""
 
-    condensed: Condensed
-    law: Regularization
+    matrix: sparse.csr_array
     scene: Scene
-    constant: FloatArray
-    load: FloatArray
-    motion: FloatArray
-    contact: sparse.csr_array
-    gaps: sparse.csr_array
-    slips: sparse.csr_array
     scale: FloatArray
     elimination: Elimination
-
-    def with_thresholds(self, threshold: FloatArray) -> SparseCoupling:
-        """The same with friction thresholds (n,) of the law replaced."""
-        return replace(self, law=replace(self.law, threshold=threshold))
 
     def with_stick_compliance(self) -> SparseCoupling:
         """The same with the asperities' compliance added to the slips."""
         places, added = slip_places(self.condensed), self.law.stick_compliance / self.law.slip
-        contact = self.contact + _entries(places, places, added, self.contact.shape)
+        matrix = self.matrix + _entries(places, places, added, self.matrix.shape)
         square = _entries(places, places, added, (len(self.constant),) * 2)
-        elimination = self.elimination.with_added(square)
-        return replace(self, contact=contact, slips=contact[places], elimination=elimination)
-
-    def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Split all motions (..., k + 2N) into rigid motions and displacements u."""
-        count = len(self.law.motion)
-        return motion[..., :count], motion[..., count:]
+        return replace(self, matrix=matrix, elimination=self.elimination.with_added(square))
 
     def __call__(self, f: FloatArray, y: FloatArray) -> FloatArray:
         """All rows (r,) in one state."""
-        top = len(self.contact.indptr) - 1
-        known = self.constant[:top] + self.load[:top] @ f + self.contact @ y
+        top = len(self.matrix.indptr) - 1
+        known = self.constant[:top] + self.load[:top] @ f + self.matrix @ y
         return np.concatenate([known, self._excess(f, y)])
 
     def times(self, y: FloatArray) -> FloatArray:
         """The rows (r,) for y alone, without loads."""
-        return np.concatenate([self.contact @ y, self._excess(np.zeros(self.load.shape[1]), y)])
+        return np.concatenate([self.matrix @ y, self._excess(np.zeros(self.load.shape[1]), y)])
 
     def _excess(self, f: FloatArray, y: FloatArray) -> FloatArray:
         """Residuals (2N,) of the bodies' equations."""
@@ -157,13 +140,11 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
     return SparseCoupling(
         condensed=condensed,
         law=law,
-        scene=scene,
+        motion=motion,
         constant=np.concatenate([constant, np.zeros(total)]),
         load=np.concatenate([load, loads / scale[:, None]]),
-        motion=motion,
-        contact=contact,
-        gaps=contact[:m],
-        slips=contact[m : m + n],
+        matrix=contact,
+        scene=scene,
         scale=scale,
         elimination=plan_elimination(scene, contact, equations, scale, unknowns),
     )
@@ -180,19 +161,13 @@ def _contact_rows(
 ) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
     """Rows of gaps, slips and balances (m + n + k, r), their constants and load terms."""
     m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
-    chosen = np.concatenate([pairing.candidate for pairing in condensed.pairings])
     frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
-    elastic = scene.bodies.items()
-    gaps = sparse.hstack([gap_rows(body, name, condensed.pairings) for name, body in elastic], format="csr")
-    beyond = condensed.beyond
-    unseen = [beyond[:m], sparse.csr_array((m, k))]
-    rows = [sparse.hstack([*unseen, gaps[chosen]])]
+    seen = {one.name: _of_displacements(scene, one) for one in condensed.pairings}
+    beyond, rigid = condensed.beyond, sparse.csr_array((m + n, k))
+    rows = [sparse.hstack([beyond[:m], rigid[:m], sparse.vstack([gap for gap, _ in seen.values()])])]
     if n:
-        sliding = np.concatenate([pairing.candidate for pairing in frictional])
-        slips = sparse.hstack([slip_rows(body, name, frictional) for name, body in elastic], format="csr")
-        fit = sparse.block_diag([slip_fit(pairing) for pairing in frictional], format="csr")
-        unseen = [beyond[m:], sparse.csr_array((n, k))]
-        rows.append(sparse.hstack([*unseen, fit @ slips[sliding]]))
+        slips = sparse.vstack([slip_fit(pairing) @ seen[pairing.name][1] for pairing in frictional])
+        rows.append(sparse.hstack([beyond[m:], rigid[m:], slips]))
     balance = _balance(scene, condensed, columns)
     if k:
         rows.append(sparse.csr_array(np.hstack([balance.pressure, balance.traction, balance.motion])))
@@ -201,6 +176,12 @@ def _contact_rows(
     load = np.concatenate([np.zeros((m + n, columns.loads)), balance.load])
     whole = sparse.csr_array(sparse.vstack(rows, format="csr"))
     return sparse.csr_array(sparse.diags_array(1.0 / scale) @ whole), constant / scale, load / scale[:, None]
+
+
+def _of_displacements(scene: Scene, pairing: Pairing) -> list[sparse.csr_array]:
+    """Changes of a contact's gaps, and its slips (m, 2N), by the displacements of all bodies."""
+    rows = [candidate_rows(body, name, pairing) for name, body in scene.bodies.items()]
+    return [sparse.hstack(parts, format="csr") for parts in zip(*rows, strict=True)]
 
 
 def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
@@ -221,7 +202,7 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
             (owner, surface), body = held, scene.bodies[held[0]]
             if motion.alone or held in measured:
                 continue
-            rows = reaction_rows(body, surface, platen.center)
+            rows = body.reaction_rows(surface, platen.center)
             measured[held] = measured_by(owner, rows)
             # Subtract the free expansion: stresses come from elastic strains.
             for heating in scene.heated(owner):

@@ -54,12 +54,10 @@ class CondensedForces:
             if pairing.friction:
                 result.traction[:, drivers.tangential[pairing.name]] = traction
             return result
-        total, resultants = np.zeros((3, drivers.columns.total)), self._resultants(body, center)
-        spans = [drivers.places(pairing)]
-        if pairing.friction:
-            spans.append(drivers.tangential_places(pairing))
-        for span in spans:
-            total[:, span] = (resultants @ self.sources[body][:, span]).toarray()
+        total, resultants = np.zeros((3, drivers.columns.total)), self.scene.bodies[body].resultants(center)
+        for places in (drivers.places, drivers.tangential_places):
+            if span := places.get(pairing.name):
+                total[:, span] = (resultants @ self.sources[body][:, span]).toarray()
         return drivers.by_unknowns(total)
 
     def mismatch(self, pairing: Pairing) -> LinearMap:
@@ -87,9 +85,6 @@ class CondensedForces:
             body = self.scene.bodies[load.body]
             found[load.body][:, load.number] += body.resultants() @ load.source(body)
         return found
-
-    def _resultants(self, body: str, center: tuple[float, float]) -> sparse.csr_array:
-        return self.scene.bodies[body].resultants(center)
 
     def others(self, constraint: Platen | FloatingBody) -> LinearMap:
         """Sum of all forces except those of held surfaces on a constraint's bodies, moments about its
@@ -181,7 +176,8 @@ def holding_forces(forces: CondensedForces) -> dict[tuple[str, int], LinearMap]:
     """Reaction (1 row) of a floating body's held motions, by body and component."""
     return {
         (body.body, motion.component): forces.constraint(body, motion)
-        for body in forces.scene.floating
+        for body in forces.scene.rigid_constraints
+        if isinstance(body, FloatingBody)
         for motion in body.motions
         if motion.prescribed is not None
     }

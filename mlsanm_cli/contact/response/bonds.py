@@ -17,9 +17,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.pairing import Pairing, facing_spacing
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
@@ -96,13 +97,8 @@ class Bonds:
             return linear
         pressure, traction = linear.pressure[:, ~self.free], linear.traction[:, ~self.sliding]
         own = self.pressure.combined(pressure) + self.traction.combined(traction)
-        return own + LinearMap(
-            linear.constant,
-            linear.load,
-            linear.motion,
-            linear.pressure[:, self.free],
-            linear.traction[:, self.sliding],
-        )
+        kept = linear.pressure[:, self.free], linear.traction[:, self.sliding]
+        return own + replace(linear, pressure=kept[0], traction=kept[1])
 
 
 def bind(
@@ -128,7 +124,7 @@ def bind(
         np.hstack([one.load, one.motion, one.pressure[:, free], one.traction[:, sliding]]) for one in held
     ]
     shapes = [_shapes(pairing, scene) for pairing in bonded]
-    whole = _diagonal([*shapes, *shapes])
+    whole = sparse.block_diag([*shapes, *shapes]).toarray()
     weight = np.concatenate([pairing.weight[pairing.candidate] for pairing in bonded])
     means = (np.tile(weight, 2)[:, None] * whole).T
     try:
@@ -150,29 +146,21 @@ def bind(
 def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:
     """Hat functions (m, c) between knots for a bond's pressures and tractions."""
     chosen = pairing.candidate
-    spacing = np.maximum(pairing.spacing[chosen], _facing_spacing(pairing, scene))
+    assert pairing.master_body is not None, "nothing is bonded to an obstacle"
+    facing = facing_spacing(pairing, scene.bodies[pairing.master_body].model.cloud)
+    spacing = np.maximum(pairing.spacing[chosen], facing)
     arc = pairing.arc[chosen]
     angle = np.unwrap(np.arctan2(*pairing.slave.curve.normals(arc).T))
     if pairing.all_around:
         around = arc[0] + pairing.slave.curve.length
         closed = np.unwrap(np.append(angle, angle[0]))
         knots = _knots(np.append(arc, around), np.append(spacing, spacing[0]), closed, least=3)
-        hats = _hats(arc, knots)
-        return np.column_stack([hats[:, 0] + hats[:, -1], hats[:, 1:-1]])
+        periodic = _hats(arc, knots)
+        return np.column_stack([periodic[:, 0] + periodic[:, -1], periodic[:, 1:-1]])
     cuts = np.flatnonzero(np.diff(arc) > STRETCH_GAP * np.maximum(spacing[1:], spacing[:-1])) + 1
     parts = zip(*(np.split(one, cuts) for one in (arc, spacing, angle)), strict=True)
-    return _diagonal([_hats(own, _knots(own, *of_nodes)) for own, *of_nodes in parts])
-
-
-def _facing_spacing(pairing: Pairing, scene: Scene) -> FloatArray:
-    """Spacings (m,) of the master opposite the candidates."""
-    master, body = pairing.master, pairing.master_body
-    assert master is not None, "nothing is bonded to an obstacle"
-    assert body is not None
-    cloud = scene.bodies[body].model.cloud
-    around = master.curve.length if master.curve.closed else None
-    place = master.curve.closest(pairing.partner[pairing.candidate])
-    return np.asarray(np.interp(place, master.arc_length, cloud.spacing[master.index], period=around))
+    hats = [_hats(own, _knots(own, *of_nodes)) for own, *of_nodes in parts]
+    return np.asarray(sparse.block_diag(hats).toarray())
 
 
 def _knots(arc: FloatArray, spacing: FloatArray, angle: FloatArray, least: int = 1) -> FloatArray:
@@ -192,12 +180,3 @@ def _knots(arc: FloatArray, spacing: FloatArray, angle: FloatArray, least: int =
 def _hats(arc: FloatArray, knots: FloatArray) -> FloatArray:
     """Values (m, c) at ``arc`` (m,) of the hat functions on ``knots`` (c,)."""
     return np.stack([np.interp(arc, knots, unit) for unit in np.eye(len(knots))], axis=1)
-
-
-def _diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
-    """Block-diagonal matrix."""
-    rows, columns = (np.cumsum([0, *(block.shape[axis] for block in blocks)]).tolist() for axis in (0, 1))
-    result = np.zeros((rows[-1], columns[-1]))
-    for block, row, column in zip(blocks, rows[:-1], columns[:-1], strict=True):
-        result[row : row + block.shape[0], column : column + block.shape[1]] = block
-    return result

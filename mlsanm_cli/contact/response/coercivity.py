@@ -11,9 +11,9 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.mechanics.body_model import BodyModel
 
-ROUND_OFF = 1e-9
 BLOCK, BLOCKS = 300, 8
 """Candidates per block where there are many, and least number of blocks examined."""
 BALANCE_TOLERANCE = 1e-6
@@ -115,17 +115,11 @@ def _relative(
     scale = np.linalg.inv(np.linalg.cholesky(2.0 / np.pi * half_plane)).T
     relative = scale.T @ (compliance / weight) @ scale
     if unbalanced is not None and len(unbalanced):
-        free = _balanced((unbalanced / weight) @ scale)
+        rows = (unbalanced / weight) @ scale
+        sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+        free = null_space(rows / np.where(sizes > 0.0, sizes, 1.0))
         relative = free.T @ relative @ free
     return np.asarray(relative)
-
-
-def _balanced(unbalanced: FloatArray) -> FloatArray:
-    """Orthonormal null space (m, d) of the rows ``unbalanced`` (r, m), scaled row by row for their units."""
-    sizes = np.linalg.norm(unbalanced, axis=1, keepdims=True)
-    _, values, right = np.linalg.svd(unbalanced / np.where(sizes > 0.0, sizes, 1.0))
-    basis: FloatArray = right[int((values > ROUND_OFF).sum()) :].T
-    return basis
 
 
 def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:

@@ -33,7 +33,7 @@ from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors
 from mlsanm_cli.contact.response.near_field_response import add_fields, near_field_response, with_singular
-from mlsanm_cli.contact.response.observation import Observed, ResponseFunctionals, observe, used_columns
+from mlsanm_cli.contact.response.observation import ResponseFunctionals, observe, used_columns
 from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
@@ -58,7 +58,7 @@ class BodyResponses:
         :func:`condense`."""
 
         def made() -> BodyResponses:
-            observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
+            observation, drivers = ResponseFunctionals(scene, pairings), _drivers(scene, pairings)
             columns = drivers.columns
             sources = {name: body_load_vectors(scene, name, pairings, columns) for name in scene.bodies}
             observed, solutions = observe(observation, sources, drivers, memo)
@@ -72,9 +72,8 @@ class BodyResponses:
         """Smooth part of the response (2k, 2k) of a contact's samples to forces there."""
         grid, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
         assert grid is not None
-        columns = drivers.of_samples(pairing)
-        seen = self.observation.parted(self.observed).gaps[pairing.name]
-        return seen[: 2 * grid.count, columns]
+        seen = self.observed[self.observation.places["gap", pairing.name]]
+        return seen[: 2 * grid.count, drivers.of_samples(pairing)]
 
 
 def condense(
@@ -114,12 +113,11 @@ def _condensed(
     scene: Scene, pairings: tuple[Pairing, ...], content: str, responses: BodyResponses
 ) -> Condensed:
     drivers, sources = _drivers(scene, pairings), responses.sources
-    seen = responses.observation.parted(responses.observed)
-
+    seen = {key: responses.observed[own] for key, own in responses.observation.places.items()}
     nodal = tuple(pairing for pairing in pairings if pairing.grid is None)
     candidate = _candidates(pairings)
     many = _many(pairings)
-    gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name], many) for pairing in pairings]
+    gaps = [_gaps(scene, drivers, pairing, seen["gap", pairing.name], many) for pairing in pairings]
     gap = _shifted(stack(gaps, drivers.unknowns), of_obstacles(scene, pairings, drivers.unknowns, "normal"))
     gap = replace(gap, load=gap.load + of_fits(scene, pairings, drivers.unknowns))
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
@@ -127,12 +125,15 @@ def _condensed(
         scene,
         drivers,
         sources,
-        {where: drivers.by_unknowns(rows) for where, rows in seen.held.items()},
-        {where: drivers.by_unknowns(rows) for where, rows in seen.sprung.items()},
+        {where: drivers.by_unknowns(rows) for (kind, where), rows in seen.items() if kind == "held"},
+        {where: drivers.by_unknowns(rows) for (kind, where), rows in seen.items() if kind == "spring"},
     )
     half_plane = np.concatenate([np.zeros((0, 2, 2)), *(_half_plane(scene, one) for one in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
-    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.frictional]
+    slips = [
+        _moved(scene, drivers, one, seen["slip" if one.grid is None else "gap", one.name], 1)
+        for one in drivers.frictional
+    ]
     moved = of_obstacles(scene, drivers.frictional, drivers.unknowns, "tangent")
     slip = _shifted(stack(slips, drivers.unknowns), moved)
     slip = slip.take(_candidates(drivers.frictional))
@@ -173,8 +174,8 @@ def _condensed(
         solves=sum(len(used_columns(source)) for source in sources.values()),
         content=content,
         probes={
-            probe.name: reduced(_seen(scene, probe, drivers, rows))
-            for probe, rows in zip(scene.probes, seen.probes, strict=True)
+            probe.name: reduced(_seen(scene, probe, drivers, seen["probe", probe.name]))
+            for probe in scene.probes
         },
         drivers=drivers,
         mismatches={pairing.name: reduced(forces.mismatch(pairing)) for pairing in pairings},
@@ -203,26 +204,23 @@ def _shifted(linear: LinearMap, by: tuple[FloatArray, FloatArray]) -> LinearMap:
 
 def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray, many: bool) -> LinearMap:
     """Gaps (w,) of a contact from their functionals ``seen``."""
-    if pairing.grid is None:
-        return drivers.by_unknowns(seen, pairing.gap)
-    means = _means(pairing, seen, 0)
     if many:
-        result = drivers.compressed(means, pairing.weight, pairing.gap)
-    else:
-        result = drivers.by_unknowns(means, pairing.gap)
-    return with_singular(result, scene, drivers, pairing, 0)
+        result = drivers.compressed(_means(pairing, seen, 0), pairing.weight, pairing.gap)
+        return with_singular(result, scene, drivers, pairing, 0)
+    return replace(_moved(scene, drivers, pairing, seen, 0), constant=pairing.gap)
 
 
-def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
-    """Slips (w,) of a frictional contact."""
+def _moved(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray, which: int) -> LinearMap:
+    """Changes of gaps (``which`` 0), or slips (1), of a contact (w,) from the functionals ``seen``."""
+    result = drivers.by_unknowns(seen)
     if pairing.grid is None:
-        return drivers.by_unknowns(seen.slips[pairing.name])
-    result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
-    return with_singular(result, scene, drivers, pairing, 1)
+        return result
+    means = LinearMap(*(_means(pairing, part, which) for part in result.parts))
+    return with_singular(means, scene, drivers, pairing, which)
 
 
 def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
-    """Gaps, or slips, of a contact with a grid and of the nodes watched beyond it (w, drivers)."""
+    """Gaps, or slips, of a contact with a grid and of the nodes watched beyond it (w, ...)."""
     assert pairing.grid is not None
     means = pairing.grid.means[which]
     return np.concatenate([means @ seen[: means.shape[1]], seen[means.shape[1] :]])
@@ -231,6 +229,7 @@ def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
 def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
     """Displacement and stress of a probe, without thermal stress from free expansion."""
     free = stress_of_expansion(scene.bodies[probe.body].model.material)
+    rows = rows.copy()
     for heating in scene.heated(probe.body):
         rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
     result = drivers.by_unknowns(rows)

@@ -12,7 +12,8 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.startup import dgecon, dgetrf, dgetrs
 
-SINGULAR = 1e-15
+SINGULAR, NULL_TOLERANCE = 1e-15, 1e-9
+"""Reciprocal condition number of a singular matrix, and singular values that are zero."""
 
 
 class SingularSystemError(ArithmeticError):
@@ -123,3 +124,13 @@ class DenseSystem:
             rhs * self._rows.reshape(shape)
         )
         return result
+
+
+def null_space(rows: FloatArray, least: float = NULL_TOLERANCE) -> FloatArray:
+    """Orthonormal null space (k, d) of the ``rows`` (r, k), up to singular values of ``least``."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    # The R factor has the same singular values and is much smaller.
+    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    basis: FloatArray = right[int((values > least).sum()) :].T
+    return basis

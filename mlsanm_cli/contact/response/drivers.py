@@ -7,21 +7,26 @@ They are ordered like the unknowns, forces x with pressures and forces y with tr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
+from typing import TypeVar
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 
+Key = TypeVar("Key", bound=Hashable)
 
-def spans(names: Iterable[str], counts: Sequence[int]) -> dict[str, slice]:
-    """Ranges of every contact's nodes in the concatenation of all contacts."""
-    ends = np.cumsum([0, *counts]).tolist()
+
+def spans(names: Iterable[Key], counts: Iterable[int], first: int = 0) -> dict[Key, slice]:
+    """Ranges of every contact's nodes in the concatenation of all contacts, from ``first`` on."""
+    ends = np.cumsum([first, *counts]).tolist()
     return {name: slice(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
 
 
@@ -56,16 +61,6 @@ class Drivers:
         return spans([pairing.name for pairing in self.frictional], counts)
 
     @cached_property
-    def normal_drivers(self) -> dict[str, slice]:
-        """Range of every contact among the drivers that are pressures or forces x."""
-        return spans([pairing.name for pairing in self.pairings], [_count(one) for one in self.pairings])
-
-    @cached_property
-    def tangential_drivers(self) -> dict[str, slice]:
-        """The same among tractions or forces y."""
-        return spans([pairing.name for pairing in self.alongside], [_count(one) for one in self.alongside])
-
-    @cached_property
     def unknowns(self) -> Columns:
         """The columns of the unknowns."""
         counts = [sum(int(one.candidate.sum()) for one in some) for some in (self.pairings, self.frictional)]
@@ -77,84 +72,65 @@ class Drivers:
         counts = [sum(_count(one) for one in some) for some in (self.pairings, self.alongside)]
         return Columns(self.loads, self.motions, counts[0], counts[1])
 
-    def places(self, pairing: Pairing) -> slice:
-        """Range of a contact's pressures, or forces x, among all drivers."""
-        own, first = self.normal_drivers[pairing.name], self.loads + self.motions
-        return slice(first + own.start, first + own.stop)
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Range of every contact's pressures, or forces x, among all drivers."""
+        counts = [_count(one) for one in self.pairings]
+        return spans([one.name for one in self.pairings], counts, self.loads + self.motions)
 
-    def tangential_places(self, pairing: Pairing) -> slice:
-        """Range of a contact's tractions, or forces y, among all drivers."""
-        own = self.tangential_drivers[pairing.name]
-        first = self.loads + self.motions + self.columns.pressures
-        return slice(first + own.start, first + own.stop)
+    @cached_property
+    def tangential_places(self) -> dict[str, slice]:
+        """Range of every contact's tractions, or forces y, among all drivers."""
+        counts, first = [_count(one) for one in self.alongside], self.columns.total - self.columns.tractions
+        return spans([one.name for one in self.alongside], counts, first)
 
     def of_samples(self, pairing: Pairing) -> IntArray:
         """Indices (2k,) of the forces, x then y, at a contact grid's samples, among all drivers."""
         assert pairing.grid is not None
-        own = np.arange(pairing.grid.count)
-        return np.concatenate([self.places(pairing).start + own, self.tangential_places(pairing).start + own])
+        both = self.places[pairing.name], self.tangential_places[pairing.name]
+        return np.concatenate([own.start + np.arange(pairing.grid.count) for own in both])
 
     @property
     def means(self) -> IntArray:
         """Indices of the mean forces x and y of contacts that cover their surfaces, among all drivers."""
-        covering = [one for one in self.pairings if one.grid is not None and one.grid.covers]
-        places = [(self.places(one).stop - 1, self.tangential_places(one).stop - 1) for one in covering]
-        return np.array(places, dtype=np.int64).ravel()
+        covering = [one.name for one in self.pairings if one.grid is not None and one.grid.covers]
+        both = [(self.places[name].stop - 1, self.tangential_places[name].stop - 1) for name in covering]
+        return np.array(both, dtype=np.int64).ravel()
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """The drivers (drivers, unknowns) per unit of every unknown."""
+        parts = [[[sparse.csr_array((0, 0))] for _ in range(2)] for _ in range(2)]
+        for pairing in self.pairings:
+            along = slice(None) if pairing.friction else slice(0, 0)
+            if pairing.grid is None:
+                unit = np.eye(int(pairing.candidate.sum()))
+                blocks = [[unit, 0.0 * unit[:, along]], [0.0 * unit[along], unit[along, along]]]
+            else:
+                normal, tangent = pairing.grid.driver_matrices
+                both = zip(np.split(normal, 2), np.split(tangent[:, along], 2), strict=True)
+                blocks = [list(one) for one in both]
+            for row, column in product(range(2), repeat=2):
+                parts[row][column].append(sparse.csr_array(blocks[row][column]))
+        contacts = sparse.block_array([[sparse.block_diag(one) for one in row] for row in parts])
+        few = sparse.eye_array(self.loads + self.motions)
+        return sparse.csr_array(sparse.block_diag([few, contacts]))
 
     def compressed(self, rows: FloatArray, weight: FloatArray, constant: FloatArray) -> LinearMap:
         """Functionals ``rows`` (r, drivers) in terms of the unknowns, compressed, for frictionless contacts
         on grids; ``weight`` (r,) are the weights of the rows."""
-        columns, unknowns = self.columns, self.unknowns
-        right = np.zeros((columns.pressures + columns.tractions, unknowns.pressures))
-        first = columns.motion_places.stop
-        for pairing in self.pairings:
-            assert pairing.grid is not None
-            both = np.split(pairing.grid.driver_matrices[0], 2)
-            for places, part in zip((self.places, self.tangential_places), both, strict=True):
-                own = places(pairing)
-                right[own.start - first : own.stop - first, self.spans[pairing.name]] = part
-        pressure = Compressed.product(rows[:, first:].copy(), right, weight)
-        load, motion = rows[:, : self.loads], rows[:, self.loads : first]
-        return LinearMap(constant, load, motion, as_array(pressure), np.zeros((len(rows), 0)))
+        first = self.columns.motion_places.stop
+        few = self.unknowns.split(rows[:, :first] @ self.matrix[:first], constant)
+        right = self.matrix[first:, first:].toarray()
+        return replace(few, pressure=as_array(Compressed.product(rows[:, first:].copy(), right, weight)))
 
-    def by_unknowns(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
+    def by_unknowns(self, rows: FloatArray) -> LinearMap:
         """Functionals ``rows`` (r, drivers) in terms of the unknowns."""
-        result = self.unknowns.zeros(len(rows))
-        result.load[:] = rows[:, : self.loads]
-        result.motion[:] = rows[:, self.loads : self.loads + self.motions]
-        for pairing in self.pairings:
-            own, places = self.spans[pairing.name], self.places(pairing)
-            if pairing.grid is None:
-                result.pressure[:, own] = rows[:, places]
-                if pairing.friction:
-                    along = self.tangential_places(pairing)
-                    result.traction[:, self.tangential[pairing.name]] = rows[:, along]
-                continue
-            both = np.hstack([rows[:, places], rows[:, self.tangential_places(pairing)]])
-            normal, tangent = pairing.grid.driver_matrices
-            result.pressure[:, own] = both @ normal
-            if pairing.friction:
-                result.traction[:, self.tangential[pairing.name]] = both @ tangent
-        if constant is not None:
-            result.constant[:] = constant
-        return result
+        return self.unknowns.split(np.ascontiguousarray(rows @ self.matrix))
 
     def drive(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> FloatArray:
         """The drivers (drivers,) of one state."""
-        total = np.zeros(self.columns.total)
-        total[: self.loads], total[self.loads : self.loads + self.motions] = f, q
-        for pairing in self.pairings:
-            pressure = p[self.spans[pairing.name]]
-            traction = t[self.tangential[pairing.name]] if pairing.friction else None
-            if pairing.grid is None:
-                total[self.places(pairing)] = pressure
-                if traction is not None:
-                    total[self.tangential_places(pairing)] = traction
-                continue
-            normal, tangent = pairing.grid.driver_matrices
-            forces = normal @ pressure if traction is None else normal @ pressure + tangent @ traction
-            total[self.places(pairing)], total[self.tangential_places(pairing)] = np.split(forces, 2)
-        return total
+        return np.asarray(self.matrix @ np.concatenate([f, q, p, t]))
 
 
 def _count(pairing: Pairing) -> int:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import add, neg
 
 import numpy as np
 
@@ -22,6 +23,11 @@ class LinearMap:
     pressure: FloatArray
     traction: FloatArray
 
+    @property
+    def parts(self) -> tuple[FloatArray, ...]:
+        """Constant and coefficients."""
+        return self.constant, self.load, self.motion, self.pressure, self.traction
+
     def __call__(
         self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray | None = None
     ) -> FloatArray:
@@ -30,37 +36,23 @@ class LinearMap:
         return result if t is None else result + self.traction @ t
 
     def __add__(self, other: LinearMap) -> LinearMap:
-        return LinearMap(
-            self.constant + other.constant,
-            self.load + other.load,
-            self.motion + other.motion,
-            self.pressure + other.pressure,
-            self.traction + other.traction,
-        )
+        return LinearMap(*map(add, self.parts, other.parts))
 
     def __neg__(self) -> LinearMap:
-        return LinearMap(-self.constant, -self.load, -self.motion, -self.pressure, -self.traction)
+        return LinearMap(*map(neg, self.parts))
 
     def combined(self, factors: FloatArray) -> LinearMap:
         """Linear combinations of the rows with ``factors`` (s, r)."""
-        return LinearMap(
-            factors @ self.constant,
-            factors @ self.load,
-            factors @ self.motion,
-            factors @ self.pressure,
-            factors @ self.traction,
-        )
+        return LinearMap(*(factors @ part for part in self.parts))
+
+    def take(self, rows: IntArray | BoolArray | slice) -> LinearMap:
+        """A selection of rows."""
+        return LinearMap(*(part[rows] for part in self.parts))
 
     @property
     def matrix(self) -> FloatArray:
         """All coefficients (r, 1 + L + k + m + n) of 1, f, q, p and t."""
-        return np.hstack([self.constant[:, None], self.load, self.motion, self.pressure, self.traction])
-
-    def take(self, rows: IntArray | BoolArray | slice) -> LinearMap:
-        """A selection of rows."""
-        return LinearMap(
-            self.constant[rows], self.load[rows], self.motion[rows], self.pressure[rows], self.traction[rows]
-        )
+        return np.column_stack(self.parts)
 
 
 @dataclass(frozen=True)
@@ -94,22 +86,10 @@ class Columns:
 
     def of_loads(self, load: FloatArray) -> LinearMap:
         """A map (r, L) of the load factors alone."""
-        return LinearMap(
-            np.zeros(len(load)),
-            load,
-            np.zeros((len(load), self.motions)),
-            np.zeros((len(load), self.pressures)),
-            np.zeros((len(load), self.tractions)),
-        )
+        return replace(self.zeros(len(load)), load=load)
 
 
 def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
     """Stack maps vertically."""
-    parts = [columns.zeros(0), *maps]
-    return LinearMap(
-        np.concatenate([part.constant for part in parts]),
-        np.concatenate([part.load for part in parts]),
-        np.concatenate([part.motion for part in parts]),
-        stacked([part.pressure for part in parts]),
-        np.concatenate([part.traction for part in parts]),
-    )
+    each = [columns.zeros(0).parts, *(one.parts for one in maps)]
+    return LinearMap(*(stacked(parts) for parts in zip(*each, strict=True)))

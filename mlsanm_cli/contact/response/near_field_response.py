@@ -26,11 +26,10 @@ from mlsanm_cli.mechanics.scene import Scene
 
 
 def near_field_response(observation: ResponseFunctionals, drivers: Drivers) -> FloatArray:
-    """Near-field part of all functionals (sum of counts, drivers), except the singular part of contacts'
-    response to themselves, and probes."""
-    scene = observation.scene
-    total = np.zeros((sum(observation.counts), drivers.columns.total))
-    firsts = np.concatenate([[0], np.cumsum(observation.counts)])
+    """Near-field part of all functionals (rows, drivers), except the singular part of contacts' response to
+    themselves, and probes."""
+    scene, places = observation.scene, observation.places
+    total = np.zeros((observation.count, drivers.columns.total))
     for pairing in drivers.pairings:
         if pairing.grid is None:
             continue
@@ -38,34 +37,27 @@ def near_field_response(observation: ResponseFunctionals, drivers: Drivers) -> F
         for body, slave, sign in pairing.sides:
             elastic = scene.bodies[body]
             forces = pairing.grid.forces(elastic.model.kernel, slave)
-            blocks = [
-                *(_on_contact(scene, one, pairing, body, forces, slave) for one in observation.pairings),
-                *(_along(one, body, forces, one.tangent) for one in observation.frictional),
-                *(
-                    reaction_of(elastic, surface, scene.center(owner, surface), forces)
-                    if owner == body
-                    else None
-                    for owner, surface in observation.held
-                ),
-                *(None for _ in scene.probes),
-                *(
-                    spring_pull_of(elastic, surface, forces) if owner == body else None
-                    for owner, surface in observation.sprung
-                ),
-            ]
-            for block, first, last in zip(blocks, firsts[:-1], firsts[1:], strict=True):
-                if block is not None:
-                    total[first:last, columns] += sign * block
+            for one in observation.pairings:
+                if body in one.bodies:
+                    moved = _on_contact(scene, one, pairing, body, forces, slave)
+                    total[places["gap", one.name], columns] += sign * moved
+            for one in observation.frictional:
+                slipped = _along(one, body, forces, one.tangent)
+                total[places["slip", one.name], columns] += sign * slipped
+            for surface in elastic.gripped:
+                reaction = reaction_of(elastic, surface, scene.center(body, surface), forces)
+                total[places["held", (body, surface)], columns] += sign * reaction
+            for surface in elastic.soft_springs:
+                pull = spring_pull_of(elastic, surface, forces)
+                total[places["spring", (body, surface)], columns] += sign * pull
     return total
 
 
 def _on_contact(
     scene: Scene, seen: Pairing, by: Pairing, body: str, forces: Forces, slave: bool
-) -> FloatArray | None:
+) -> FloatArray:
     """Motions of the contact ``seen`` due to forces at the samples of contact ``by``, perhaps the same one,
     through the near field in one body."""
-    if body not in seen.bodies:
-        return None
     if seen.grid is None:
         return _along(seen, body, forces, seen.normal)
     total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))

@@ -4,136 +4,105 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.drivers import Drivers
-from mlsanm_cli.contact.response.functionals import (
-    gap_rows,
-    reaction_rows,
-    sampled_rows,
-    slip_rows,
-    spring_rows,
-)
+from mlsanm_cli.contact.response.drivers import Drivers, spans
+from mlsanm_cli.contact.response.functionals import relative_rows, sampled_rows, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, probe_rows
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Arrays, Memo, digest
 
-Surface: TypeAlias = tuple[str, str]
-"""Body and name."""
-
-
-@dataclass(frozen=True)
-class Observed:
-    """Functionals by kind, as in :class:`ResponseFunctionals`; ``gaps`` and ``slips`` by contact."""
-
-    gaps: Mapping[str, FloatArray]
-    slips: Mapping[str, FloatArray]
-    held: Mapping[Surface, FloatArray]
-    probes: list[FloatArray]
-    sprung: Mapping[Surface, FloatArray]
+Functional: TypeAlias = tuple[str, Any]
+"""Kind and subject: "gap" and "slip" with a contact's name, "held" and "spring" with body and surface,
+"probe" with its name."""
 
 
 @dataclass(frozen=True)
 class ResponseFunctionals:
-    """Functionals in this order: gaps of nodes, or sampled motions of contact grids, of the ``pairings``;
-    slips of the ``frictional`` contacts with nodal pressures; reactions of ``held`` surfaces; probes of the
-    scene; forces of ``sprung`` surfaces."""
+    """All functionals needed or reported for the contact problem of a scene: gaps at nodes of the
+    ``pairings``, or sampled motions of contact grids and gaps at nodes watched beyond them; slips of
+    frictional contacts with nodal pressures; reactions of held surfaces; probes; forces of springs."""
 
     scene: Scene
     pairings: tuple[Pairing, ...]
-    frictional: tuple[Pairing, ...]
-    held: tuple[Surface, ...]
-    sprung: tuple[Surface, ...]
-
-    @classmethod
-    def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> ResponseFunctionals:
-        """All functionals needed or reported for the contact problem of a scene."""
-        rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.grid is None)
-        held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
-        sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
-        return cls(scene, pairings, rough, held, sprung)
 
     @property
-    def counts(self) -> list[int]:
-        """Numbers of rows of every contact's gaps and slips, every held surface, probe and sprung surface."""
-        gaps = [_rows_of(pairing) for pairing in self.pairings]
-        slips = [len(pairing.position) for pairing in self.frictional]
-        pulls = [3] * len(self.sprung)
-        return [*gaps, *slips, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
+    def frictional(self) -> tuple[Pairing, ...]:
+        """The contacts with nodal pressures and friction."""
+        return tuple(pairing for pairing in self.pairings if pairing.friction and pairing.grid is None)
+
+    @cached_property
+    def places(self) -> dict[Functional, slice]:
+        """Range of rows of every functional."""
+        counts: dict[Functional, int] = {}
+        for pairing in self.pairings:
+            beyond = 0 if pairing.grid is None else int((~pairing.candidate).sum())
+            sampled = len(pairing.position) if pairing.grid is None else 2 * pairing.grid.count
+            counts["gap", pairing.name] = sampled + beyond
+        bodies = self.scene.bodies.items()
+        counts |= {("slip", pairing.name): len(pairing.position) for pairing in self.frictional}
+        counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.gripped}
+        counts |= {("probe", probe.name): ROWS for probe in self.scene.probes}
+        counts |= {("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs}
+        return spans(counts, counts.values())
 
     @property
-    def of_stress(self) -> slice:
-        """Rows of held surfaces, which are computed from stresses and need the free expansion subtracted."""
-        counts, first = self.counts, len(self.pairings) + len(self.frictional)
-        return slice(sum(counts[:first]), sum(counts[: first + len(self.held)]))
+    def count(self) -> int:
+        """Number of all rows."""
+        return max((place.stop for place in self.places.values()), default=0)
 
     def rows(self, name: str) -> sparse.csr_array:
-        """All functionals (sum of counts, n) of the unknowns of one body."""
+        """All functionals (:attr:`count`, n) of the unknowns of one body."""
         scene, body = self.scene, self.scene.bodies[name]
-        gaps = [
-            gap_rows(body, name, (pairing,))
-            if pairing.grid is None
-            else sampled_rows(body, name, pairing, pairing.normal)
-            for pairing in self.pairings
-        ]
-        slips = [slip_rows(body, name, (pairing,)) for pairing in self.frictional]
-        reactions = [
-            reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
-            for owner, surface in self.held
-        ]
-        probed = [probe_rows(body.model, p.point) if p.body == name else None for p in scene.probes]
-        pulls = [spring_rows(body, surface) if owner == name else None for owner, surface in self.sprung]
+        found: dict[Functional, sparse.csr_array] = {}
+        for pairing in self.pairings:
+            if pairing.grid is None:
+                found["gap", pairing.name] = relative_rows(body, name, pairing, pairing.normal)
+            else:
+                watched = np.flatnonzero(~pairing.candidate)
+                beyond = relative_rows(body, name, pairing, pairing.normal, watched)
+                found["gap", pairing.name] = sparse.vstack([sampled_rows(body, name, pairing), beyond])
+        for pairing in self.frictional:
+            found["slip", pairing.name] = relative_rows(body, name, pairing, pairing.tangent)
+        for surface in body.gripped:
+            found["held", (name, surface)] = body.reaction_rows(surface, scene.center(name, surface))
+        for probe in scene.probes:
+            if probe.body == name:
+                found["probe", probe.name] = probe_rows(body.model, probe.point)
+        for surface in body.soft_springs:
+            found["spring", (name, surface)] = spring_rows(body, surface)
         blocks = [
-            sparse.csr_array((count, body.model.unknowns)) if block is None else block
-            for count, block in zip(self.counts, [*gaps, *slips, *reactions, *probed, *pulls], strict=True)
+            found.get(key, sparse.csr_array((place.stop - place.start, body.model.unknowns)))
+            for key, place in self.places.items()
         ]
-        return sparse.csr_array(
-            sparse.vstack([sparse.csr_array((0, body.model.unknowns)), *blocks], format="csr")
-        )
-
-    def parted(self, observed: FloatArray) -> Observed:
-        """Split ``observed`` (sum of counts, c) by kind."""
-        parts = np.split(observed, np.cumsum(self.counts)[:-1]) if self.counts else []
-
-        def taken(count: int) -> list[FloatArray]:
-            some, parts[:] = parts[:count], parts[count:]
-            return some
-
-        gaps = dict(zip((p.name for p in self.pairings), taken(len(self.pairings)), strict=True))
-        slips = dict(zip((p.name for p in self.frictional), taken(len(self.frictional)), strict=True))
-        held = dict(zip(self.held, taken(len(self.held)), strict=True))
-        probes = taken(len(self.scene.probes))
-        return Observed(
-            gaps, slips, held, probes, dict(zip(self.sprung, taken(len(self.sprung)), strict=True))
-        )
-
-
-def _rows_of(pairing: Pairing) -> int:
-    """Number of rows of a contact's gaps, or of its samples and watched nodes."""
-    if pairing.grid is None:
-        return len(pairing.position)
-    return 2 * pairing.grid.count + int((~pairing.candidate).sum())
+        nothing = sparse.csr_array((0, body.model.unknowns))
+        return sparse.csr_array(sparse.vstack([nothing, *blocks], format="csr"))
 
 
 def observe(
     observation: ResponseFunctionals, sources: Mapping[str, sparse.csc_array], drivers: Drivers, memo: Memo
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Functionals (sum of counts, total) of the bodies' responses to their ``sources`` (r, total) and
+    """Functionals (rows, total) of the bodies' responses to their ``sources`` (r, total) and
     motions; without contact also the responses (n, total) themselves."""
     columns, means = drivers.columns, drivers.means
     scene, quick = observation.scene, bool(observation.pairings)
-    observed = np.zeros((sum(observation.counts), columns.total))
+    observed = np.zeros((observation.count, columns.total))
     solutions = {}
     # Memory peaks while the last factor is built, so the smallest body comes last.
     for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
         rows = observation.rows(name)
-        observed[observation.of_stress, : columns.loads] -= _expansion(observation, name)
+        # Reactions are computed from stresses, of which free expansion has none.
+        for heating in scene.heated(name):
+            for surface in body.gripped:
+                expansion = heating.reaction(body, surface, scene.center(name, surface))
+                observed[observation.places["held", (name, surface)], heating.number] -= expansion
         used = used_columns(sources[name])
         solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
         # Loads separately: when their magnitudes change, the other responses remain valid. Loads, motions and
@@ -150,18 +119,6 @@ def observe(
             solutions[name] = solved
         observed[:, columns.motion_places] += rows @ scene.floating_patterns(name)
     return observed, solutions
-
-
-def _expansion(observation: ResponseFunctionals, name: str) -> FloatArray:
-    """Free-expansion part of the reactions of held surfaces (3 per surface, L) of one body."""
-    scene = observation.scene
-    found = np.zeros((len(observation.held), 3, len(scene.loads)))
-    for heating in scene.heated(name):
-        for place, (owner, surface) in enumerate(observation.held):
-            if owner == name:
-                center = scene.center(owner, surface)
-                found[place, :, heating.number] += heating.reaction(scene.bodies[name], surface, center)
-    return found.reshape(-1, len(scene.loads))
 
 
 def used_columns(source: sparse.csc_array) -> IntArray:

@@ -61,7 +61,7 @@ def correct_short_waves(
         by_traction[:m, own] = -gap.traction[:, own] @ short
         gap.traction[:, own] += by_traction[:m, own]
         compliance = slip.traction[own, own].copy()
-        for array in (slip.constant, slip.load, slip.motion, slip.pressure, slip.traction):
+        for array in slip.parts:
             array[own] = fit @ array[own]
         by_pressure[m:][own, facing] = -slip.pressure[own, facing] @ short
         slip.pressure[own, facing] += by_pressure[m:][own, facing]
