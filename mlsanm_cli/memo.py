@@ -54,11 +54,6 @@ class Memo:
             self._values.move_to_end((kind, key))
 
     @property
-    def keeps(self) -> bool:
-        """Whether results are kept."""
-        return self._most > 0
-
-    @property
     def figures(self) -> Mapping[str, int]:
         """Numbers of results ``found`` and ``made``; empty if none are kept."""
         return {"found": self._found, "made": self._made} if self._most else {}

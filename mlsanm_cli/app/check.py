@@ -59,6 +59,7 @@ def check(
 
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")
+    unknowns = sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
     nodes = sum(body.nodes for body in quality.bodies.values())
     seconds = clock.seconds
     return {
@@ -67,7 +68,8 @@ def check(
         "plane": case.model.plane,
         "nodes": nodes,
         "unknowns": 2 * nodes,
-        "contact_unknowns": _contact_unknowns(prepared),
+        # Contact grids are refined in the run.
+        "contact_unknowns": None if prepared.ranges else unknowns,
         "loads": len(case.moved),
         "stages": len(case.stage),
         "estimated_memory_mb": round(estimate(case).memory_mb),
@@ -80,13 +82,6 @@ def check(
         "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
     }
-
-
-def _contact_unknowns(prepared: SceneModel) -> int | None:
-    """Number of pressures and tractions; None with contact grids, which are refined in the run."""
-    if prepared.ranges:
-        return None
-    return sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
 
 
 def _body(name: str, prepared: SceneModel, quality: Quality) -> dict[str, Any]:

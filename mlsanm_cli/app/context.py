@@ -81,18 +81,15 @@ class Stopper:
         self._timer.daemon = True
         self._timer.start()
 
-    def _stop_alarm(self) -> None:
-        if hasattr(signal, "setitimer"):
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-        if self._timer is not None:
-            self._timer.cancel()
-
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         Stopper.message = ""
         if self._before and self._max_wall is not None:
-            self._stop_alarm()
+            if hasattr(signal, "setitimer"):
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+            if self._timer is not None:
+                self._timer.cancel()
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -61,7 +61,7 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
 
 
 def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
-    """The case of a run, with its files looked into again; RunError where it is not all there."""
+    """The stored case of a run, with its files inspected again. Raises RunError if it is incomplete."""
     if not origin.case_resolved:
         raise RunError(
             f"the run in {rundir} was killed before its first step", "run the case again with --force"

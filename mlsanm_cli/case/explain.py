@@ -222,8 +222,8 @@ def _nearest(key: str) -> str:
     last = SYNONYMS.get(last.lower(), last)
     similar = [one for one, end in zip(known, ends, strict=True) if end == last]
     similar = similar or difflib.get_close_matches(key, known, n=3)
-    alike = difflib.get_close_matches(last, ends, n=1)
-    similar = similar or [one for one, end in zip(known, ends, strict=True) if end in alike]
+    close = difflib.get_close_matches(last, ends, n=1)
+    similar = similar or [one for one, end in zip(known, ends, strict=True) if end in close]
     if similar:
         return f"did you mean {' or '.join(similar[:4])}?"
     return '"mlsanm explain" lists the tables'

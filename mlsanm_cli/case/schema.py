@@ -10,6 +10,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
@@ -60,12 +61,12 @@ def tables(node: Node) -> tuple[Node, ...]:
     return tuple(table for one in inner for table in tables(one))
 
 
-def tables_at(path: tuple[str, ...]) -> tuple[Node, ...]:
-    """The tables allowed at a path of keys and table names, as in `tables`."""
+def tables_at(path: KeyPath) -> tuple[Node, ...]:
+    """The tables allowed at a path of keys and names or numbers of items, as in `tables`."""
     found: tuple[Node, ...] = (json_schema(),)
     for step in path:
         inner = [table["properties"][step] for table in found if step in table["properties"]]
-        # A step that is not a key is the name of a table.
+        # A step that is not a key is the name or number of an item.
         found = tuple(table for node in inner for table in tables(node)) if inner else found
     return found
 

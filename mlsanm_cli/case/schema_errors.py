@@ -114,7 +114,7 @@ def _kinds(path: KeyPath) -> list[str]:
     """Kinds of the table at a path, empty if it has only one."""
     from mlsanm_cli.case.schema import tables_at
 
-    found = tables_at(tuple(step for step in path if isinstance(step, str)))
+    found = tables_at(path)
     return [table["properties"]["kind"]["const"] for table in found if len(found) > 1]
 
 
@@ -124,7 +124,7 @@ def _unknown_hint(data: Any, path: KeyPath) -> str:
     below = dict.fromkeys(key for key, _ in walk() if key.endswith(f".{path[-1]}"))
     if below and len(path) == 1:
         return f"did you mean {' or '.join(list(below)[:4])}?"
-    found = tables_at(tuple(step for step in path[:-1] if isinstance(step, str)))
+    found = tables_at(path[:-1])
     kind = reduce(child, (*path[:-1], "kind"), data)
     own = [table for table in found if table["properties"].get("kind", {}).get("const", kind) == kind]
     keys = [key for table in own for key in table["properties"]]

@@ -115,7 +115,9 @@ def _explanation(one: dict[str, Any], color: bool) -> str:
             lines.append(f"  {heading}")
             indent = max(map(len, listed)) + 6
             for name, meaning in listed.items():
-                text = _wrapped(meaning if heading == "kinds" else _first_sentence(meaning), width, indent)
+                # The first sentence of the description of a key.
+                meaning = meaning if heading == "kinds" else re.split(r"[.;:]\s", meaning)[0].rstrip(".")
+                text = _wrapped(meaning, width, indent)
                 lines += [f"    {name}".ljust(indent) + text[0].lstrip(), *text[1:]]
     return "\n".join(lines)
 
@@ -123,8 +125,3 @@ def _explanation(one: dict[str, Any], color: bool) -> str:
 def _wrapped(text: str, width: int, indent: int) -> list[str]:
     space = " " * indent
     return textwrap.wrap(text, width, initial_indent=space, subsequent_indent=space)
-
-
-def _first_sentence(text: str) -> str:
-    """The first sentence of a description."""
-    return re.split(r"[.;:]\s", text)[0].rstrip(".")

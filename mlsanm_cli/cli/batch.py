@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -41,35 +42,18 @@ from mlsanm_cli.cli.text import as_json
 @threads_option
 @common
 @click.pass_obj
-def sweep(
-    settings: Settings,
-    case: Path,
-    varied: tuple[str, ...],
-    overrides: tuple[str, ...],
-    out: Path | None,
-    force: bool,
-    jobs: int,
-    scheduler: str | None,
-    threads: int,
-) -> int:
+def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options: Any) -> int:
     """Solve CASE for all combinations of values.
 
     For instance --vary contact.interface.friction=0:0.5:11 or --vary body.block.spacing=0.1,0.2,0.4.
     Completed points are skipped: the same command continues an interrupted sweep.
     """
     with console_for(settings) as console:
-        with numerics(threads):
+        with numerics(options["threads"]):
             from mlsanm_cli.app.sweep.run_sweep import SweepOptions
             from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
-        result = run_sweep(
-            case,
-            varied,
-            SweepOptions(jobs, threads, scheduler, force),
-            overrides=overrides,
-            out=out,
-            console=console,
-            argv=tuple(sys.argv),
-        )
+        own = SweepOptions(**{key: options.pop(key) for key in ("jobs", "threads", "scheduler", "force")})
+        result = run_sweep(case, varied, own, console=console, argv=tuple(sys.argv), **options)
     shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
     print_result(settings, result, pretty_result(settings, shown))
     return 3 if result["failed"] else 75 if result["stopped"] else 0

@@ -127,31 +127,12 @@ def cli() -> None:
 @threads_option
 @common
 @click.pass_obj
-def run(
-    settings: Settings,
-    case: Path,
-    overrides: tuple[str, ...],
-    out: Path | None,
-    force: bool,
-    skip_done: bool,
-    threads: int,
-    max_wall: float | None,
-) -> int:
+def run(settings: Settings, /, case: Path, **options: Any) -> int:
     """Solve CASE and write a run directory."""
     with console_for(settings) as console:
-        with numerics(threads):
+        with numerics(options["threads"]):
             from mlsanm_cli.app.run import run as run_case
-        summary = run_case(
-            case,
-            overrides=overrides,
-            out=out,
-            force=force,
-            threads=threads,
-            max_wall=max_wall,
-            console=console,
-            argv=tuple(sys.argv),
-            skip_done=skip_done,
-        )
+        summary = run_case(case, console=console, argv=tuple(sys.argv), **options)
     if summary.get("skipped"):
         print_result(settings, summary, f"{summary['directory']}: already run to completion, skipped")
         return 0
@@ -166,24 +147,15 @@ def run(
 @threads_option
 @common
 @click.pass_obj
-def check(
-    settings: Settings,
-    case: Path,
-    overrides: tuple[str, ...],
-    write: Path | None,
-    picture: Path | None,
-    threads: int,
-) -> int:
+def check(settings: Settings, /, case: Path, **options: Any) -> int:
     """Check CASE without solving it.
 
     Validates the case, places nodes, builds stencils and contact pairs, and estimates size and cost.
     """
     with console_for(settings) as console:
-        with numerics(threads):
+        with numerics(options["threads"]):
             from mlsanm_cli.app.check import check as check_case
-        result = check_case(
-            case, overrides=overrides, write=write, picture=picture, threads=threads, console=console
-        )
+        result = check_case(case, console=console, **options)
     # The warnings have been printed on stderr.
     shown = {key: value for key, value in result.items() if key != "warnings"}
     print_result(settings, result, pretty_result(settings, shown))

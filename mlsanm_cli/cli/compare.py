@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -47,20 +48,7 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
 @common
 @click.pass_obj
 def compare(
-    settings: Settings,
-    case: Path,
-    newton: bool,
-    active_set: bool,
-    monolithic: bool,
-    analytic: bool,
-    levels: int,
-    tolerance: float | None,
-    repeat: int,
-    picture: bool,
-    overrides: tuple[str, ...],
-    out: Path | None,
-    force: bool,
-    threads: int,
+    settings: Settings, /, case: Path, newton: bool, active_set: bool, monolithic: bool, **options: Any
 ) -> int:
     """Solve CASE by several methods and compare the results.
 
@@ -68,20 +56,12 @@ def compare(
     operators. Exit code 1 if they disagree.
     """
     selected = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
-    methods = tuple(name for name, wanted in selected.items() if wanted)
     with console_for(settings) as console:
-        with numerics(threads):
+        with numerics(options["threads"]):
             from mlsanm_cli.app.comparison.compare import CompareOptions
             from mlsanm_cli.app.comparison.compare import compare as compare_methods
-        result = compare_methods(
-            case,
-            CompareOptions(methods, analytic, levels, tolerance, repeat, picture),
-            overrides=overrides,
-            out=out,
-            force=force,
-            threads=threads,
-            console=console,
-            argv=tuple(sys.argv),
-        )
+        own = {key: options.pop(key) for key in ("analytic", "levels", "tolerance", "repeat", "picture")}
+        wanted = CompareOptions(tuple(name for name, given in selected.items() if given), **own)
+        result = compare_methods(case, wanted, console=console, argv=tuple(sys.argv), **options)
     print_result(settings, result, comparison_text(result, settings.paints(sys.stdout)))
     return _STATUS_CODES.get(str(result["status"]), 0)

@@ -19,14 +19,18 @@ Complete = Callable[[click.Context, click.Parameter, str], list[str]]
 
 def keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
     """Keys as for ``--set`` and ``--vary``, with the names in the case given to the command."""
+    from mlsanm_cli.case.explain import value_keys
+
     case = _content(next(iter(_given(context, "case")), None))
-    found = [f"{name}=" for key in _known() for name in _with_names(key, case)]
+    found = [f"{name}=" for key in value_keys() for name in _with_names(key, case)]
     return _matching(found, incomplete)
 
 
 def plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
     """Keys as for ``explain``."""
-    return _matching(_known(), incomplete)
+    from mlsanm_cli.case.explain import value_keys
+
+    return _matching(value_keys(), incomplete)
 
 
 def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -48,13 +52,6 @@ def names(*tables: str) -> Complete:
         return _matching([name for name in dict.fromkeys(found) if isinstance(name, str)], incomplete)
 
     return complete
-
-
-def _known() -> list[str]:
-    """All keys of the schema that are not tables."""
-    from mlsanm_cli.case.explain import value_keys
-
-    return value_keys()
 
 
 def _with_names(key: str, case: Mapping[str, Any]) -> Iterator[str]:

@@ -76,41 +76,25 @@ def common(function: Function) -> Function:
     return function
 
 
-def threads_option(function: Function) -> Function:
-    """``--threads``."""
-    option = click.option(
-        "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Number of threads."
-    )
-    return option(function)
-
-
-def max_wall_option(function: Function) -> Function:
-    """``--max-wall``."""
-    option = click.option(
-        "--max-wall",
-        type=Seconds(min=0.0, min_open=True, max=MAX_WALL_SECONDS),
-        metavar="SECONDS",
-        help="Stop after this wall-clock time, with exit code 75; `mlsanm resume` continues.",
-    )
-    return option(function)
-
-
-def cache_option(function: Function) -> Function:
-    """``--no-cache``, kept for existing scripts, without effect: operators are not cached on disk."""
-    return click.option("--cache/--no-cache", hidden=True, expose_value=False)(function)
-
-
-def set_option(function: Function) -> Function:
-    """``--set``, repeatable."""
-    option = click.option(
-        "--set",
-        "overrides",
-        metavar="KEY=VALUE",
-        multiple=True,
-        shell_complete=completion.keys,
-        help="Change a key of the case, as in --set solver.order=15. Repeatable.",
-    )
-    return option(function)
+threads_option = click.option(
+    "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Number of threads."
+)
+max_wall_option = click.option(
+    "--max-wall",
+    type=Seconds(min=0.0, min_open=True, max=MAX_WALL_SECONDS),
+    metavar="SECONDS",
+    help="Stop after this wall-clock time, with exit code 75; `mlsanm resume` continues.",
+)
+cache_option = click.option("--cache/--no-cache", hidden=True, expose_value=False)
+"""Kept for existing scripts, without effect: operators are not cached on disk."""
+set_option = click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    shell_complete=completion.keys,
+    help="Change a key of the case, as in --set solver.order=15. Repeatable.",
+)
 
 
 def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:

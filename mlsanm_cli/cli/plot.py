@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -54,18 +55,7 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
 )
 @common
 @click.pass_obj
-def plot(
-    settings: Settings,
-    rundirs: tuple[Path, ...],
-    what: tuple[str, ...],
-    contact: str | None,
-    field: str | None,
-    at: tuple[float, ...],
-    along: str | None,
-    out: Path | None,
-    animate: bool,
-    formats: tuple[str, ...],
-) -> int:
+def plot(settings: Settings, /, rundirs: tuple[Path, ...], formats: tuple[str, ...], **chosen: Any) -> int:
     """Draw pictures of a run, or of several runs together.
 
     Contact pressures, the load path, and deformed bodies with von Mises stress. No display is needed.
@@ -74,8 +64,7 @@ def plot(
         with numerics(1):
             from mlsanm_cli.app.results.plot import plot as plot_run
             from mlsanm_cli.app.results.views import Choice
-        choice = Choice(what, contact, field, at, along, out, animate)
-        files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)
+        files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=Choice(**chosen))
     print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
     return 0
 

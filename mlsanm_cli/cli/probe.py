@@ -25,6 +25,7 @@ _ORIGINS = {
     "linear": "interpolated (linear problem)",
     "interpolated": "interpolated, error {error:.2g} % of the largest value",
 }
+POINT_HINT = "as in --body block --point 0,-0.5"
 _ORIGIN_KEYS = ("how", "error")
 _ROUND_OFF = 1e-9
 """Relative error below which an interpolation is exact to round-off."""
@@ -110,9 +111,20 @@ def probe(
         from mlsanm_cli.app.results import probe as app
 
     targets = [name for name in (contact, force, probe, body) if name is not None]
-    _check_options(len(targets), contact, body, point, field, quantities, force)
-    if as_csv and settings.json:
-        raise RunError("--csv and --json exclude each other", "give one of them")
+    pointless = contact is not None or force is not None or not targets
+    for wrong, message, hint in (
+        (
+            len(targets) > 1,
+            "more than one result selected",
+            "give one of --contact, --force, --probe, --body",
+        ),
+        ((body is None) != (point is None), "--body and --point are needed together", POINT_HINT),
+        (quantities and contact is None, "--quantity needs a contact", "add --contact NAME"),
+        (field is not None and pointless, "--field needs a point", "add --body and --point, or --probe"),
+        (as_csv and settings.json, "--csv and --json exclude each other", "give one of them"),
+    ):
+        if wrong:
+            raise RunError(message, hint)
     if not targets:
         found = app.contents(rundir)
         print_result(settings, found, pretty_result(settings, found))
@@ -136,26 +148,6 @@ def probe(
         return 0
     print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
     return 0
-
-
-def _check_options(
-    targets: int,
-    contact: str | None,
-    body: str | None,
-    point: tuple[float, float] | None,
-    field: str | None,
-    quantities: Sequence[str],
-    force: str | None,
-) -> None:
-    """Raises RunError for options that cannot be combined."""
-    if targets > 1:
-        raise RunError("more than one result selected", "give one of --contact, --force, --probe and --body")
-    if (body is None) != (point is None):
-        raise RunError("--body and --point are needed together", "as in --body block --point 0,-0.5")
-    if quantities and contact is None:
-        raise RunError("--quantity needs a contact", "add --contact NAME")
-    if field is not None and (contact is not None or force is not None or not targets):
-        raise RunError("--field needs a point", "add --body and --point, or --probe")
 
 
 def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:

@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import fill_region, relax
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.membership import inside_body
+from mlsanm_cli.cloud.membership import boundary_chords, inside_body
 from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, Mirror, SymmetryLine
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
@@ -24,7 +24,7 @@ from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
@@ -186,27 +186,21 @@ def build_cloud(
     start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
     far, zones = spacing.far, spacing.table()
 
-    def fill() -> Arrays:
+    def made() -> Cloud:
         points = fill_region(start, chords, _strips(chords), far, zones, CANDIDATES, seed, limit)
         if len(points) >= limit:
             hint = "use larger spacings or smaller refinements"
             raise RunError(f"more than {limit} nodes in one body", hint)
         if half is None:
-            return {"points": relax(points, fixed, spacing)}
-        inner, upon = half.with_line_nodes(points[len(first) :], spacing)
-        points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
-        return {"points": points, "upon": np.array(upon)}
-
-    key = digest(boundary, start, chords, far, zones, seed, limit)
-
-    def made() -> Cloud:
-        kept = memo.value("clouds", key, fill)
-        points = kept["points"]
-        mirror = None if half is None else half.mirror(len(points), int(kept["upon"]))
+            points, mirror = relax(points, fixed, spacing), None
+        else:
+            inner, upon = half.with_line_nodes(points[len(first) :], spacing)
+            points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
+            mirror = half.mirror(len(points), upon)
         return Cloud(points, spacing.at(points), surfaces, mirror)
 
-    # Surfaces with other names share the same nodes.
-    return memo.value("cloud", digest(key, list(surfaces)), made)
+    key = digest(boundary, start, chords, far, zones, seed, limit, list(surfaces))
+    return memo.value("cloud", key, made)
 
 
 def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
@@ -252,8 +246,8 @@ def _surfaces(outline: Outline, steps: list[FloatArray]) -> dict[str, Surface]:
 
 
 def _edges(surfaces: Iterable[Surface]) -> IntArray:
-    chains = [np.append(s.index, s.index[:1]) if s.curve.closed else s.index for s in surfaces]
-    return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in chains])
+    index, _, names = boundary_of(surfaces)
+    return np.asarray(index[boundary_chords(index, names)])
 
 
 def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:

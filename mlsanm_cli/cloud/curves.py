@@ -64,22 +64,17 @@ class Segment:
 
     @cached_property
     def _tangent(self) -> FloatArray:
-        tangent: FloatArray = (self._ends[1] - self._ends[0]) / self.length
-        return tangent
+        return np.asarray((self._ends[1] - self._ends[0]) / self.length)
 
     def points(self, s: FloatArray) -> FloatArray:
         fraction = (s / self.length)[:, None]
-        points: FloatArray = (1.0 - fraction) * self._ends[0] + fraction * self._ends[1]
-        return points
+        return np.asarray((1.0 - fraction) * self._ends[0] + fraction * self._ends[1])
 
     def normals(self, s: FloatArray) -> FloatArray:
-        normals = np.empty((len(s), 2))
-        normals[:, 0], normals[:, 1] = self._tangent[1], -self._tangent[0]
-        return normals
+        return np.tile([self._tangent[1], -self._tangent[0]], (len(s), 1))
 
     def closest(self, points: FloatArray) -> FloatArray:
-        s: FloatArray = np.clip((points - self._ends[0]) @ self._tangent, 0.0, self.length)
-        return s
+        return np.asarray(np.clip((points - self._ends[0]) @ self._tangent, 0.0, self.length))
 
     def curvature(self, s: FloatArray) -> FloatArray:
         return np.zeros(len(s))
@@ -115,10 +110,7 @@ class Arc:
 
     def normals(self, s: FloatArray) -> FloatArray:
         angle = self.start + self._turn * s / self.radius
-        normals = np.empty((len(s), 2))
-        np.cos(angle, out=normals[:, 0])
-        np.sin(angle, out=normals[:, 1])
-        return self._turn * normals
+        return self._turn * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def closest(self, points: FloatArray) -> FloatArray:
         away = points - np.array(self.center)
@@ -126,8 +118,7 @@ class Arc:
         sweep = abs(self.sweep)
         # Past the end: the nearer end in angle is the nearer end in distance.
         beyond = np.where(angle - sweep <= 2.0 * math.pi - angle, sweep, 0.0)
-        s: FloatArray = self.radius * np.where(angle <= sweep, angle, beyond)
-        return s
+        return self.radius * np.where(angle <= sweep, angle, beyond)
 
     def curvature(self, s: FloatArray) -> FloatArray:
         return np.full(len(s), self._turn / self.radius)
@@ -135,6 +126,12 @@ class Arc:
     def zones(self) -> tuple[tuple[float, ...], ...]:
         first = min(self.start, self.start + self.sweep)
         return ((1.0, *self.center, self.radius, first, min(abs(self.sweep), 2.0 * math.pi)),)
+
+
+def ends_of(curve: Curve) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Start and end of a curve."""
+    (a, b), (c, d) = curve.points(np.array([0.0, curve.length])).tolist()
+    return (a, b), (c, d)
 
 
 @dataclass(frozen=True)
@@ -154,10 +151,9 @@ class Outline:
 
 def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Outline:
     """Rectangle with boundaries bottom, right, top, left."""
-    a, b, c, d = (x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])
-    return Outline(
-        ("bottom", "right", "top", "left"), (Segment(a, b), Segment(b, c), Segment(c, d), Segment(d, a))
-    )
+    corners = (x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])
+    sides = tuple(map(Segment, corners, (*corners[1:], corners[0])))
+    return Outline(("bottom", "right", "top", "left"), sides)
 
 
 def disk(center: tuple[float, float], radius: float) -> Outline:
@@ -178,9 +174,7 @@ def half_disk(center: tuple[float, float], radius: float, side: str) -> Outline:
     """The lower, upper, left or right half (``side``) of a disk, with boundaries arc and flat."""
     start = {"lower": 1.0, "right": 1.5, "upper": 0.0, "left": 0.5}[side] * math.pi
     arc = Arc(center, radius, start, math.pi)
-    ends = arc.points(np.array([0.0, arc.length]))
-    first = (float(ends[0, 0]), float(ends[0, 1]))
-    last = (float(ends[1, 0]), float(ends[1, 1]))
+    first, last = ends_of(arc)
     return Outline(("arc", "flat"), (arc, Segment(last, first)))
 
 
@@ -190,6 +184,5 @@ def sector(center: tuple[float, float], radii: tuple[float, float], angles: tupl
     first, last = angles
     outside = Arc(center, outer, first, last - first)
     inside = Arc(center, inner, last, first - last)
-    ends = [curve.points(np.array([0.0, curve.length])) for curve in (outside, inside)]
-    (a, b), (c, d) = ([(float(x), float(y)) for x, y in pair] for pair in ends)
+    (a, b), (c, d) = map(ends_of, (outside, inside))
     return Outline(("outer", "end", "inner", "start"), (outside, Segment(b, c), inside, Segment(d, a)))

@@ -90,16 +90,13 @@ def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
 
 
 def _refuse_overlaps(points: FloatArray, edges: IntArray) -> None:
-    both, times = np.unique(_key(np.sort(edges, axis=1), len(points)), return_counts=True)
-    if (times > 2).any():
-        edge = both[int(np.argmax(times > 2))]
-        raise GeometryError(
-            f"an edge belongs to more than two elements, near {_at(points, divmod(edge, len(points)))}"
-        )
-    one, times = np.unique(_key(edges, len(points)), return_counts=True)
+    """Raise GeometryError if an edge has two elements on the same side."""
+    key, times = np.unique(_key(edges, len(points)), return_counts=True)
     if (times > 1).any():
-        edge = one[int(np.argmax(times > 1))]
-        raise GeometryError(f"two elements overlap near {_at(points, divmod(edge, len(points)))}")
+        edge = divmod(key[int(np.argmax(times > 1))], len(points))
+        raise GeometryError(
+            f"elements overlap, or an edge belongs to more than two of them, near {_at(points, edge)}"
+        )
 
 
 def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
@@ -137,11 +134,12 @@ def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: 
             )
         names[edge] = name
 
-    known = np.isin(_key(np.sort(marks.lines, axis=1), count), _key(np.sort(edges, axis=1), count))
+    lines = _key(np.sort(marks.lines, axis=1), count)
+    known = np.isin(lines, _key(np.sort(edges, axis=1), count))
     if not known.all():
         lost = marks.lines[int(np.argmin(known))]
         raise GeometryError(f"the line element near {_at(points, lost)} is not an edge of an element")
-    for key, name in zip(_key(np.sort(marks.lines, axis=1), count), marks.names, strict=True):
+    for key, name in zip(lines, marks.names, strict=True):
         if name and int(key) in place:
             mark(place[int(key)], name)
     on_boundary = np.zeros(count, dtype=bool)

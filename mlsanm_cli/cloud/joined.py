@@ -244,8 +244,10 @@ def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:
     """The contiguous chains of curves by index, in the order of the outline."""
     chains: list[Chain] = []
     for loop in outline.loops:
-        wanted = [k for k in range(loop.start, loop.stop) if k in numbers]
-        gaps = [place for place, k in enumerate(wanted) if _before(k, loop) not in wanted]
+        around = range(loop.start, loop.stop)
+        before = dict(zip(around, (loop.stop - 1, *around), strict=False))
+        wanted = [k for k in around if k in numbers]
+        gaps = [place for place, k in enumerate(wanted) if before[k] not in wanted]
         if wanted and not gaps:
             chains.append((tuple(wanted), True))
         elif gaps and gaps[0] > 0:  # the last chain goes on across the start of the loop
@@ -253,7 +255,3 @@ def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:
         ends = [*gaps[1:], len(wanted)]
         chains += [(tuple(wanted[a:b]), False) for a, b in zip(gaps, ends, strict=False)]
     return chains
-
-
-def _before(number: int, loop: slice) -> int:
-    return number - 1 if number > loop.start else loop.stop - 1

@@ -85,11 +85,7 @@ def first_crossing(chords: FloatArray) -> FloatArray | None:
     pairs = cKDTree(0.5 * (start + end)).query_pairs(reach, output_type="ndarray")
     a, b, c, d = start[pairs[:, 0]], end[pairs[:, 0]], start[pairs[:, 1]], end[pairs[:, 1]]
     apart = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
-    if not apart.any():
-        return None
-    first = int(np.argmax(apart))
-    middle: FloatArray = 0.25 * (a + b + c + d)[first]
-    return middle
+    return np.asarray(0.25 * (a + b + c + d)[np.argmax(apart)]) if apart.any() else None
 
 
 def _side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:

@@ -24,10 +24,8 @@ MAX_NODES = 400.0
 """Largest number of nodes of a piece."""
 WIDTH_OVER_ROOM, MIN_NODES = 0.4, 2.0
 """Largest width of a piece over the distance to a hollow plus its radius, and its least number of nodes.
-
-Portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8 to 24 nodes, depending on the cuts,
-and lose up to 1.3 % with this bound. With 0.7, a meshed hole of 64 nodes (triangles 1.6 times as deep as
-wide) lost up to 6 % of its peak stress at degree 2 and 17 % at degree 4; with 0.4, 2.4 and 6.6 %."""
+Without it portal frames with fillets lost up to 6 % of their stiffness; with 0.7 peak stresses at holes lost
+two to three times as much."""
 CLEARANCE = 3.5
 """Distance of pairs from supports and corners, in spacings."""
 TIE_TOLERANCE = 1e-9

@@ -53,16 +53,8 @@ class VisibilityCriterion:
         reach = np.sqrt((span**2).sum(axis=2).max(axis=1)) + self._longest
         start, near = _neighbours(self._tree, targets, reach)
         return cut_lines(
-            self._inward(targets),
-            self._ends,
-            numbers,
-            start,
-            near,
-            self._chords,
-            self.along,
-            self.loop,
-            self.normals,
-            MIN_DETOUR,
+            *(self._inward(targets), self._ends, numbers, start, near),
+            *(self._chords, self.along, self.loop, self.normals, MIN_DETOUR),
         )
 
     def apart(self, one: IntArray, other: IntArray) -> BoolArray:
@@ -80,8 +72,7 @@ class VisibilityCriterion:
 
     @cached_property
     def _middles(self) -> FloatArray:
-        middles: FloatArray = 0.5 * (self._chords[:, :2] + self._chords[:, 2:])
-        return middles
+        return np.asarray(0.5 * (self._chords[:, :2] + self._chords[:, 2:]))
 
     @cached_property
     def _tree(self) -> cKDTree:

@@ -48,11 +48,8 @@ class Spacing:
 
     def table(self) -> FloatArray:
         """Zones as rows (z, 9) in the format of the kernels."""
-        rows = [
-            (*part, zone.spacing, zone.radius, zone.growth)
-            for zone in self.zones
-            for part in zone.curve.zones()
-        ]
+        asked = [(zone, (zone.spacing, zone.radius, zone.growth)) for zone in self.zones]
+        rows = [(*part, *wanted) for zone, wanted in asked for part in zone.curve.zones()]
         return np.array(rows, dtype=np.float64).reshape(-1, 9)
 
     def at(self, points: FloatArray) -> FloatArray:
@@ -180,13 +177,10 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         if len(cells) > MAX_CELLS:
             # With at least 16 nodes in each of so many cells, the rest need not be refined.
             coarse = inside_polygon(edges, cells[~fine])
-            rest = NODES_PER_SQUARE * float((size**2 / h[~fine] ** 2)[coarse].sum())
-            total += rest
+            total += NODES_PER_SQUARE * float((size**2 / h[~fine] ** 2)[coarse].sum())
             break
         quarter = 0.25 * size
-        corners = np.array(
-            [(-quarter, -quarter), (quarter, -quarter), (-quarter, quarter), (quarter, quarter)]
-        )
+        corners = quarter * np.array([(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)])
         cells = (cells[~fine][:, None, :] + corners).reshape(-1, 2)
         outside = ((cells < low - quarter) | (cells > high + quarter)).any(axis=1)
         cells = cells[~outside]

@@ -147,12 +147,8 @@ def _refuse_gap(
     """Raise GeometryError if the ends of two chains are too far apart to be neighbours."""
     node, facing = (chains[name][side] for name, side in (one, other))
     gap = float(np.hypot(*(nodes.points[node] - nodes.points[facing])))
-    steps = [
-        float(
-            np.hypot(*(nodes.points[chains[name][side]] - nodes.points[chains[name][1 if side == 0 else -2]]))
-        )
-        for name, side in (one, other)
-    ]
+    ends = [chains[name][:2] if side == 0 else chains[name][-2:] for name, side in (one, other)]
+    steps = [float(np.hypot(*(nodes.points[end[1]] - nodes.points[end[0]]))) for end in ends]
     if gap > GAP_RATIO * max(steps):
         raise GeometryError(
             f'the boundary is open between "{one[0]}" ({nodes.places[node]}) and "{other[0]}" '

@@ -3,11 +3,9 @@ that has ended."""
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from mlsanm_cli.errors import RunError
@@ -17,17 +15,6 @@ from mlsanm_cli.system import host, open_regular, try_lock
 LOCK_FILE = "run.lock"
 UNLINKS_OPEN_FILES = os.name != "nt"
 """Windows cannot remove an open file; once it is closed, another process may have locked it."""
-
-
-@dataclass(frozen=True)
-class Holder:
-    """The process that writes to a run directory."""
-
-    pid: int
-    host: str
-
-    def __str__(self) -> str:
-        return f"process {self.pid} on {self.host}"
 
 
 @contextmanager
@@ -58,21 +45,22 @@ def locked(directory: Path) -> Iterator[None]:
 def refuse_held(directory: Path) -> None:
     """Raises RunError if another process writes to ``directory``."""
     found = holder(directory)
-    if found is not None:
+    if found:
         raise RunError(
             f"{directory} is being written by {found}", hint="wait until it has ended, or use another --out"
         )
 
 
-def holder(directory: Path) -> Holder | None:
-    """The process that writes to ``directory``, None if there is none; files left by an ended one do not
-    count."""
+def holder(directory: Path) -> str:
+    """The process that writes to ``directory`` in words, "" if there is none; files left by an ended one do
+    not count."""
     try:
         fd = open_regular(directory / LOCK_FILE, os.O_RDONLY)
     except OSError:
-        return None
+        return ""
     try:
-        return None if try_lock(fd, shared=True) else _parse_holder(os.read(fd, 4096))
+        # A file without content is locked, but not written yet.
+        return "" if try_lock(fd, shared=True) else os.read(fd, 4096).decode() or "another process"
     finally:
         os.close(fd)
 
@@ -86,27 +74,12 @@ def _acquire(path: Path) -> int | None:
                 os.close(fd)
                 return None
             # The previous holder may have removed the file in between; a lock on that has no effect.
-            if _is_same(fd, path):
-                os.ftruncate(fd, 0)
-                os.write(fd, json.dumps({"pid": os.getpid(), "host": host()}).encode())
-                return fd
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(fd), path.stat()):
+                    os.ftruncate(fd, 0)
+                    os.write(fd, f"process {os.getpid()} on {host()}".encode())
+                    return fd
         except OSError:
             os.close(fd)
             raise
         os.close(fd)
-
-
-def _is_same(fd: int, path: Path) -> bool:
-    try:
-        return os.path.samestat(os.fstat(fd), path.stat())
-    except FileNotFoundError:
-        return False
-
-
-def _parse_holder(content: bytes) -> Holder:
-    try:
-        values = json.loads(content)
-        return Holder(int(values["pid"]), str(values["host"]))
-    except (ValueError, KeyError, TypeError):
-        # Locked, but not written yet.
-        return Holder(0, "this host")

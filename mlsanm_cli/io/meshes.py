@@ -237,17 +237,14 @@ def _tags(mesh: meshio.Mesh) -> tuple[str, list[NDArray[Any]]] | None:
     whole = {
         name: values
         for name, values in mesh.cell_data.items()
-        if name not in _NOT_NAMES and all(_is_whole(np.asarray(v)) for v in values)
+        if name not in _NOT_NAMES
+        and all(v.ndim == 1 and v.dtype.kind in "iu" for v in map(np.asarray, values))
     }
     if len(whole) > 1:
         raise GeometryError(
             f"several cell data could name the boundaries: {', '.join(whole)}", "leave one integer array"
         )
     return next(iter(whole.items()), None)
-
-
-def _is_whole(values: NDArray[Any]) -> bool:
-    return values.ndim == 1 and values.dtype.kind in "iu"
 
 
 def _name(name: str) -> str:

@@ -44,14 +44,10 @@ def resume_command(directory: Path) -> str:
     return f"mlsanm resume {shlex.quote(str(directory))}"
 
 
-def fields_name(index: int) -> str:
-    """Name of VTU number ``index``, counted over states and, within a state, bodies."""
-    return f"fields_{index:04d}.vtu"
-
-
-def lines_name(kind: str, state: int) -> str:
-    """Name of the VTU of "contacts" or "obstacles" in saved state number ``state``."""
-    return f"{kind}_{state:04d}.vtu"
+def vtu_name(kind: str, number: int) -> str:
+    """Name of a VTU: number of "fields", counted over states and, within a state, bodies; or number of the
+    saved state of "contacts" and "obstacles"."""
+    return f"{kind}_{number:04d}.vtu"
 
 
 def interface_name(contact: str, contacts: int) -> str:

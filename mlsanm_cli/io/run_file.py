@@ -76,7 +76,6 @@ class RunFile(Closing):
         self._path, self._file = path, file
         self._pending: list[Change] = []
         self._rows: dict[str, int] = {}
-        self._groups: dict[str, Any] = {"": file}
         self._saved, self._took = time.monotonic(), 0.0
         self._unsaved = self._broken = False
 
@@ -207,7 +206,6 @@ class RunFile(Closing):
         """Replaces the checkpoint."""
         if "checkpoint/path" in self._file:
             del self._file["checkpoint/path"]
-            self._groups = {"": self._file}
         for name, value in datasets.items():
             self._put(name, value)
 
@@ -250,11 +248,10 @@ class RunFile(Closing):
     def _group(self, name: str) -> Any:
         """A group, created with its parents if it does not exist; members keep the order of creation, which
         is that of the case."""
-        if name not in self._groups:
+        if name and name not in self._file:
             above, _, own = name.rpartition("/")
-            group = self._group(above)
-            self._groups[name] = group[own] if own in group else group.create_group(own, track_order=True)
-        return self._groups[name]
+            self._group(above).create_group(own, track_order=True)
+        return self._file[name or "/"]
 
 
 def _array(value: Any) -> NDArray[Any]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing, write_text
-from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, fields_name, lines_name
+from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, vtu_name
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class StateWriter(_Collection):
         self._list(COLLECTION_FILE, position, files)
 
     def _files(self, names: Sequence[str]) -> dict[str, str]:
-        return {name: fields_name(number) for number, name in enumerate(names, len(self._entries))}
+        return {name: vtu_name("fields", number) for number, name in enumerate(names, len(self._entries))}
 
 
 class LinesWriter(_Collection):
@@ -98,13 +98,13 @@ class LinesWriter(_Collection):
             return
         for kind, lines in (("contacts", contacts), ("obstacles", obstacles)):
             if lines:
-                file = self._directory / lines_name(kind, self._states)
+                file = self._directory / vtu_name(kind, self._states)
                 write_parts(file, kind[:-1], list(lines.values()))
         self.keep(position)
 
     def keep(self, position: float) -> None:
         """Adds the existing files of a state."""
-        files = {kind: lines_name(kind, self._states) for kind in ("contacts", "obstacles")}
+        files = {kind: vtu_name(kind, self._states) for kind in ("contacts", "obstacles")}
         there = {kind: file for kind, file in files.items() if (self._directory / file).is_file()}
         if there:
             self._list(LINES_FILE, position, there)

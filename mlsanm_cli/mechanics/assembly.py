@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
-from mlsanm_cli.mechanics.springs import Held, Springs, gripped
+from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.least_squares import Strong
@@ -133,12 +133,11 @@ def _least_squares(
     owner = np.tile(np.arange(pieces.count), 3)
     # In place: the rows are the largest array before factorisation.
     rows.data *= np.repeat(weight, np.diff(rows.indptr))
-    places, times = np.zeros((pieces.count, 2)), np.zeros(pieces.count)
-    for level in pieces.levels:
-        some = np.flatnonzero(level >= 0)
-        np.add.at(places, level[some], model.nodes[some])
-        np.add.at(times, level[some], 1.0)
-    places /= np.maximum(times, 1.0)[:, None]
+    node = [np.flatnonzero(level >= 0) for level in pieces.levels]
+    piece = np.concatenate([level[some] for level, some in zip(pieces.levels, node, strict=True)])
+    times, at = np.bincount(piece, minlength=pieces.count), model.nodes[np.concatenate(node)]
+    sums_of = [np.bincount(piece, values, pieces.count) for values in at.T]
+    places = np.stack(sums_of, axis=1) / np.maximum(times, 1)[:, None]
     sums = sparse.csr_array(sums @ sparse.diags_array(1.0 / np.where(scale > 0.0, scale, 1.0)))
     strong_rows = Strong(lines, loads, owner, places, sums)
     return least_squares.factorise(rows, weight, model.nodes, solver, strong_rows)
@@ -162,7 +161,7 @@ def _rows(
     for name, surface in cloud.surfaces.items():
         stencils = model.stencils.take(surface.index)
         for component in (0, 1):
-            if held.get(name, (False, False))[component]:
+            if held.get(name, FREE)[component]:
                 blocks.append(nodal_rows(surface.index, component, count))
             else:
                 blocks.append(traction_rows(stencils, c, surface.normal, component))
@@ -218,7 +217,7 @@ def row_weights(
         spacing = cloud.spacing[surface.index]
         # A node at the end of a surface represents half a spacing of it.
         traction = factor[surface.index] * np.sqrt(surface.weight / spacing)
-        for component, holds in enumerate(held.get(name, (False, False))):
+        for component, holds in enumerate(held.get(name, FREE)):
             # A stiff spring counts as a hold.
             weights.append(
                 HOLD_WEIGHT / spacing

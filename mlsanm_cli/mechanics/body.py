@@ -109,7 +109,7 @@ class ElasticBody:
         given ``between`` (g, 2) them, at the FINE quadrature points."""
         source = np.zeros(self.rows)
         for component in (0, 1):
-            if self.held.get(surface, (False, False))[component] == held:
+            if self.held.get(surface, FREE)[component] == held:
                 source[self.condition_rows(surface, component)] = values[:, component]
         if between is not None and not held:
             taken = ~np.array(self.gripped.get(surface, FREE))

@@ -71,8 +71,7 @@ def corner_weight(cloud: Cloud, grips: Held, springs: Springs, touching: Collect
     distance = np.maximum(
         nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], MIN_DISTANCE * cloud.spacing
     )
-    factor: FloatArray = np.minimum(distance / (WEIGHT_REACH * thickness(cloud)), 1.0) ** POWER
-    return factor
+    return np.asarray(np.minimum(distance / (WEIGHT_REACH * thickness(cloud)), 1.0) ** POWER)
 
 
 def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) -> FloatArray:
@@ -138,5 +137,4 @@ def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:
     if len(corners):
         away = nearest(cKDTree(cloud.points[corners]), cloud.points)[0]
         size = np.minimum(size, np.maximum(away, MIN_DISTANCE * cloud.spacing))
-    factor: FloatArray = np.minimum(size / thickness(cloud), 1.0) ** POWER
-    return factor
+    return np.asarray(np.minimum(size / thickness(cloud), 1.0) ** POWER)

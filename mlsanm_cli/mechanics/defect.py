@@ -33,7 +33,7 @@ from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.startup import cKDTree
 
 MAX_KEPT_NODES = 2000
-"""Number of nodes of a body up to which its fits may be kept: 10 MB of weights."""
+"""Number of nodes of a body up to which its fits are kept: 10 MB of weights."""
 DEGREES = (2, 3, 4)
 """Degrees whose error estimates were validated. At degree 1 the estimate was up to 300 times too large, from
 5 on up to 10 times."""
@@ -114,10 +114,7 @@ def correct(
     estimates the error of unrefined solutions: it is largest for smooth ones like this. Raises NumericalError
     as :func:`defect_of`.
     """
-    keep = memo.keeps and len(body.model.nodes) <= MAX_KEPT_NODES
-    better = memo.value(
-        "next degree", body.model.content, lambda: NextDegree(body.model, {} if keep else None)
-    )
+    better = memo.value("next degree", body.model.content, partial(NextDegree, body.model))
     solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
@@ -211,11 +208,11 @@ def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
 
 @dataclass(frozen=True)
 class NextDegree:
-    """Fits one degree higher than a body's, with that degree's default stencil size; with ``kept`` weights a
-    second evaluation is cheap."""
+    """Fits one degree higher than a body's, with that degree's default stencil size. The weights of small
+    bodies are ``kept``, so that a second evaluation is cheap."""
 
     model: BodyModel
-    kept: dict[tuple[MlsSettings, int, bytes], Stencils] | None = field(default=None, compare=False)
+    kept: dict[tuple[MlsSettings, int, bytes], Stencils] = field(default_factory=dict, compare=False)
 
     def at_nodes(self, values: FloatArray) -> FloatArray:
         """Derivatives (n, 6, c) at the cloud's points of displacements (N, 2) or stresses (n, 3)."""
@@ -264,7 +261,7 @@ class NextDegree:
             return build_stencils(nodes, tree, places[some], 2, settings, cloud.sight, near, tips)
 
         numbers = np.arange(len(places))
-        if self.kept is None:
+        if len(nodes) > MAX_KEPT_NODES:
             return in_batches(lambda some: fits(some).derivatives(values), numbers)
         key = (settings, values.shape[1], places.tobytes())
         if key not in self.kept:

@@ -93,8 +93,7 @@ def stress_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
     """Stress (e, 3) from ``derivatives`` (e, 3 | 6, 2) of the displacement, value first."""
     by_x, by_y = derivatives[:, 1], derivatives[:, 2]
     strain = np.stack([by_x[:, 0], by_y[:, 1], by_x[:, 1] + by_y[:, 0]], axis=1)
-    result: FloatArray = strain @ c.T
-    return result
+    return np.asarray(strain @ c.T)
 
 
 def divergence_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:

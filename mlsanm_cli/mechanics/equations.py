@@ -16,7 +16,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.mechanics.springs import NO_SPRING, Springs
+from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Springs
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,7 @@ class RowTable:
     def moduli(self, surface: str, component: int, length: FloatArray) -> FloatArray:
         """Scale (b,) of the tractions of a surface's nodes: modulus plus spring stiffness times ``length``
         (b,)."""
-        result: FloatArray = self.modulus + self.springs.get(surface, NO_SPRING)[component] * length
-        return result
+        return np.asarray(self.modulus + self.springs.get(surface, NO_SPRING)[component] * length)
 
 
 def choose_equations(
@@ -62,9 +61,9 @@ def choose_equations(
         # A single held node replaces its equilibrium, or its traction if it has no equilibrium.
         taken = single[:, component] & (equation_of < count)
         # Held surfaces first: at a corner the held component replaces the other surface's traction.
-        for name in sorted(cloud.surfaces, key=lambda one: not held.get(one, (False, False))[component]):
+        for name in sorted(cloud.surfaces, key=lambda one: not held.get(one, FREE)[component]):
             index = cloud.surfaces[name].index
-            holds = held.get(name, (False, False))[component]
+            holds = held.get(name, FREE)[component]
             free = np.flatnonzero(~taken[index])
             at = index[free]
             if holds:

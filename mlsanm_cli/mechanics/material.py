@@ -89,15 +89,13 @@ class PlaneMaterial:
         """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2) due to forces along
         them, or along ``force`` (m, 2); 1/E* is the sum for both bodies."""
         by = direction if force is None else force
-        result: FloatArray = 0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, by)
-        return result
+        return np.asarray(0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, by))
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
         """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change, scalar or (n,)."""
         # An unknown (nan) expansion does not matter where nothing is heated.
         heat = np.where(temperature, self.across_heat * np.asarray(temperature), 0.0)
-        result: FloatArray = stress @ self.across + heat
-        return result
+        return np.asarray(stress @ self.across + heat)
 
     def strain(self, stress: FloatArray, temperature: float | FloatArray = 0.0) -> FloatArray:
         """Plane strains xx, yy, xy (n, 3) for ``stress`` (n, 3) and a ``temperature`` change, scalar or
@@ -109,13 +107,13 @@ class PlaneMaterial:
 
 def isotropic(modulus: float, poisson: float, plane: str, expansion: float = 0.0) -> PlaneMaterial:
     """Isotropic material with Young's ``modulus``, ``poisson`` ratio and ``expansion`` per degree."""
-    strain = _is_strain(plane)
+    strain = plane == "strain"
     if strain:
-        factor = modulus / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
-        direct, cross = factor * (1.0 - poisson), factor * poisson
+        cross = modulus * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+        direct = cross + modulus / (1.0 + poisson)
     else:
-        factor = modulus / (1.0 - poisson**2)
-        direct, cross = factor, factor * poisson
+        direct = modulus / (1.0 - poisson**2)
+        cross = direct * poisson
     shear = 0.5 * modulus / (1.0 + poisson)
     stiffness = np.array([[direct, cross, 0.0], [cross, direct, 0.0], [0.0, 0.0, shear]])
     even = np.array([1.0, 1.0, 0.0])
@@ -146,7 +144,7 @@ def orthotropic(
     nu12, nu13, nu23 = poisson
     compliance = np.array([[1.0 / e1, -nu12 / e1, 0.0], [-nu12 / e1, 1.0 / e2, 0.0], [0.0, 0.0, 1.0 / shear]])
     free, across, heat = np.array([expansion[0], expansion[1], 0.0]), np.zeros(3), 0.0
-    if _is_strain(plane):
+    if plane == "strain":
         coupling = np.array([-nu13 / e1, -nu23 / e2, 0.0])
         across, heat = -e3 * coupling, -e3 * expansion[2]
         compliance = compliance - e3 * np.outer(coupling, coupling)
@@ -163,12 +161,8 @@ def anisotropic(
     stiffness: FloatArray, plane: str, expansion: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> PlaneMaterial:
     """Material with the given plane ``stiffness`` (3, 3) and plane strains ``expansion`` (3,) per degree."""
-    unknown = np.nan if _is_strain(plane) else 0.0
+    unknown = np.nan if plane == "strain" else 0.0
     return PlaneMaterial(0.5 * (stiffness + stiffness.T), np.full(3, unknown), np.array(expansion), unknown)
-
-
-def _is_strain(plane: str) -> bool:
-    return plane == "strain"
 
 
 DIRECTIONS = 720
@@ -197,5 +191,4 @@ def surface_compliance(stiffness: FloatArray) -> FloatArray:
     r = np.einsum("ijks,tj,ts->tik", c, along, across)
     t = np.einsum("ijks,tj,ts->tik", c, across, across)
     lothe = (q - r @ np.linalg.solve(t, r.transpose(0, 2, 1))).mean(axis=0)
-    compliance: FloatArray = np.linalg.inv(0.5 * (lothe + lothe.T))
-    return compliance
+    return np.asarray(np.linalg.inv(0.5 * (lothe + lothe.T)))

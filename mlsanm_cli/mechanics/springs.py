@@ -39,11 +39,10 @@ def gripped(
 ) -> dict[str, tuple[bool, bool]]:
     """Components of every surface that are held, or have stiff springs."""
     found = dict(held)
-    for name, both in springs.items():
-        limit = stiffest_soft(cloud, material, name)
-        if max(both) > limit:
-            before = held.get(name, FREE)
-            found[name] = (before[0] or both[0] > limit, before[1] or both[1] > limit)
+    for name, (x, y) in springs.items():
+        limit, before = stiffest_soft(cloud, material, name), held.get(name, FREE)
+        if max(x, y) > limit:
+            found[name] = (before[0] or x > limit, before[1] or y > limit)
     return found
 
 
@@ -55,8 +54,9 @@ def restraining(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list
 
 def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
     """The soft springs, 0 in the other components."""
-    kept = {}
-    for name, (x, y) in springs.items():
-        limit = stiffest_soft(cloud, material, name)
-        kept[name] = (x if x <= limit else 0.0, y if y <= limit else 0.0)
+    limits = {name: stiffest_soft(cloud, material, name) for name in springs}
+    kept = {
+        name: (x if x <= limits[name] else 0.0, y if y <= limits[name] else 0.0)
+        for name, (x, y) in springs.items()
+    }
     return {name: both for name, both in kept.items() if any(both)}

@@ -114,8 +114,6 @@ class LeastSquares(LinearSystem):
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
-        """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture`` (s,
-        c) if given: (g, s) or (g, c)."""
         weighted = self._weighted(sources)
         mixed = np.eye(sources.shape[1]) if mixture is None else mixture
         count, first = weighted.shape[0], self.rows.shape[0]

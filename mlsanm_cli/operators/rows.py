@@ -12,13 +12,11 @@ from mlsanm_cli.operators.structure import MAX_ENTRIES
 
 def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | None) -> sparse.csr_array:
     """One row per stencil (e, 2n): sum over neighbours j of on_x[j] u_x[j] + on_y[j] u_y[j]. ``on_x`` and
-    ``on_y`` (nnz,) follow the stencils' entries; None omits that component. Raises ValueError if both are
-    None."""
+    ``on_y`` (nnz,) follow the stencils' entries; None omits one component."""
     if on_x is not None and on_y is not None:
         return pair_rows(stencils, np.stack([on_x, on_y], axis=1))
     component, alone = (1, on_y) if on_x is None else (0, on_x)
-    if alone is None:
-        raise ValueError("a row acts on one component at least")
+    assert alone is not None
     shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
     indptr, indices = _entries(stencils)
     return sparse.csr_array((alone, 2 * indices + component, indptr), shape=shape)

@@ -35,8 +35,7 @@ ENRICHMENT_RADIUS = 2.0
 good."""
 MIN_SEPARATION = 3.6
 """Least distance of enriched corners in radii of the fit around them, half of that across the material:
-closer corners see each other's singular fields. With 3 a slit with two corners at its root opened by up to 31
-% too little, with polynomials by 1 % (degree 2; 29 and 0.2 % at degree 4)."""
+closer corners see each other's singular fields, and a slit opened by up to 31 % too little."""
 RANK_TOLERANCE = 1e-3
 """Singular values of the functions' part orthogonal to polynomials are dropped below this fraction; 1e-4 is
 as good, 1e-2 loses 1 % at degree 4."""

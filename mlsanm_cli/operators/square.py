@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import Factor
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
+from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
 from mlsanm_cli.operators.refinement import (
     BLOCK_COLUMNS,
     FULL_TOLERANCE,
@@ -60,9 +60,7 @@ class Square(LinearSystem):
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
-        """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture`` (s,
-        c) if given: (g, s) or (g, c). Solved in blocks of columns, so that no dense (n, c) array is
-        stored."""
+        # In blocks of columns, so that no dense (n, c) array is stored.
         count = sources.shape[1] if mixture is None else mixture.shape[1]
         result = np.empty((observed.shape[0], count))
         for first in range(0, count, BLOCK_COLUMNS):
@@ -72,7 +70,6 @@ class Square(LinearSystem):
         return result
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """Relative change (c,) of the ``solutions`` (n, c) by one more refinement."""
         rest = self.scaled(sources) - self.matrix @ solutions
         return relative(np.linalg.norm(self.factor.solve(rest), axis=0), solutions)
 
@@ -107,4 +104,4 @@ def factorise(rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArr
     matrix = sparse.csr_array(choice[:, : rows.shape[0]] @ rows)
     pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)
     order = elimination_order(pattern, points)
-    return Square(matrix, choice, factor_unsymmetric(sparse.csc_array(matrix), order))
+    return Square(matrix, choice, factor_in_order(sparse.csc_array(matrix), order, THRESHOLD))

@@ -73,5 +73,4 @@ def factors_at(stages: FloatArray, position: float) -> FloatArray:
     """Load factors (L,) at a path position."""
     stage = min(int(position), len(stages) - 2)
     fraction = position - stage
-    result: FloatArray = (1.0 - fraction) * stages[stage] + fraction * stages[stage + 1]
-    return result
+    return np.asarray((1.0 - fraction) * stages[stage] + fraction * stages[stage + 1])

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -91,23 +92,23 @@ def find_grids(
     The search begins with the grids that the ``memo`` keeps of another scene with the same ``key``, as those
     that differ in coefficients of friction only.
     """
+    found = partial(_found, case, scene, pairings, search, memo, key)
     near: GridSearch | None = memo.latest("grids", key)
     if near is not None:
         with suppress(NumericalError):
-            found = _found(case, scene, pairings, near, search, memo, key)
-            if found is not None:
-                return found
-    return _found(case, scene, pairings, GridSearch.begun(ranges), search, memo, key)
+            if (result := found(near)) is not None:
+                return result
+    return found(GridSearch.begun(ranges))
 
 
 def _found(
     case: Case,
     scene: Scene,
     pairings: tuple[Pairing, ...],
-    first: GridSearch,
     search: Search,
     memo: Memo,
     key: str,
+    first: GridSearch,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """The same from a ``first`` guess."""
     ranges, grids, starts = first.ranges, first.grids, list(first.starts)
@@ -157,7 +158,11 @@ def _found(
             if every and turnings:
                 turned = _turned(scene, condensed, states, grids, common)
             if turned is None and every:
-                between = () if looked or _whole(grids, ranges) else search(condensed, (), "between", ())
+                whole = all(
+                    grids[name].first <= room.first and room.last <= grids[name].last
+                    for name, room in ranges.items()
+                )
+                between = () if looked or whole else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
                     ends = search(condensed, starts, "ends", states)
                     starts = [_moved(condensed, condensed.pairings, state) for state in ends]
@@ -221,11 +226,12 @@ def _turned(
         settled = all(abs(after[name] - turn) <= TURN_TOLERANCE for name, turn in before.items())
         if settled and not unturned(condensed, last, before, held):
             return None
-    result = dict(grids)
-    for name, angle in after.items():
-        if angle != before[name]:
-            result[name] = replace(grids[name], facing=replace(grids[name].facing, turn=angle))
-    return None if _same(result, grids) else result
+    changed = {
+        name: replace(grids[name], facing=replace(grids[name].facing, turn=angle))
+        for name, angle in after.items()
+        if angle != before[name]
+    }
+    return {**grids, **changed} if changed else None
 
 
 def _effort(contact: Contact, few: bool) -> float:
@@ -239,13 +245,6 @@ def _effort(contact: Contact, few: bool) -> float:
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
-
-
-def _whole(grids: Mapping[str, ContactGrid], ranges: Mapping[str, ContactRange]) -> bool:
-    """Whether grids cover all facing places."""
-    return all(
-        grids[name].first <= room.first and room.last <= grids[name].last for name, room in ranges.items()
-    )
 
 
 def _on_grids(
@@ -280,17 +279,18 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) ->
     closed, stuck, slip_sign = ([np.zeros(0)] for _ in range(3))
     for old, new in zip(condensed.pairings, after, strict=True):
         span = condensed.spans[old.name]
-        own = [state.active[span].astype(float), state.stuck[span].astype(float)]
+        own = [state.active[span].astype(float)]
         if old.friction:
-            own.append(np.sign(state.traction[condensed.tangential[old.name]]))
+            own += [state.stuck[span], np.sign(state.traction[condensed.tangential[old.name]])]
         if old.grid is not None and new.grid is not None:
             place, before = new.grid.hats.place, old.grid.hats.place
             own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
         closed.append(own[0])
         if old.friction:
-            stuck.append(own[1])
-            slip_sign.append(
-                np.where((own[0] >= 0.5) & (own[1] < 0.5), np.where(own[2] < 0.0, -1.0, 1.0), 0.0)
-            )
-    touch, stick = (np.concatenate(some) >= 0.5 for some in (closed, stuck))
-    return ContactStatus(touch, stick, np.concatenate(slip_sign))
+            touch, stick, sign = own
+            stuck.append(stick)
+            slips = (touch >= 0.5) & (stick < 0.5)
+            slip_sign.append(np.where(slips, np.where(sign < 0.0, -1.0, 1.0), 0.0))
+    return ContactStatus(
+        np.concatenate(closed) >= 0.5, np.concatenate(stuck) >= 0.5, np.concatenate(slip_sign)
+    )

@@ -92,7 +92,7 @@ def _named(
     names, how = _mechanism(scene, condensed, limit)
     if limit.part <= NEGLIGIBLE:
         hint = f"fix {names} with a [[support]]"
-        if limit.rubbed > MIN_FRICTION_WORK:
+        if limit.friction_share > MIN_FRICTION_WORK:
             hint += ", or raise friction"
         return f"{names} {how}: the contacts cannot carry any load added in stage {stage + 1}", hint
     changes = zip(scene.loads, stages[stage], stages[stage + 1], strict=True)
@@ -124,7 +124,7 @@ def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[st
     names = [name for name, size in sizes.items() if size > MIN_MOTION * largest]
     text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
     several = len(names) > 1
-    if limit.rubbed > MIN_FRICTION_WORK:
+    if limit.friction_share > MIN_FRICTION_WORK:
         how = SLIDES if several else f"{SLIDES}s"
     elif turns.any() and (limit.pressed or _pushed(condensed, limit.motion, turns)):
         how = "tip over" if several else "tips over"

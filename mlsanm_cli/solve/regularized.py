@@ -15,37 +15,11 @@ from mlsanm_cli.contact.laws.limit_load import SlidingError, limit_load, slides_
 from mlsanm_cli.contact.laws.regularized_friction import FactorisationCount, RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
-from mlsanm_cli.continuation import (
-    AnmOptions,
-    Branch,
-    NewtonOptions,
-    Step,
-    StopReason,
-    correct,
-    follow,
-)
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.solve import series
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
-from mlsanm_cli.solve.series import (
-    PathPoint,
-    between,
-    checkpoint_at,
-    coupling_of,
-    drawn,
-    inside,
-    moved,
-    path_options,
-    previous_piece,
-    problem_of,
-    regularization,
-    restored,
-    series_of,
-    sharpened,
-    start_point,
-    state_of,
-    stopped,
-)
 from mlsanm_cli.solve.state import Checkpoint, PathStep, output_positions
 
 STANDSTILL = 1e-12
@@ -64,19 +38,19 @@ APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "e
 def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Path of the regularised laws. Requested states are evaluated from the series of their step, or are ends
     of Newton steps. NumericalError if the path cannot be continued."""
-    wanted, options = output_positions(built), replace(path_options(built), direction=1)
+    wanted, options = output_positions(built), replace(series.path_options(built), direction=1)
     if start is None:
         point, first = start_at_rest(built, options)
         saved = (first.state,) if 0.0 in wanted else ()
-        yield replace(first, saved=saved, checkpoint=checkpoint_at(point, first.state))
+        yield replace(first, saved=saved, checkpoint=series.checkpoint_at(point, first.state))
     else:
-        point = restored(built, start)
+        point = series.restored(built, start)
     for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
         if start is not None and stage < start.stage:
             continue
         path = _StagePath(stage, wanted, options)
         if start is not None and stage == start.stage and start.fraction > 0.0:
-            steps = path.continue_stage(point, previous_piece(start, point.x))
+            steps = path.continue_stage(point, series.previous_piece(start, point.x))
         else:
             steps = path.steps(replace(point, problem=point.problem.over(begin, end), lam=0.0))
         try:
@@ -95,30 +69,32 @@ def _slides(stage: int, lam: float) -> SlidingError:
     return SlidingError(lam, f" at position {stage + lam:.9g}")
 
 
-def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) -> tuple[PathPoint, PathStep]:
+def start_at_rest(
+    built: CondensedScene, options: AnmOptions | NewtonOptions
+) -> tuple[series.PathPoint, PathStep]:
     """Initial point before the first load, and the first row of the path. NumericalError if a body or platen
     is not held."""
     if len(built.condensed.friction_nodes) and not built.is_holonomic:
         point = _first(built, options)
         assert point.friction is not None
-        first, count = state_of(point, 0, point.residual), point.friction.tally.reset()
+        first, count = series.state_of(point, 0, point.residual), point.friction.tally.reset()
         return point, PathStep(first, (), factorizations=count)
-    problem = problem_of(built, coupling_of(built, regularization(built)), 0)
-    found = correct(problem, start_point(built, problem), 0.0, options)
+    problem = series.problem_of(built, series.coupling_of(built, series.regularization(built)), 0)
+    found = correct(problem, series.start_point(built, problem), 0.0, options)
     # The holonomic law does not define dissipation.
-    point = PathPoint(problem, found.x, 0.0, np.full(problem.n, np.nan))
-    first = state_of(point, 0, point.residual)
+    point = series.PathPoint(problem, found.x, 0.0, np.full(problem.n, np.nan))
+    first = series.state_of(point, 0, point.residual)
     return point, PathStep(first, (), 0.0, 0, found.updates, found.factorizations, found.solves)
 
 
-def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPoint:
+def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> series.PathPoint:
     """State before the first load, in which normals carry the small pressures of the law.
 
     Very soft asperities prevent weakly resisted motions, as the rotation of a disk in a groove by errors of
     the grid; their slips are reset until they carry nearly nothing. Pressed nodes stick initially; friction
     of the others begins at the threshold of the law. NumericalError if a body or platen is not held.
     """
-    c, bare = built.condensed, coupling_of(built, regularization(built))
+    c, bare = built.condensed, series.coupling_of(built, series.regularization(built))
     law, begin, tally = bare.law, built.stages[0], FactorisationCount()
     rubbing, nothing = c.friction_nodes, np.zeros(len(c.friction_nodes))
     least = MIN_TENSION * law.eta[rubbing] / np.maximum(c.friction, 1.0)
@@ -140,7 +116,7 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPo
         base = base.with_thresholds(threshold)
         return RegularizedFriction(base, begin, begin, ContactStatus(closed, stuck, nothing), rest, tally)
 
-    x, rest, carried, times = drawn(built, bare), nothing, np.inf, FIRST_SOFTNESS
+    x, rest, carried, times = series.drawn(built, bare), nothing, np.inf, FIRST_SOFTNESS
     while times <= MAX_SOFTNESS:
         soft = replace(bare, law=replace(law, stick_compliance=times * elastic)).with_stick_compliance()
         problem = sticking(soft, x, rest)
@@ -161,35 +137,35 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> PathPo
         rest = c.slip(begin, bare.split_motions(motion)[0], pressure, nothing)
         traction[:] = 0.0
     problem = sticking(bare.with_stick_compliance(), x, nothing)
-    return inside(PathPoint(problem.rested(x, 0.0), x, 0.0, nothing), options.goal)
+    return series.inside(series.PathPoint(problem.rested(x, 0.0), x, 0.0, nothing), options.goal)
 
 
 class _StagePath:
     """Path of one stage: one piece, or with friction with memory pieces between events."""
 
     def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
-        self.point: PathPoint
+        self.point: series.PathPoint
         self._stage, self._options = stage, options
         self._wanted = [position for position in wanted if stage < position <= stage + 1]
         self._standing = 0
         self._held: ContactStatus | None = None
         self._previous: Branch | None = None
 
-    def steps(self, point: PathPoint) -> Iterator[PathStep]:
+    def steps(self, point: series.PathPoint) -> Iterator[PathStep]:
         """Steps from the beginning of the stage to its end. NoStateError, NumericalError."""
         self.point = point
         if not point.problem.change.any():
             # A stage that changes nothing.
             self.point = replace(point, lam=1.0)
-            state = state_of(self.point, self._stage, self.point.residual)
+            state = series.state_of(self.point, self._stage, self.point.residual)
             saved = tuple(replace(state, position=position) for position in self._wanted)
-            yield PathStep(state, saved, checkpoint=checkpoint_at(self.point, state))
+            yield PathStep(state, saved, checkpoint=series.checkpoint_at(self.point, state))
             return
         if point.friction is not None:
             self._put_on(point, point.friction, EventFlags.none(point.problem.n))
         yield from self._pieces()
 
-    def continue_stage(self, point: PathPoint, previous: Branch | None) -> Iterator[PathStep]:
+    def continue_stage(self, point: series.PathPoint, previous: Branch | None) -> Iterator[PathStep]:
         """Steps from a point within the stage to its end, first those of the ``previous`` piece unless an
         event ended it. Errors as `steps`."""
         self.point = point
@@ -225,12 +201,12 @@ class _StagePath:
                 continue
             if step.lam == 1.0 and step.order:
                 # Newton's method has corrected the end itself.
-                x, residual = sharpened(begin.problem, step.x, 1.0)
+                x, residual = series.sharpened(begin.problem, step.x, 1.0)
                 step = _updated(replace(step, x=x, residual=residual))
-            before, self.point = self.point, moved(self.point, step.x, step.lam)
+            before, self.point = self.point, series.moved(self.point, step.x, step.lam)
             yield self._finished(before, step, follower.outcome.piece)
         if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
-            raise stopped(self._stage, follower.outcome)
+            raise series.stopped(self._stage, follower.outcome)
         self._previous = follower.outcome.piece
         self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
         if self._standing > 4 * begin.problem.n + 50:
@@ -251,30 +227,30 @@ class _StagePath:
         limit = limit_load(friction.condensed, friction.start, friction.change)
         return limit is None or not limit.whole
 
-    def _put_on(self, point: PathPoint, problem: RegularizedFriction, hits: EventFlags) -> None:
+    def _put_on(self, point: series.PathPoint, problem: RegularizedFriction, hits: EventFlags) -> None:
         """Put the path on the sets that hold beyond a point."""
         problem, x = continued(problem.by_pressure_alone(point.x), point.x, point.lam, hits)
         # The place of the event has the tolerance of the series, and the new sets differ slightly.
-        self.point = inside(replace(point, problem=problem, x=x), self._options.goal)
+        self.point = series.inside(replace(point, problem=problem, x=x), self._options.goal)
 
     def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path continues from it."""
         before = self.point
         assert before.friction is not None
-        point, failure = moved(before, step.x, step.lam), None
+        point, failure = series.moved(before, step.x, step.lam), None
         try:
             self._put_on(point, before.friction, hits)
         except NoStateError as error:
             failure = error
-            self.point = inside(point, self._options.goal)
+            self.point = series.inside(point, self._options.goal)
         yield self._finished(before, replace(step, residual=self.point.residual))
         if failure is not None:
             raise failure
 
-    def _finished(self, before: PathPoint, step: Step, piece: Branch | None = None) -> PathStep:
+    def _finished(self, before: series.PathPoint, step: Step, piece: Branch | None = None) -> PathStep:
         """The step from ``before`` to where the path is now, with requested states from its series, on a
         ``piece`` that continues."""
-        stage, end = self._stage, state_of(self.point, self._stage, step.residual)
+        stage, end = self._stage, series.state_of(self.point, self._stage, step.residual)
         # A copy keeps the factorised tangent, which those of the requested states would replace.
         problem, saved = copy(before.problem), []
         for position in self._wanted:
@@ -284,9 +260,9 @@ class _StagePath:
                 saved.append(replace(end, position=position))
                 continue
             x, lam = step.branch.evaluate(step.branch.parameter_at(position - stage))
-            x, residual = sharpened(problem, x, lam)
+            x, residual = series.sharpened(problem, x, lam)
             step = _updated(step)
-            state = state_of(between(before, x, lam), stage, residual)
+            state = series.state_of(series.between(before, x, lam), stage, residual)
             # The series has the position up to round-off.
             saved.append(replace(state, position=position))
         friction = self.point.friction
@@ -300,9 +276,9 @@ class _StagePath:
             factorizations=step.factorizations if friction is None else friction.tally.reset(),
             solves=step.solves,
             # Predictors between states are not stored.
-            series=series_of(before.problem, step.branch, stage) if step.order else {},
+            series=series.series_of(before.problem, step.branch, stage) if step.order else {},
             series_attributes={"length": step.branch.length, "stage": stage},
-            checkpoint=checkpoint_at(self.point, end, piece),
+            checkpoint=series.checkpoint_at(self.point, end, piece),
         )
 
 

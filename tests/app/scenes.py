@@ -9,7 +9,11 @@ from typing import Any
 import h5py
 import numpy as np
 
+from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.run import run
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
+from mlsanm_cli.case import load_case
+from mlsanm_cli.solve.condensed_scene import CondensedScene
 from tests.case_text import EXACT, body, box, contact, head, item, load, material, pin, support, table
 
 NODAL = (
@@ -156,6 +160,12 @@ def solve(text: str, directory: Path, *overrides: str, console: Quiet | None = N
     case = directory.with_suffix(".toml")
     case.write_text(text)
     return run(case, overrides=overrides, out=directory, console=console or Quiet())
+
+
+def built_of(case: Path, *settings: str) -> CondensedScene:
+    """The condensed scene of a case file."""
+    loaded, context = load_case(case, settings), RunContext(Clock(), Quiet())
+    return condense_scene(loaded.case, build_scene(loaded, context), context)
 
 
 def stored(directory: Path) -> dict[str, Any]:

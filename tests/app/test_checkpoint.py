@@ -8,14 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.context import Clock, RunContext
-from mlsanm_cli.app.scene.build import build_scene, condense_scene
-from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import PathStep
 from mlsanm_cli.solve.stop_events import load_path
-from tests.app.scenes import ANM, BAR, COARSE, FAST, Quiet, hertz
+from tests.app.scenes import ANM, BAR, COARSE, FAST, built_of, hertz
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED, SMOOTH
 
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
@@ -39,12 +36,11 @@ SAME = 1e-8
 """How near states come where the path is followed in other steps; the solver's tolerance is 1e-6."""
 
 
-def built_of(name: str, directory: Path, *more: str) -> CondensedScene:
+def scene_of(name: str, directory: Path, *more: str) -> CondensedScene:
     text, settings = SCENES[name]
     case = directory / "case.toml"
     case.write_text(text)
-    loaded, context = load_case(case, (*settings, *more)), RunContext(Clock(), Quiet())
-    return condense_scene(loaded.case, build_scene(loaded, context), context)
+    return built_of(case, *settings, *more)
 
 
 def away(whole: list[PathStep], rest: list[PathStep]) -> float:
@@ -62,7 +58,7 @@ def away(whole: list[PathStep], rest: list[PathStep]) -> float:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_rest_of_a_path_leads_to_the_same_states(name: str, tmp_path: Path) -> None:
-    built = built_of(name, tmp_path)
+    built = scene_of(name, tmp_path)
     whole = list(load_path(built))
     assert len(whole) > 3
     middle = whole[len(whole) // 2].checkpoint
@@ -78,7 +74,7 @@ def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
     """
     few, many = "output.at=[2.0]", f"output.at={[k / 10 for k in range(1, 21)]}"
     short = ("stage=[{press=1.0}, {shear=0.5}]",)
-    one, other = (built_of("friction", tmp_path, *short, at) for at in (few, many))
+    one, other = (scene_of("friction", tmp_path, *short, at) for at in (few, many))
     paths = [list(load_path(replace(one, case=two.case))) for two in (one, other)]
     ends = [[step.state.position for step in path] for path in paths]
     assert ends[0] == pytest.approx(ends[1], rel=1e-12)
@@ -86,7 +82,7 @@ def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
 
 def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
     """Also where the last step's event left no state to continue from."""
-    built = built_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
+    built = scene_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
     steps: list[PathStep] = []
     with pytest.raises(NumericalError, match="slides as a whole"):
         steps.extend(load_path(built))

@@ -234,12 +234,13 @@ def test_colour_of_the_bodies(bar_run: Path) -> None:
     run = read_run(bar_run)
     case = parse_case(run.case_resolved, Path("resolved.toml")).case
     fields = run.states[-1].bodies["bar"]
-    stored, label = views.scalar_of(case, "bar", fields, fields["displacement"])
-    made, same = views.scalar_of(case, "bar", {"stress": fields["stress"]}, fields["displacement"])
+    stored, label = views.field_of(case, "bar", fields, fields["displacement"], None)
+    derived = {"stress": fields["stress"]}
+    made, same = views.field_of(case, "bar", derived, fields["displacement"], None)
     assert label == same == "von Mises stress"
     assert made == pytest.approx(stored)
     assert stored == pytest.approx(np.sqrt(30.0**2 + 40.0**2 + 1200.0))
-    size, label = views.scalar_of(case, "bar", {}, fields["displacement"])
+    size, label = views.field_of(case, "bar", {}, fields["displacement"], None)
     assert label == "displacement"
     assert size.max() == np.hypot(*fields["displacement"].T).max()
 

@@ -90,7 +90,7 @@ def test_the_limit_of_sliding_is_friction_times_force() -> None:
     limit = limit_load(c, pressed, change)
     assert limit is not None
     assert limit.part == pytest.approx(0.8)
-    assert limit.rubbed == pytest.approx(1.0)
+    assert limit.friction_share == pytest.approx(1.0)
     assert limit.pressed
     assert abs(limit.motion[1]) > 0.0
     carried = limit_load(c, pressed, 0.7 * change)
@@ -105,7 +105,7 @@ def test_loads_of_which_nothing_is_carried(loads: list[float], rubbed: float) ->
     limit = limit_load(half_planes(20).condensed, np.zeros(2), np.array(loads))
     assert limit is not None
     assert limit.part == pytest.approx(0.0, abs=1e-9)
-    assert limit.rubbed == rubbed
+    assert limit.friction_share == rubbed
 
 
 def test_a_body_slides_until_a_wall_stops_it(tmp_path: Path) -> None:

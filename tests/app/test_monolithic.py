@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.assessment.checks import LINEAR_LIMIT
-from mlsanm_cli.app.context import Clock, RunContext
-from mlsanm_cli.app.scene.build import build_scene, condense_scene
-from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
@@ -19,7 +16,7 @@ from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.series import coupling_of, regularization
 from mlsanm_cli.solve.state import State
-from tests.app.scenes import COARSE, PATCH, Quiet, hertz, solve
+from tests.app.scenes import COARSE, PATCH, built_of, hertz, solve
 from tests.contact.derivatives import tangent_times
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
@@ -75,9 +72,7 @@ def build(scene: str, formulation: str, directory: Path) -> CondensedScene:
         text = (CASES / f"{text}.toml").read_text()
     case = directory / "case.toml"
     case.write_text(text.partition("[reference]")[0])
-    context = RunContext(Clock(), Quiet())
-    loaded = load_case(case, (*overrides, SHARP, f'solver.formulation="{formulation}"'))
-    return condense_scene(loaded.case, build_scene(loaded, context), context)
+    return built_of(case, *overrides, SHARP, f'solver.formulation="{formulation}"')
 
 
 def saved(built: CondensedScene) -> list[State]:

@@ -8,16 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.context import Clock, RunContext
-from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.laws import many_unknowns
 from mlsanm_cli.contact.response import condensation, contact_fields
 from mlsanm_cli.contact.response.functionals import candidate_rows, changes
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
-from tests.app.scenes import Quiet, solve
+from tests.app.scenes import Quiet, built_of, solve
 from tests.case_text import EXACT, body, box, contact, disk, head, load, material, pushed, support, table
 
 NOSE = {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"}
@@ -212,9 +209,7 @@ def test_a_contact_may_wander_on_its_way(tmp_path: Path) -> None:
 def test_changes_of_gaps_and_slips_are_those_of_their_rows(tmp_path: Path) -> None:
     text, _ = pressed(1e-2)
     (tmp_path / "case.toml").write_text(text)
-    loaded = load_case(tmp_path / "case.toml", ("contact.interface.friction=0.3", "contact.*.accuracy=0.1"))
-    context = RunContext(Clock(), Quiet())
-    built = condense_scene(loaded.case, build_scene(loaded, context), context)
+    built = built_of(tmp_path / "case.toml", "contact.interface.friction=0.3", "contact.*.accuracy=0.1")
     (pairing,) = built.condensed.pairings
     for name, elastic in built.scene.bodies.items():
         x, y = elastic.model.nodes.T

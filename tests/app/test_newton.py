@@ -10,25 +10,17 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.results.path_lookup import INTERPOLATED, level_at, pressures_at
-from mlsanm_cli.app.scene.build import build_scene, condense_scene
-from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import State
-from tests.app.scenes import ANM, NODAL, Quiet, hertz, solve
+from tests.app.scenes import ANM, NODAL, built_of, hertz, solve
 from tests.app.test_friction import HOLONOMIC, SHEARED
 
 NEWTON = 'solver.method="newton"'
 SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
 CASES = Path(__file__).parents[2] / "cases"
-
-
-def built_of(path: Path, *settings: str) -> CondensedScene:
-    loaded, context = load_case(path, settings), RunContext(Clock(), Quiet())
-    return condense_scene(loaded.case, build_scene(loaded, context), context)
 
 
 def saved(built: CondensedScene, **solver: Any) -> list[State]:

@@ -15,8 +15,7 @@ from mlsanm_cli.app.scene.assemble import prepare
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
-from mlsanm_cli.app.scene.contact_ranges import valleys
-from mlsanm_cli.app.scene.default_spacing import arc_zones
+from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.app.scene.tips import check_tips

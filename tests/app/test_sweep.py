@@ -222,9 +222,7 @@ def test_a_point_that_kills_its_process_is_given_up(
     monkeypatch.setattr(engines, "solve_point", _dies)
     monkeypatch.setattr(engines, "MAX_ATTEMPTS", 2)
     deadly = SweepPoint(case, (), tmp_path / "x", "x", 1, 0, (), False)
-    with engines.PoolEngine(1) as engine:
-        engine.submit(deadly)
-        (row,) = engine.results()
+    (row,) = engines.in_pool([deadly], 1)
     assert row["status"] == "failed"
     assert row["stop_reason"] == "its process died 2 times"
 

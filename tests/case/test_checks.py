@@ -6,6 +6,8 @@ import pytest
 
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
 
+POINT = '[[support]]\nbody = "square"\nnear = [1, 0]\nuy = 0\n'
+
 
 def load(name: str, boundary: str, kind: str, keys: str) -> str:
     return f'[[load]]\nname = "{name}"\nboundary = "square.{boundary}"\nkind = "{kind}"\n{keys}\n'
@@ -58,13 +60,23 @@ def test_a_refinement_names_its_boundary_with_or_without_the_body() -> None:
         assert (refine.along, refine.edge("block")) == (name, "top")
 
 
-def test_unused_material() -> None:
-    problem = only(HERTZ + "[material.gum]\nE = 1\nnu = 0\n")
-    assert problem.key == "material.gum"
+MORE = load("more", "right", "pressure", "pressure = 1")
 
 
-def test_incompressible_is_fine_in_plane_stress() -> None:
-    assert parse(SQUARE + CLAMP + PULL).case.material["rubber"].nu == 0.5
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (HERTZ + "[material.gum]\nE = 1\nnu = 0\n", "material.gum"),
+        (SQUARE + CLAMP + PULL + MORE + "[[stage]]\npull=1", "load.more"),
+        (SQUARE + CLAMP + load("a", "rigth", "pressure", "pressure = 1"), "load.a.boundary"),
+        (SQUARE + CLAMP + PULL + '[[support]]\nboundary = "square.left"\nuy = 0\n', "support.1"),
+        (SQUARE + CLAMP + PULL + 2 * POINT, "support.2"),
+        # A contact with a fault still is one for the checks of other keys.
+        (HERTZ + 'friction = "some"\n[solver]\nformulation = "monolithic"\n', "contact.interface.friction"),
+    ],
+)
+def test_only_problem(text: str, key: str) -> None:
+    assert only(text).key == key
 
 
 @pytest.mark.parametrize(
@@ -84,13 +96,6 @@ def test_stages_and_numbers(stages: str, key: str, words: str) -> None:
     problem = only(HERTZ + stages)
     assert problem.key == key
     assert words in str(problem)
-
-
-def test_a_load_that_no_stage_moves() -> None:
-    problem = only(
-        SQUARE + CLAMP + PULL + load("more", "right", "pressure", "pressure = 1") + "[[stage]]\npull=1"
-    )
-    assert problem.key == "load.more"
 
 
 def test_positions_reach_to_the_last_stage() -> None:
@@ -149,16 +154,9 @@ def test_a_load_on_a_support(edge: str, kind: str, keys: str, clash: bool) -> No
         parse(text)
 
 
-def test_a_pressure_on_no_boundary() -> None:
-    assert only(SQUARE + CLAMP + load("a", "rigth", "pressure", "pressure = 1")).key == "load.a.boundary"
-
-
-def test_supports_that_overlap() -> None:
-    assert only(SQUARE + CLAMP + PULL + '[[support]]\nboundary = "square.left"\nuy = 0\n').key == "support.1"
-    point = '[[support]]\nbody = "square"\nnear = [1, 0]\nuy = 0\n'
-    parse(SQUARE + CLAMP + PULL + point)
-    assert only(SQUARE + CLAMP + PULL + point + point).key == "support.2"
-    parse(SQUARE + CLAMP + PULL + point + point.replace("uy", "ux"))
+def test_two_supports_of_one_point() -> None:
+    parse(SQUARE + CLAMP + PULL + POINT)
+    parse(SQUARE + CLAMP + PULL + POINT + POINT.replace("uy", "ux"))
 
 
 @pytest.mark.parametrize(
@@ -225,16 +223,7 @@ def test_monolithic_is_for_smooth_contact_laws() -> None:
     assert 'formulation = "condensed"' in problem.hint
 
 
-def test_planned_keys_may_be_switched_off() -> None:
-    parse(HERTZ, ["adapt.passes=0", "solver.polish=false", "contact.interface.friction=0"])
-
-
-def test_other_faults_are_told_beside_a_refusal() -> None:
+def test_other_faults_are_reported_beside_a_refusal() -> None:
     found = problems(HERTZ, ["support.0.uy=0.1", "body.block.spacing=-1"])
     assert {problem.key for problem in found} == {"support.0.uy", "body.block.spacing"}
     assert any("not supported yet" in problem.message for problem in found)
-
-
-def test_a_contact_with_a_fault_is_a_contact_all_the_same() -> None:
-    chosen = 'solver.formulation="monolithic"'
-    assert only(HERTZ, [chosen, 'contact.interface.friction="some"']).key == "contact.interface.friction"

@@ -147,25 +147,24 @@ def test_springs_meet_tractions_but_nothing_else() -> None:
     assert "both act on square.top in y" in only(on_top).message
 
 
+HOLD = '[[load]]\nname = "hold"\nboundary = "square.left"\nkind = "displacement"\n{}\n'
+
+
 @pytest.mark.parametrize(
-    ("spring", "free"),
-    [("[1, 1]", ""), ("[0, 1]", "translation in x"), ("[1, 0]", "translation in y and rotation")],
+    ("conditions", "free"),
+    [
+        (SPRING.format("bottom", "[1, 1]"), ""),
+        (SPRING.format("bottom", "[0, 1]"), "translation in x"),
+        (SPRING.format("bottom", "[1, 0]"), "translation in y and rotation"),
+        (HOLD.format("ux = 0"), "translation in y"),
+        (HOLD.format("ux = 0\nuy = 0"), ""),
+    ],
 )
-def test_springs_hold_a_body(spring: str, free: str) -> None:
-    text = SQUARE + PULL + SPRING.format("bottom", spring)
-    if not free:
-        parse(text)
+def test_springs_and_displacements_hold_a_body(conditions: str, free: str) -> None:
+    if free:
+        assert free in only(SQUARE + PULL + conditions).message
     else:
-        assert free in only(text).message
-
-
-@pytest.mark.parametrize(("keys", "free"), [("ux = 0", "translation in y"), ("ux = 0\nuy = 0", "")])
-def test_a_displacement_in_one_direction_holds_that_one(keys: str, free: str) -> None:
-    pull = f'[[load]]\nname = "hold"\nboundary = "square.left"\nkind = "displacement"\n{keys}\n'
-    if not free:
-        parse(SQUARE + PULL + pull)
-    else:
-        assert free in only(SQUARE + PULL + pull).message
+        parse(SQUARE + PULL + conditions)
 
 
 def with_table(tmp_path: Path, content: str | bytes, kind: str = "pressure") -> str:

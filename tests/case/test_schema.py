@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.case import Case, Platen, load_case, resolved_mapping
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
-from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
+from tests.case.scenes import CLAMP, HERTZ, SQUARE, only, parse, problems
 
 RUBS = "contact.interface.friction=0.3"
 ROLLER = """
@@ -132,12 +132,6 @@ def test_values_out_of_range(setting: str, words: str) -> None:
     problem = only(HERTZ, [setting])
     assert problem.source == "--set"
     assert words in str(problem)
-
-
-def test_the_value_of_a_load_is_called_like_its_kind() -> None:
-    found = problems(SQUARE + CLAMP + PULL.replace("traction = [1, 0]", "value = [1, 0]"))
-    assert {problem.key for problem in found} == {"load.pull.value", "load.pull.traction"}
-    assert 'is called "traction"' in " ".join(str(problem) for problem in found)
 
 
 def test_all_problems_at_once_in_the_order_of_the_file() -> None:
@@ -265,36 +259,21 @@ def test_syntax_errors_have_their_line(text: str, line: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         ("[load]\n[load]\n", "[load] is declared twice (write [[load]] above each one)"),
         ("[shape]\n[shape]\n", "[shape] is declared twice ([body.shape] belongs to the item above)"),
         ("[material.a]\n[material.a]\n", "[material.a] is declared twice"),
         ("title = “half”\n", 'write straight quotes: "'),
         ("a = 1\na = 2\n", "the key is defined twice"),
+        ("a = " + "[" * 20_000 + "]" * 20_000, "nested"),
+        (HERTZ.replace("E = 210e3", 'E = "210 GPa"'), "numbers have no units"),
+        (HERTZ.replace("force = [0.0, -350.0]", "fy = '-350 N'"), "no units"),
+        (HERTZ.replace("format = 1", "format = 1\nfriction = 0.2"), "did you mean contact.friction?"),
     ],
 )
-def test_syntax_errors_say_what_to_write(text: str, told: str) -> None:
-    assert told in str(only(text))
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        (("E = 210e3", 'E = "210 GPa"'), "numbers have no units"),
-        (
-            (
-                "uy = 0.0",
-                'uy = 0.0\n[[load]]\nname="p"\nkind="pressure"\nboundary="block.top"\npressure="1 MPa"',
-            ),
-            "no units",
-        ),
-        (("format = 1", "format = 1\nfriction = 0.2"), "did you mean contact.friction?"),
-    ],
-)
-def test_hints_for_units_and_misplaced_keys(change: tuple[str, str], told: str) -> None:
-    found, _ = outcome(HERTZ.replace(*change, 1))
-    assert any(told in str(problem) for problem in found), found
+def test_hints(text: str, words: str) -> None:
+    assert words in str(only(text))
 
 
 @pytest.mark.parametrize("text", ["", "body = 1\n", "body = []\n"])
@@ -306,11 +285,6 @@ def test_missing_bodies_are_told_once(text: str) -> None:
 def test_a_bad_modulus_hides_no_bad_ratio() -> None:
     found, _ = outcome(HERTZ.replace("E = 210e3", "E = -1.0").replace("nu = 0.3", "nu = 0.6"))
     assert [problem.key for problem in found] == ["material.steel.E", "material.steel.nu"]
-
-
-def test_deep_nesting_is_an_error_not_a_crash() -> None:
-    problem = only("a = " + "[" * 20_000 + "]" * 20_000)
-    assert "nested" in problem.message
 
 
 def test_unreadable_files(tmp_path: Path) -> None:

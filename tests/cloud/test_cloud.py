@@ -11,10 +11,11 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.cloud.search import BATCH_SIZE, nearest, run_interruptible
 from mlsanm_cli.cloud.spacing import Spacing, Zone, estimate_nodes
+from tests.cloud.shapes import polygon
 
 BLOCK = rectangle((-2.0, 2.0), (-2.0, 0.0))
 FINE = Spacing(0.15, (Zone.around((0.0, 0.0), 0.01, 0.1, 0.12),))
@@ -26,11 +27,6 @@ SCENES: list[tuple[Outline, Spacing]] = [
     (sector((0.0, 0.0), (1.0, 2.0), (0.0, 1.5)), Spacing(0.1)),
     (BLOCK, Spacing(0.2, (Zone(BLOCK.curves[2], 0.03, 0.05, 0.2),))),
 ]
-
-
-def polygon(*corners: tuple[float, float]) -> Outline:
-    sides = [Segment(one, other) for one, other in zip(corners, [*corners[1:], corners[0]], strict=True)]
-    return Outline(tuple(f"side{k}" for k in range(len(sides))), tuple(sides))
 
 
 @pytest.mark.parametrize(("outline", "spacing"), SCENES)

@@ -14,13 +14,9 @@ from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, half_d
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import Memo
+from tests.cloud.shapes import polygon
 
 UPRIGHT, LEVEL = SymmetryLine(0, 0.3), SymmetryLine(1, -0.2)
-
-
-def polygon(*corners: tuple[float, float]) -> Outline:
-    names = tuple(f"edge{number}" for number in range(len(corners)))
-    return Outline(names, tuple(map(Segment, corners, (*corners[1:], corners[0]))))
 
 
 BLOCK = rectangle((-0.7, 1.3), (-0.7, 0.3))

@@ -36,8 +36,3 @@ def test_the_same_as_point_by_point(together: int, monkeypatch: pytest.MonkeyPat
     expected = [is_inside(EDGES, x, y) for x, y in points]
     assert 40 < sum(expected) < 260
     assert np.array_equal(inside_polygon(EDGES, points), expected)
-
-
-def test_no_points_and_no_edges() -> None:
-    assert inside_polygon(EDGES, np.zeros((0, 2))).shape == (0,)
-    assert not inside_polygon(np.zeros((0, 4)), np.zeros((3, 2))).any()

@@ -10,17 +10,12 @@ import pytest
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cells import measure as cell_measures
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.drawing import polygon
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.cloud.sight import MIN_DETOUR, VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-
-
-def chain(*points: tuple[float, float]) -> Outline:
-    """A polygon."""
-    sides = tuple(Segment(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True))
-    return Outline(tuple(f"side{k}" for k in range(len(sides))), sides)
+from tests.cloud.shapes import polygon as chain
 
 
 def notched(width: float, tip: float = 0.0, between: float | None = None) -> Outline:

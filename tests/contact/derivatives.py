@@ -1,4 +1,4 @@
-"""What the tests of all contact laws differentiate alike."""
+"""Numerical derivatives shared by the tests of the contact laws."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def highest_terms(problem: Problem, x: FloatArray, lam: FloatArray) -> tuple[Flo
     return coefficients[order], expected, float(np.abs(coefficients).max())
 
 
-def lack_of_orders(problem: Problem, tangent: FrictionTangent, x: FloatArray, seed: int) -> float:
-    """By how much the tangent's own high orders miss those solved one by one, relative to each order."""
+def error_of_orders(problem: Problem, tangent: FrictionTangent, x: FloatArray, seed: int) -> float:
+    """Difference of the tangent's own high orders from those solved one by one, relative to each order."""
     rng, order = np.random.default_rng(seed), 6
     slope, normal, size = rng.normal(size=problem.size), rng.normal(size=problem.size), 3.0
     series = np.concatenate([x[None], rng.normal(size=(order, problem.size))])

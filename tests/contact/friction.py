@@ -129,21 +129,16 @@ def in_units(
     """The same problem with lengths and stresses in other units; for powers of two to the last bit."""
     soft, force = length / stress, length * stress
 
-    def told(one: LinearMap, unit: float, per_motion: float, per_stress: float) -> LinearMap:
-        return LinearMap(
-            one.constant * unit,
-            one.load * unit,
-            one.motion * per_motion,
-            one.pressure * per_stress,
-            one.traction * per_stress,
-        )
+    def scaled(one: LinearMap, unit: float, per_motion: float, per_stress: float) -> LinearMap:
+        factors = (unit, unit, per_motion, per_stress, per_stress)
+        return LinearMap(*(part * by for part, by in zip(one.parts, factors, strict=True)))
 
     changed = replace(
         condensed,
         weight=condensed.weight * length,
-        gap=told(condensed.gap, length, 1.0, soft),
-        slip=told(condensed.slip, length, 1.0, soft),
-        balance=told(condensed.balance, force, stress, length),
+        gap=scaled(condensed.gap, length, 1.0, soft),
+        slip=scaled(condensed.slip, length, 1.0, soft),
+        balance=scaled(condensed.balance, force, stress, length),
     )
     return changed, Regularization(
         eta=law.eta * stress,

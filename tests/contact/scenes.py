@@ -1,4 +1,4 @@
-"""Contact scenes: condensed problems made by hand, and small ones built from a case."""
+"""Contact scenes: synthetic condensed problems, and small ones built from a case."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def every_set(condensed: Condensed) -> list[tuple[FloatArray, FloatArray]]:
     gap: LinearMap = condensed.gap
     free = gap.constant + gap.load @ FULL
     m, k = len(free), len(condensed.balance.constant)
-    lack = condensed.balance.constant + condensed.balance.load @ FULL
+    imbalance = condensed.balance.constant + condensed.balance.load @ FULL
     found = []
     for choice in product([False, True], repeat=m):
         closed = np.flatnonzero(choice)
@@ -59,7 +59,7 @@ def every_set(condensed: Condensed) -> list[tuple[FloatArray, FloatArray]]:
         matrix[a:, a:] = condensed.balance.motion
         if a + k and np.linalg.matrix_rank(matrix) < a + k:
             continue
-        solution = np.linalg.solve(matrix, np.concatenate([-free[closed], -lack]))
+        solution = np.linalg.solve(matrix, np.concatenate([-free[closed], -imbalance]))
         pressure = np.zeros(m)
         pressure[closed] = solution[:a]
         opened = free + gap.motion @ solution[a:] + gap.pressure @ pressure

@@ -42,9 +42,9 @@ def forced() -> Small:
 def whole_solution(
     small: Small, pressure: FloatArray, traction: FloatArray | None = None
 ) -> dict[str, FloatArray]:
-    """Displacements (n, 2) of both bodies at full load, right-hand sides written by hand."""
+    """Displacements (n, 2) of both bodies at full load, with right-hand sides of its own."""
     pairing = small.pairing
-    rubbed = np.zeros(len(pressure)) if traction is None else traction
+    shear = np.zeros(len(pressure)) if traction is None else traction
     fields = {}
     for name, body in small.scene.bodies.items():
         cloud = body.model.cloud
@@ -56,12 +56,12 @@ def whole_solution(
             values = np.zeros((len(pairing.slave.index), 2))
             at = pairing.position[pairing.candidate]
             n_x, n_y = pairing.normal[pairing.candidate].T
-            values[at, 0] = pressure * n_x + rubbed * n_y
-            values[at, 1] = pressure * n_y - rubbed * n_x
+            values[at, 0] = pressure * n_x + shear * n_y
+            values[at, 1] = pressure * n_y - shear * n_x
             rhs += body.source(pairing.slave.name, values, held=False)
         else:
             # The opposite of what the slave's pieces receive is tested with the sources.
-            tangential = rubbed if len(small.condensed.friction_nodes) else np.zeros(0)
+            tangential = shear if len(small.condensed.friction_nodes) else np.zeros(0)
             unknowns = np.zeros(1), np.zeros(0), pressure, tangential
             rhs += small.condensed.source(name, *unknowns).toarray()[:, 0]
         fields[name] = body.system.solve(sparse.csc_array(rhs[:, None])).reshape(-1, 2)
@@ -115,29 +115,29 @@ def test_displacements_are_those_of_whole_solutions(pushed: Small) -> None:
 
 
 @pytest.fixture(scope="module", params=[(), SWAPPED], ids=["arc on flat", "flat on arc"])
-def rubbed(request: pytest.FixtureRequest) -> Small:
+def frictional(request: pytest.FixtureRequest) -> Small:
     """The pushed half-disk with friction."""
     return cylinder(0.012, *request.param, "contact.interface.friction=0.3", control=PRESSED)
 
 
-def test_gaps_and_slips_with_friction_are_those_of_whole_solutions(rubbed: Small) -> None:
-    c, pairing = rubbed.condensed, rubbed.pairing
+def test_gaps_and_slips_with_friction_are_those_of_whole_solutions(frictional: Small) -> None:
+    c, pairing = frictional.condensed, frictional.pairing
     arc = pairing.arc[pairing.candidate]
     fit = surface_fit(arc, c.weight, arc, FIT_WINDOW * pairing.spacing[pairing.candidate])
     rng = np.random.default_rng(1)
     for pressure in (np.zeros(len(arc)), rng.uniform(0.0, 100.0, len(arc))):
         traction = 50.0 + 400.0 * (arc - arc.mean())
-        fields = whole_solution(rubbed, pressure, traction)
+        fields = whole_solution(frictional, pressure, traction)
         got = c.gap(np.ones(1), np.zeros(0), pressure, traction)
-        assert np.abs(got - gaps(rubbed, fields)).max() <= 1e-9 * np.abs(got).max()
+        assert np.abs(got - gaps(frictional, fields)).max() <= 1e-9 * np.abs(got).max()
         found = c.slip(np.ones(1), np.zeros(0), pressure, traction)
         # Linear tractions cause slips that are fitted like those of fitted pressures and loads.
-        expected = fit @ slips(rubbed, whole_solution(rubbed, fit @ pressure, traction))
+        expected = fit @ slips(frictional, whole_solution(frictional, fit @ pressure, traction))
         assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
-def test_tractions_enter_the_forces(rubbed: Small) -> None:
-    c, pairing = rubbed.condensed, rubbed.pairing
+def test_tractions_enter_the_forces(frictional: Small) -> None:
+    c, pairing = frictional.condensed, frictional.pairing
     count, nothing = len(c.weight), np.zeros(len(c.weight))
     t = np.full(count, 7.0)
     force = c.contact_forces["interface"](np.zeros(1), np.zeros(0), nothing, t)
@@ -147,8 +147,8 @@ def test_tractions_enter_the_forces(rubbed: Small) -> None:
     # The platen carries what the contact does to its body; the other body's support takes the reaction.
     on_cylinder = force if pairing.slave_body == "cylinder" else -force
     assert c.forces["press"](np.zeros(1), np.zeros(0), nothing, t) == pytest.approx(-on_cylinder, rel=1e-9)
-    lack = c.imbalance(np.zeros(1), np.zeros(0), nothing, t)
-    assert np.abs(lack).max() <= 0.05 * np.abs(force).max()
+    imbalance = c.imbalance(np.zeros(1), np.zeros(0), nothing, t)
+    assert np.abs(imbalance).max() <= 0.05 * np.abs(force).max()
 
 
 def stress_force(body: ElasticBody, surface_name: str, u: FloatArray) -> FloatArray:
@@ -261,15 +261,15 @@ def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.M
 
 
 def test_a_master_that_receives_nothing_does_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lack_of_block(small: Small) -> float:
+    def imbalance_of_block(small: Small) -> float:
         state = small.exact()
-        lack = small.condensed.imbalance(state.factors, state.motion, state.pressure)
-        return float(np.abs(lack[2:]).max()) / 226.566
+        found = small.condensed.imbalance(state.factors, state.motion, state.pressure)
+        return float(np.abs(found[2:]).max()) / 226.566
 
-    assert lack_of_block(forced) <= 0.15
+    assert imbalance_of_block(forced) <= 0.15
     wrong = lambda *arguments: 0.0 * _on_pieces(*arguments)  # noqa: E731
     monkeypatch.setattr("mlsanm_cli.contact.response.load_vectors._on_pieces", wrong)
-    assert lack_of_block(forced.again()) >= 0.9
+    assert imbalance_of_block(forced.again()) >= 0.9
 
 
 def test_nodes_left_out_are_watched(forced: Small) -> None:

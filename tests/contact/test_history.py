@@ -172,7 +172,7 @@ def test_an_overlap_as_drawn_pushes_apart() -> None:
 
 
 def test_a_guided_plate_backs_out_of_an_inclined_overlap_without_friction() -> None:
-    # Whatever presses nothing rubs nowhere: at rest the node that comes free last had taken a traction beyond
+    # Without pressure there is no friction: at rest the node that comes free last had taken a traction beyond
     # its limit, and the run was refused.
     planes = half_planes(40)
     condensed = planes.condensed

@@ -1,6 +1,8 @@
-"""Friction without memory: derivatives, series, and the law itself."""
+"""Derivatives and series of the laws with friction, with memory and without, and the law without."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
 from tests.contact.derivatives import highest_terms, tangent_times
 from tests.contact.test_regularized_friction import random_problem as random_friction
+from tests.contact.test_regularized_friction import state as friction_state
 
 
 def random_problem(m: int, k: int, seed: int) -> HolonomicContact:
@@ -28,31 +31,38 @@ def state(problem: HolonomicContact, seed: int) -> FloatArray:
     return np.concatenate([bound, free, rng.uniform(0.5, 2.0, n)])
 
 
-sizes = {"m": st.integers(2, 6), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
+LAWS = [(random_problem, state), (random_friction, friction_state)]
+laws = pytest.mark.parametrize(("make", "at"), LAWS, ids=["holonomic", "with memory"])
+sizes = {"m": st.integers(2, 7), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
 
 
+@laws
 @given(**sizes)
-def test_tangent_undoes_the_residuals_derivative(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
-    x, v = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
+def test_tangent_undoes_the_residuals_derivative(make: Any, at: Any, m: int, k: int, seed: int) -> None:
+    problem = make(m, k, seed)
+    x, v = at(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
     found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))
     assert np.abs(tangent_times(problem, x, 0.3, found - v)).max() <= 1e-6 * np.abs(v).max()
 
 
+@laws
 @given(**sizes)
-def test_load_derivative(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
-    x, step = state(problem, seed), 1e-3
+def test_load_derivative(make: Any, at: Any, m: int, k: int, seed: int) -> None:
+    problem = make(m, k, seed)
+    x, step = at(problem, seed), 1e-3
     ahead, behind = (problem.residual(x, 0.3 + d) for d in (step, -step))
     found = problem.load_derivative(x, 0.3)
     assert found == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-6, abs=1e-6 * np.abs(found).max())
 
 
+@laws
 @given(order=st.integers(1, 6), **sizes)
-def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
+def test_series_terms_are_those_of_the_residual(
+    make: Any, at: Any, order: int, m: int, k: int, seed: int
+) -> None:
+    problem = make(m, k, seed)
     rng = np.random.default_rng(seed + 3)
-    x = np.concatenate([state(problem, seed)[None], rng.normal(size=(order, problem.size))])
+    x = np.concatenate([at(problem, seed)[None], rng.normal(size=(order, problem.size))])
     found, expected, largest = highest_terms(problem, x, rng.normal(size=order + 1))
     assert np.abs(found - expected).max() <= 1e-7 * max(1.0, largest)
 

@@ -10,7 +10,7 @@ from mlsanm_cli.contact.geometry.clusters import Clusters
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.laws.active_set import solve_exact
-from mlsanm_cli.contact.response.compressed import Compressed, Singular, as_array, compressed, stacked
+from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed, stacked
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns
 from tests.contact.scenes import synthetic
@@ -36,10 +36,9 @@ def matrix(hats: Hats, curvature: float = 0.0) -> Compressed:
     clusters, along = Clusters.of(HatPairs(hats)), normals(hats, curvature)
     count = len(hats.place)
     smooth = Compressed.product(np.ones((count, 1)), 0.5 * hats.weight[None], hats.weight)
-    own = Singular(0, hats.place, hats.integrals @ along, LOG, TURN)
     near, far = clusters.near(LOG, TURN, along), clusters.beyond(LOG, TURN, along)
     assert near.nnz < 0.3 * count**2
-    return smooth.plus(near, far, (), own)
+    return smooth.plus(near, far, (), 0, hats.place)
 
 
 def dense(hats: Hats, curvature: float = 0.0) -> FloatArray:
@@ -81,9 +80,6 @@ def test_parts_of_a_compressed_matrix_are_those_of_the_array() -> None:
     both = compressed(stacked([as_array(found[rows]), as_array(found)]))
     assert both is not None
     assert apart(np.asarray(both), np.concatenate([whole[rows], whole])) <= 1e-12
-    places = np.arange(400).reshape(-1, 8)[:, [0, 3, 7]] * np.array([1, 1, 0]) + np.array([0, 0, 399])
-    expected = (found.weight[:, None] * whole)[places[:, :, None], places[:, None, :]]
-    assert apart(found.weighted(places), expected) <= 1e-3
 
 
 def test_many_places_carry_what_hertz_says() -> None:

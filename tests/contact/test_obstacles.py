@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
@@ -126,25 +127,23 @@ def test_rounded_ends_beside_a_flat_face_are_smooth_and_the_face_stays_flat() ->
     assert normal[1] == pytest.approx([np.sin(0.5), -np.cos(0.5)], abs=1e-3)
 
 
-def test_few_of_many_sides_are_looked_at_and_none_is_missed() -> None:
+def rough() -> FloatArray:
+    """Sides of random lengths and directions, and two long ones."""
     rng = np.random.default_rng(3)
     x = np.concatenate([np.cumsum(rng.uniform(0.01, 0.2, 60)), 20.0 + np.arange(3.0)])
-    chain = Chain(np.column_stack([x, 0.2 * rng.normal(size=len(x))]))
-    points = np.column_stack([rng.uniform(-1.0, 25.0, 300), rng.normal(size=300)])
-    partner, _ = chain.closest(points, np.tile([0.0, 1.0], (300, 1)))
-    away = np.linalg.norm(points - partner, axis=1)
-    start, along = chain.points[:-1], np.diff(chain.points, axis=0)
-    share = np.clip(((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    every = np.linalg.norm(points[:, None] - start - share[:, :, None] * along, axis=2)
-    assert away == pytest.approx(every.min(axis=1), abs=1e-12)
+    return np.column_stack([x, 0.2 * rng.normal(size=len(x))])
 
 
-def test_places_beside_long_sides_are_found_among_many() -> None:
-    # A fine profile between long flanks: few middles alone would not tell which side is closest.
+def flanks() -> FloatArray:
+    """A fine profile between long flanks: the nearest middles alone do not determine the closest side."""
     x = np.linspace(0.0, 1.0, 301)
     fine = np.column_stack([x, 0.02 * np.cos(40.0 * x)])
-    points = np.concatenate([[(-30.0, 9.0)], fine, [(40.0, 11.0)]])
-    seen = np.random.default_rng(1).uniform((-8.0, -3.0), (9.0, 0.5), (400, 2))
+    return np.concatenate([[(-30.0, 9.0)], fine, [(40.0, 11.0)]])
+
+
+@pytest.mark.parametrize("points", [rough(), flanks()], ids=["rough", "flanks"])
+def test_few_of_many_sides_are_examined_and_none_is_missed(points: FloatArray) -> None:
+    seen = np.random.default_rng(1).uniform((-8.0, -3.0), (25.0, 2.0), (400, 2))
     partner = Chain(points)._on_sides(seen, np.tile((0.0, 1.0), (400, 1)))[0]
     along = np.diff(points, axis=0)
     share = ((seen[:, None] - points[:-1]) * along).sum(axis=2) / (along**2).sum(axis=1)

@@ -138,7 +138,7 @@ def force_error(h: float, ratio: float) -> float:
 
 
 @pytest.mark.parametrize("ratio", [0.73, 1.37, 2.0])
-def test_lack_of_force_balance_falls_with_the_spacing(ratio: float) -> None:
+def test_force_imbalance_falls_with_the_spacing(ratio: float) -> None:
     spacings = np.array([0.16, 0.08, 0.04, 0.02])
     errors = [force_error(h, ratio) for h in spacings]
     assert np.polyfit(np.log(spacings), np.log(np.maximum(errors, 1e-12)), 1)[0] >= 1.0

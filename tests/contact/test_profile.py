@@ -7,33 +7,20 @@ import pytest
 
 from mlsanm_cli.contact.geometry.profile import THRESHOLD, half_width
 
-
-def test_a_triangle_is_exact() -> None:
-    # Nodes 0.1 apart, peak 1 at 0.5, zero from 0 and 1 outwards: down to 1 % at 0.01 and 0.99... on the line.
-    arc = np.linspace(-0.5, 1.5, 21)
-    pressure = np.maximum(0.0, 1.0 - np.abs(arc - 0.5) / 0.5)
-    assert half_width(arc, pressure) == pytest.approx(0.5 * (1.0 - THRESHOLD), rel=1e-12)
-
-
-def test_crossings_lie_between_the_nodes() -> None:
-    arc = np.array([0.0, 1.0, 2.0, 3.0])
-    assert half_width(arc, np.array([0.0, 1.0, 0.0, 0.0])) == pytest.approx(0.99)
-    # Uneven nodes, 100 falling to 0 over a distance of 4 on the right and 1 on the left.
-    uneven = np.array([0.0, 1.0, 5.0, 6.0])
-    assert half_width(uneven, np.array([0.0, 100.0, 0.0, 0.0])) == pytest.approx(0.5 * 0.99 * 5.0)
+PLACES = np.linspace(-0.5, 1.5, 21)
+PROFILES = {
+    "triangle": (PLACES, np.maximum(0.0, 1.0 - np.abs(PLACES - 0.5) / 0.5), 0.5 * (1.0 - THRESHOLD)),
+    "crossings between nodes": ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 0.0, 0.0], 0.99),
+    # 100 falling to 0 over a distance of 4 on the right and 1 on the left.
+    "uneven nodes": ([0.0, 1.0, 5.0, 6.0], [0.0, 100.0, 0.0, 0.0], 0.5 * 0.99 * 5.0),
+    "outermost crossings": (np.arange(7.0), [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], 2.0 + 0.99),
+    "up to the last node": ([0.0, 0.5, 2.0], np.ones(3), 1.0),
+    "unloaded": (np.arange(3.0), np.zeros(3), 0.0),
+    "tension": (np.arange(3.0), -np.ones(3), 0.0),
+    "no nodes": ([], [], 0.0),
+}
 
 
-def test_outermost_crossings_count() -> None:
-    arc = np.arange(7.0)
-    two_peaks = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-    assert half_width(arc, two_peaks) == pytest.approx(2.0 + 0.99)
-
-
-def test_a_profile_that_reaches_the_last_node_ends_there() -> None:
-    assert half_width(np.array([0.0, 0.5, 2.0]), np.ones(3)) == 1.0
-
-
-def test_nothing_pressed_has_no_width() -> None:
-    assert half_width(np.arange(3.0), np.zeros(3)) == 0.0
-    assert half_width(np.arange(3.0), -np.ones(3)) == 0.0
-    assert half_width(np.zeros(0), np.zeros(0)) == 0.0
+@pytest.mark.parametrize(("arc", "pressure", "expected"), PROFILES.values(), ids=PROFILES)
+def test_half_width(arc: list[float], pressure: list[float], expected: float) -> None:
+    assert half_width(np.array(arc), np.array(pressure)) == pytest.approx(expected, rel=1e-12)

@@ -148,7 +148,7 @@ def test_materials_answer_along_their_own_directions() -> None:
     assert material.contact_compliance(np.eye(2))[1] > 3.0 * material.contact_compliance(np.eye(2))[0]
 
 
-def test_a_fit_sticks_alike_whichever_way_it_is_pushed() -> None:
+def test_a_fit_sticks_independently_of_the_direction_of_the_load() -> None:
     # Towards 90 degrees lies the seam of the bush's arc, where the fits along it had ended: tractions there
     # were off by a sixth of the largest.
     angles, tractions = np.linspace(-np.pi, np.pi, 73), []

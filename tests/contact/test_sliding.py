@@ -69,7 +69,7 @@ def test_a_surface_that_rises_holds() -> None:
     ("curvature", "fast", "slides"), [(-0.005, 1.0, False), (0.005, 1.0, True), (-1e-4, 1e3, True)]
 )
 def test_a_hollow_holds_what_slides_along_it(curvature: float, fast: float, slides: bool) -> None:
-    """A pin in a hook slipped everywhere as the hook bent, and was told to slide as a whole."""
+    """A pin in a hook slipped everywhere as the hook bent, and the run ended as if it slid as a whole."""
     c = half_planes(20).condensed
     along = c.slip.motion[:, 1].mean()
     motion = c.gap.motion + np.outer(curvature * along * (np.arange(20) - 9.5), [0.0, 1.0])

@@ -23,7 +23,7 @@ def test_smoothing_keeps_resolved_waves_and_linear_displacements() -> None:
     assert smoothing(points, np.pi, 0.01) is None
 
 
-def test_around_a_closed_surface_both_ends_move_alike() -> None:
+def test_around_a_closed_surface_both_ends_move_together() -> None:
     # Polynomials that ended elsewhere made a peak of pressure there.
     angle = chebyshev(0.0, 2.0 * np.pi, 48)
     points = np.stack([2.0 * np.cos(angle), np.sin(angle)], axis=1)

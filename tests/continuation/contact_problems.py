@@ -47,17 +47,11 @@ class Contact:
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         self.counts.residuals += 1
-        m = self.m
-        p, h, q = x[:m], x[m : 2 * m], x[2 * m :]
-        out = np.empty(self.size)
-        out[:m] = ((p + self.eta) * h - self.eta * self.delta) * (1.0 / (self.p_ref * self.h_ref))
-        rest = self._linear @ np.concatenate([p, q])
-        rest += self._offset
-        rest += lam * self._loaded
-        rest[:m] -= h
-        rest *= self._row
-        out[m:] = rest
-        return out
+        p, h, q = self._split(x)
+        products = ((p + self.eta) * h - self.eta * self.delta) / (self.p_ref * self.h_ref)
+        rest = self._linear @ np.concatenate([p, q]) + self._offset + lam * self._loaded
+        rest[: self.m] -= h
+        return np.concatenate([products, rest * self._row])
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
         self.counts.tangents += 1
@@ -65,16 +59,11 @@ class Contact:
         return ContactTangent(self, p + self.eta, h)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        out = np.zeros(self.size)
-        out[self.m :] = self._loaded * self._row
-        return out
+        return np.concatenate([np.zeros(self.m), self._loaded * self._row])
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
-        m = self.m
-        out = np.zeros(self.size)
-        out[:m] = convolution(x[:, :m], x[:, m : 2 * m])
-        out[:m] *= -1.0 / (self.p_ref * self.h_ref)
-        return out
+        products = convolution(x[:, : self.m], x[:, self.m : 2 * self.m]) / (self.p_ref * self.h_ref)
+        return np.concatenate([-products, np.zeros(self.size - self.m)])
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
         return bool(x[self.m : 2 * self.m].min() > 0.0 and x[: self.m].min() > -self.eta)
@@ -93,15 +82,11 @@ class ContactTangent:
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         problem, m = self._problem, self._problem.m
-        out = np.empty(problem.size)
         lower = rhs[m:] / problem._row
         reduced = lower.copy()
         reduced[:m] = self._stiffened * lower[:m] + rhs[:m] * (problem.p_ref * problem.h_ref)
         y = self._factors.solve(reduced)
-        out[:m] = y[:m]
-        out[2 * m :] = y[m:]
-        out[m : 2 * m] = problem._linear[:m] @ y - lower[:m]
-        return out
+        return np.concatenate([y[:m], problem._linear[:m] @ y - lower[:m], y[m:]])
 
 
 def line_compliance(x: FloatArray, width: float, modulus: float, reference: float) -> FloatArray:

@@ -47,26 +47,45 @@ def convolution(left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("j...,j...->...", left[1:], right[:0:-1]))
 
 
-class Scalar:
-    """R(x, lam) = sum_i c_i x^i - lam (one unknown): x(lam) is the inverse of a polynomial."""
+class Known:
+    """The common part: ``equations`` R(x, lam) of slope ``matrix``, with a load factor that is subtracted."""
 
-    size = 1
+    def __init__(self, *scale: float) -> None:
+        self.size, self.scale, self.counts = len(scale), np.array(scale), Counts()
 
-    def __init__(self, *coefficients: float) -> None:
-        self.polynomial = np.polynomial.Polynomial(coefficients)
-        self.scale = np.ones(1)
-        self.counts = Counts()
+    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+        raise NotImplementedError
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        raise NotImplementedError
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         self.counts.residuals += 1
-        return np.asarray(self.polynomial(x) - lam)
+        return self.equations(x, lam)
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
         self.counts.tangents += 1
-        return DenseTangent(np.atleast_2d(self.polynomial.deriv()(x)), self.counts)
+        return DenseTangent(np.atleast_2d(self.matrix(x)), self.counts)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        return -np.ones(1)
+        return np.asarray(-np.eye(self.size)[0])
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return True
+
+
+class Scalar(Known):
+    """R(x, lam) = sum_i c_i x^i - lam (one unknown): x(lam) is the inverse of a polynomial."""
+
+    def __init__(self, *coefficients: float) -> None:
+        super().__init__(1.0)
+        self.polynomial = np.polynomial.Polynomial(coefficients)
+
+    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.asarray(self.polynomial(x) - lam)
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        return np.asarray(self.polynomial.deriv()(x))
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         order = lam.size
@@ -78,96 +97,51 @@ class Scalar:
             power = power * np.polynomial.Polynomial(x[:, 0])
         return -np.array([total])
 
-    def admissible(self, x: FloatArray, lam: float) -> bool:
-        return True
+
+class Truss(Scalar):
+    """Shallow two-bar (von Mises) truss: apex at height w, unloaded at 1, lam = (1 - w^2) w / 2.
+
+    Snaps through between the folds w = 1/sqrt(3) and w = -1/sqrt(3).
+    """
+
+    def __init__(self) -> None:
+        super().__init__(0.0, 0.5, 0.0, -0.5)
+
+    def load(self, w: float) -> float:
+        return float(self.polynomial(w))
 
 
-class Yielding:
+class Yielding(Known):
     """y = lam and y z = eta in units of its ``scale``: z is hardly held where y is small."""
 
-    size = 2
-
     def __init__(self, eta: float, scale: float) -> None:
+        super().__init__(1.0, scale)
         self.eta = eta
-        self.scale = np.array([1.0, scale])
-        self.counts = Counts()
 
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        self.counts.residuals += 1
+    def equations(self, x: FloatArray, lam: float) -> FloatArray:
         return np.array([x[0] - lam, x[0] * x[1] - self.eta])
 
-    def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        self.counts.tangents += 1
-        return DenseTangent(np.array([[1.0, 0.0], [x[1], x[0]]]), self.counts)
-
-    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        return np.array([-1.0, 0.0])
+    def matrix(self, x: FloatArray) -> FloatArray:
+        return np.array([[1.0, 0.0], [x[1], x[0]]])
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         return np.array([0.0, -convolution(x[:, 0], x[:, 1])])
 
-    def admissible(self, x: FloatArray, lam: float) -> bool:
-        return True
 
-
-class Circle:
+class Circle(Known):
     """x^2 + lam^2 = 1, one unknown; folds at lam = -1 and 1."""
 
-    size = 1
-
     def __init__(self) -> None:
-        self.scale = np.ones(1)
-        self.counts = Counts()
+        super().__init__(1.0)
 
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        self.counts.residuals += 1
+    def equations(self, x: FloatArray, lam: float) -> FloatArray:
         return x * x + lam * lam - 1.0
 
-    def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        self.counts.tangents += 1
-        return DenseTangent(np.atleast_2d(2.0 * x), self.counts)
+    def matrix(self, x: FloatArray) -> FloatArray:
+        return 2.0 * x
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         return np.array([2.0 * lam])
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         return np.asarray(-convolution(x, x) - convolution(lam, lam))
-
-    def admissible(self, x: FloatArray, lam: float) -> bool:
-        return True
-
-
-class Truss:
-    """Shallow two-bar (von Mises) truss: apex at height w, unloaded at 1, lam = (1 - w^2) w / 2.
-
-    Snaps through between the folds w = 1/sqrt(3) and w = -1/sqrt(3).
-    """
-
-    size = 1
-
-    def __init__(self) -> None:
-        self.scale = np.ones(1)
-        self.counts = Counts()
-
-    def load(self, w: float) -> float:
-        return 0.5 * (1.0 - w * w) * w
-
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        self.counts.residuals += 1
-        return 0.5 * (1.0 - x * x) * x - lam
-
-    def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        self.counts.tangents += 1
-        return DenseTangent(np.atleast_2d(0.5 - 1.5 * x * x), self.counts)
-
-    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        return -np.ones(1)
-
-    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
-        w = np.append(x[:, 0], 0.0)
-        order = lam.size
-        cube = np.convolve(np.convolve(w, w)[: order + 1], w)[order]
-        return np.array([0.5 * cube])
-
-    def admissible(self, x: FloatArray, lam: float) -> bool:
-        return True

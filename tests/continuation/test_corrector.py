@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -23,18 +25,8 @@ class Watched(Contact):
 
 
 def watched(eta: float, seed: int) -> Watched:
-    plain = random_contact(20, eta, seed)
-    return Watched(
-        compliance=plain.compliance,
-        h0=plain.h0,
-        hl=plain.hl,
-        motion=plain.motion,
-        balance=plain.balance,
-        stiffness=plain.stiffness,
-        force=plain.force,
-        eta=eta,
-        delta=plain.delta,
-    )
+    plain = vars(random_contact(20, eta, seed))
+    return Watched(**{one.name: plain[one.name] for one in fields(Watched)})
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -13,23 +13,6 @@ from .contact_problems import open_start
 from .problems import Circle, Scalar, Truss
 from .test_corrector import watched
 
-ARC = NewtonOptions(control="arc-length")
-
-
-def turning(piece: Branch) -> float:
-    """An event at the first fold."""
-    grid = np.linspace(0.0, piece.length, 33)
-    rise = piece.derivative_weights(grid) @ piece.terms[1]
-    past = np.flatnonzero(np.sign(rise) != np.sign(rise[0]))
-    if not past.size:
-        return np.inf
-    low, high = grid[past[0] - 1], grid[past[0]]
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        ahead = float((piece.derivative_weights(np.array([middle])) @ piece.terms[1])[0])
-        low, high = (middle, high) if np.sign(ahead) == np.sign(rise[0]) else (low, middle)
-    return float(low)
-
 
 @pytest.mark.parametrize("control", ["load", "arc-length"])
 def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> None:
@@ -51,26 +34,14 @@ def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> Non
 
 
 def test_the_truss_snaps_through_both_folds() -> None:
-    fold = 1.0 / (3.0 * np.sqrt(3.0))
-    problem, x, lam = Truss(), np.ones(1), 0.0
-    previous: Branch | None = None
-    for expected in (fold, -fold):
-        follower = follow(problem, x, lam, 2.0 * fold, ARC, previous, turning)
-        steps = list(follower.steps())
-        assert follower.outcome.reason is StopReason.EVENT
-        assert steps[-1].lam == pytest.approx(expected, abs=1e-6)
-        assert abs(steps[-1].x[0]) == pytest.approx(1.0 / np.sqrt(3.0), abs=1e-5)
-        # Over the fold, at whose very place the tangent has no sign.
-        on = follow(problem, x, lam, 2.0 * fold, ARC, previous)
-        for step in on.steps():
-            if (step.x[0] - steps[-1].x[0]) < -0.01:
-                on.stop()
-        x, lam, previous = on.outcome.x, on.outcome.lam, step.branch
-    end = follow(problem, x, lam, 2.0 * fold, ARC, previous)
-    list(end.steps())
-    assert end.outcome.reached
-    roots = np.roots([-0.5, 0.0, 0.5, -2.0 * fold])
-    assert end.outcome.x[0] == pytest.approx(float(roots[np.abs(roots.imag) < 1e-9].real[0]), abs=1e-8)
+    target = 2.0 / (3.0 * np.sqrt(3.0))
+    follower = follow(Truss(), np.ones(1), 0.0, target, NewtonOptions(control="arc-length"))
+    steps = list(follower.steps())
+    assert follower.outcome.reached
+    assert np.all(np.diff([step.x[0] for step in steps]) < 0.0)
+    assert min(step.lam for step in steps) < -0.45 * target
+    roots = np.roots([-0.5, 0.0, 0.5, -target])
+    assert follower.outcome.x[0] == pytest.approx(float(roots[np.abs(roots.imag) < 1e-9].real[0]), abs=1e-8)
 
 
 def test_load_control_says_that_it_cannot_pass_a_fold() -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from mlsanm_cli.continuation import AnmOptions, Follower, SingularTangentError, StopReason, Tangent, follow
 from mlsanm_cli.continuation.problem import FloatArray
-from mlsanm_cli.errors import NumericalError
 
 from .problems import Circle, Scalar
 
@@ -124,17 +123,3 @@ def test_caller_can_stop() -> None:
             follower.stop()
     assert follower.outcome.reason is StopReason.STOPPED_BY_CALLER
     assert follower.outcome.steps == 2
-
-
-def test_caller_can_walk_away() -> None:
-    follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1e6, AnmOptions(order=5))
-    first = next(follower.steps())
-    outcome = follower.outcome
-    assert outcome.reason is StopReason.STOPPED_BY_CALLER
-    assert (outcome.lam, outcome.steps) == (first.lam, 1)
-
-
-def test_wrong_start_raises() -> None:
-    follower = follow(Scalar(1.0, 0.0, 1.0), np.ones(1), 0.0, 2.0)  # x^2 + 1 = 0
-    with pytest.raises(NumericalError):
-        next(follower.steps())

@@ -11,7 +11,7 @@ import pytest
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.lock import LOCK_FILE, Holder, holder, locked
+from mlsanm_cli.io.lock import LOCK_FILE, holder, locked
 from mlsanm_cli.io.summary import EventLog, write_json_atomic
 
 ROOT = Path(__file__).parents[2]
@@ -32,20 +32,18 @@ def test_a_second_process_is_refused_and_told_who_holds_it(tmp_path: Path) -> No
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "held\n"
-        found = holder(tmp_path)
-        assert found is not None
-        assert found.pid == process.pid
-        with pytest.raises(RunError, match=f"by process {process.pid} on {found.host}"), locked(tmp_path):
+        assert holder(tmp_path).startswith(f"process {process.pid} on ")
+        with pytest.raises(RunError, match=f"by process {process.pid} on "), locked(tmp_path):
             pass
         with pytest.raises(RunError, match=f"process {process.pid}"):
             run_dir.check(tmp_path, force=True)
         process.kill()
     # What a dead process leaves holds nobody up.
     assert (tmp_path / LOCK_FILE).exists()
-    assert holder(tmp_path) is None
+    assert holder(tmp_path) == ""
     run_dir.check(tmp_path, force=False)
     with locked(tmp_path):
-        assert holder(tmp_path) == Holder(os.getpid(), found.host)
+        assert holder(tmp_path).startswith(f"process {os.getpid()} on ")
         run_dir.prepare(tmp_path, force=True)
     assert list(tmp_path.iterdir()) == []
 
@@ -82,7 +80,7 @@ def test_a_link_or_a_pipe_in_the_place_of_the_lock_is_refused(tmp_path: Path) ->
     (tmp_path / "b").mkdir()
     os.mkfifo(tmp_path / "b" / LOCK_FILE)
     for name, words in (("a", "symbolic link"), ("b", "pipe")):
-        assert holder(tmp_path / name) is None
+        assert holder(tmp_path / name) == ""
         with pytest.raises(RunError, match=words), locked(tmp_path / name):
             pass
     assert target.read_text() == "mine"

@@ -6,7 +6,6 @@ The processes here have kernels of their own, few and small, in place of the pac
 from __future__ import annotations
 
 import dataclasses
-import os
 from pathlib import Path
 
 import pytest
@@ -86,16 +85,6 @@ def test_another_version_or_setting_of_numba_has_code_of_its_own(
     assert kept.directory() == places[0]
 
 
-def test_everything_that_code_depends_on_is_in_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    parts, names = kept.build_environment(), {kept.directory()}
-    for number in range(len(parts)):
-        changed = tuple(part + "x" * (at == number) for at, part in enumerate(parts))
-        monkeypatch.setattr(kept, "build_environment", lambda changed=changed: changed)
-        names.add(kept.directory())
-    assert len(parts) >= 7
-    assert len(names) == len(parts) + 1
-
-
 INTERRUPTED = """
 import os, signal, time
 from mlsanm_cli.kernels.aot import compiler
@@ -138,20 +127,6 @@ def test_code_that_others_may_have_written_is_not_loaded(lenient: str, cache: Pa
     else:
         kept.write(path.parent, code)
         assert kept.read(path.parent) is not None
-
-
-def test_code_of_another_user_is_not_loaded(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = copied(cache, tmp_path)
-    monkeypatch.setattr(os, "getuid", lambda: os.stat(path).st_uid + 1)
-    if os.stat(path).st_uid:
-        assert kept.read(path.parent) is None
-    else:
-        # Root's are the system's.
-        assert kept.read(path.parent) is not None
-        os.chown(path, 12345, -1)
-        assert kept.read(path.parent) is None
 
 
 def test_an_interrupt_ends_the_compilation(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
@@ -87,24 +87,6 @@ def test_weights_are_those_of_the_weighted_least_squares_fit(
     # Second derivatives of a straight line are zero: weights and expected ones alike.
     size = np.maximum(np.abs(expected).max(axis=0), np.finfo(float).tiny)
     assert (np.abs(weights - expected).max(axis=0) / size).max() <= TOLERANCE[degree]
-
-
-@given(degree=st.integers(1, 6), seed=st.integers(0, 10_000))
-def test_a_fit_through_as_many_points_as_coefficients_interpolates(degree: int, seed: int) -> None:
-    count = (degree + 1) * (degree + 2) // 2
-    points = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 2))
-    weights, ratio = fast(points, np.zeros(2), points[0].copy(), degree, 0)
-    assume(ratio > 1e-6)
-    assert np.abs(weights[:, 0] - np.eye(count)[0]).max() <= 1e-8
-
-
-def test_centre_and_target_may_differ() -> None:
-    points = nearest_of_lattice(34, 0.3, 1)
-    center, target = np.array([0.2, -0.1]), np.array([-0.3, 0.4])
-    weights, _ = fast(points, center, target, 4, 2)
-    assert np.abs(weights - slow(points, center, target, 4, 2)).max() <= 1e-10
-    elsewhere, _ = fast(points, target, target, 4, 2)
-    assert np.abs(weights - elsewhere).max() > 1e-4
 
 
 @pytest.mark.parametrize("degree", range(1, 7))

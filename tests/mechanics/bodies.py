@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import rectangle
+from mlsanm_cli.cloud.curves import Outline, Segment, rectangle
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -40,6 +41,12 @@ def jittered_square(side: int, jitter: float = 0.25, seed: int = 0, size: float 
     return Cloud(points, np.full(len(points), h), surfaces)
 
 
+def polygon(corners: Sequence[tuple[float, float]], names: Sequence[str] = ()) -> Outline:
+    """The outline through ``corners``, its sides called by ``names`` or their numbers."""
+    sides = tuple(Segment(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True))
+    return Outline(tuple(names or map(str, range(len(sides)))), sides)
+
+
 def build(
     cloud: Cloud,
     held: Mapping[str, tuple[bool, bool]],
@@ -52,6 +59,11 @@ def build(
     clamped = [surface for surface, components in held.items() if all(components)]
     model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), clamped)
     return assemble(model, held, held_nodes, "auto")
+
+
+def solved(body: ElasticBody, source: FloatArray) -> FloatArray:
+    """Displacements (N, 2) of all nodes, ghosts last, for a right-hand side (r,)."""
+    return body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
 
 
 def boundary_values(body: ElasticBody, displacement: Field, stress: Field) -> FloatArray:

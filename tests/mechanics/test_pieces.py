@@ -13,7 +13,7 @@ from benchmarks.formulas.kirsch import KirschHole
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, rectangle, sector
+from mlsanm_cli.cloud.curves import annulus, disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.surface import Surface
@@ -26,7 +26,15 @@ from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.settings import MlsSettings
-from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
+from tests.mechanics.bodies import (
+    STEEL,
+    boundary_values,
+    build,
+    jittered_square,
+    polygon,
+    solved,
+    with_body_force,
+)
 
 SOFT = isotropic(1.0, 0.3, "stress")
 Field = Callable[[FloatArray], FloatArray]
@@ -35,11 +43,6 @@ HELDS: list[dict[str, tuple[bool, bool]]] = [
     {"bottom": (True, True)},
     {"bottom": (False, True), "left": (True, False)},
 ]
-
-
-def solved(body: ElasticBody, source: FloatArray) -> FloatArray:
-    """Displacements (n, 2)."""
-    return body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
 
 
 def of_edges(stress: Field) -> Callable[[FloatArray, FloatArray], FloatArray]:
@@ -249,11 +252,11 @@ def test_a_long_thin_arch_is_solved_and_not_told_to_be_solved_badly() -> None:
     cloud = build_cloud(sector((0.0, 0.0), (radius - 0.5, radius + 0.5), (0.0, angle)), Spacing(1.0 / 3.0), 0)
     body = build(cloud, {"start": (True, True)}, 2, SOFT)
     push = np.tile([0.0, 1e-9], (len(cloud.surfaces["end"].index), 1))
-    source = sparse.csc_array(body.source("end", push, held=False)[:, None])
-    found = body.system.solve(source)
-    assert body.system.residual(source, found) <= 1e-6
+    source = body.source("end", push, held=False)
+    found = solved(body, source)
+    assert body.system.residual(sparse.csc_array(source[:, None]), found.reshape(-1, 1)) <= 1e-6
     # Bent by the moments F R (cos phi - cos angle) of a force F along y at its end.
-    moved = found.reshape(-1, 2)[cloud.surfaces["end"].index, 1].mean()
+    moved = found[cloud.surfaces["end"].index, 1].mean()
     c, s = np.cos(angle), np.sin(angle)
     assert moved == pytest.approx(12e-9 * radius**3 * ((0.5 + c * c) * angle - 1.5 * c * s), rel=2e-3)
 
@@ -273,10 +276,9 @@ def test_a_portal_with_small_fillets_sways_as_it_should_wherever_pieces_are_cut(
 def test_a_hole_in_a_coarse_structured_mesh_keeps_its_peak() -> None:
     # Cells 1.6 times as deep as wide, 48 around it; wider pieces lost 6.5 % of the peak stress.
     around, radii = 48, 1.21 ** np.arange(9)
-    outline = annulus((0.0, 0.0), (1.0, radii[-1]))
+    outline, surfaces = annulus((0.0, 0.0), (1.0, radii[-1])), {}
     angle = 2.0 * np.pi * np.arange(around) / around
     rings = [np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1) for r in radii]
-    surfaces = {}
     for name, curve in zip(outline.names, outline.curves, strict=True):
         ring = 0 if name == "inner" else len(radii) - 1
         s = curve.closest(rings[ring])
@@ -324,18 +326,8 @@ def test_stiff_springs_hold_by_the_stress_inside() -> None:
 
 
 def test_a_node_at_the_root_of_a_narrow_slit_is_in_a_piece_with_an_area() -> None:
-    corners = [
-        (0.0, 0.0),
-        (6.0, 0.0),
-        (6.0, 1.0),
-        (1.0, 1.0),
-        (1.0, 1.1),
-        (6.0, 1.1),
-        (6.0, 2.15),
-        (0.0, 2.15),
-    ]
-    sides = [Segment(one, other) for one, other in zip(corners, [*corners[1:], corners[0]], strict=True)]
-    clip = Outline(tuple(f"side{k}" for k in range(8)), tuple(sides))
+    x, y = (0.0, 6.0, 6.0, 1.0, 1.0, 6.0, 6.0, 0.0), (0.0, 0.0, 1.0, 1.0, 1.1, 1.1, 2.15, 2.15)
+    clip = polygon(list(zip(x, y, strict=True)))
     cloud = build_cloud(clip, Spacing(0.25), 0)
     # It is a corner of no triangle.
     assert (cloud.areas == 0.0).any()

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, disk
+from mlsanm_cli.cloud.curves import disk
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.mechanics.assembly import assemble
@@ -21,6 +20,7 @@ from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
 from mlsanm_cli.operators import singular_functions
 from mlsanm_cli.operators.settings import MlsSettings
+from tests.mechanics.bodies import polygon, solved
 
 SOFT = isotropic(1000.0, 0.3, "stress")
 ELL = [(0, 0), (10, 0), (10, 20), (20, 20), (20, 30), (0, 30)]
@@ -30,12 +30,10 @@ DROOP = -0.76879
 """Quadratic triangles graded to 1/1000 at the corners, 10,000 unknowns; 1/100 gives -0.76875."""
 
 
-def polygon(points: Sequence[tuple[float, float]], spacing: float, turn: float = 0.0) -> Cloud:
-    """A cloud in a polygon that is turned about the origin, sides named by their numbers."""
+def cloud_in(points: Sequence[tuple[float, float]], spacing: float, turn: float = 0.0) -> Cloud:
+    """A cloud in a polygon that is turned about the origin."""
     places = [complex(*point) * cmath.exp(1j * turn) for point in points]
-    ends = [(place.real, place.imag) for place in places]
-    sides = tuple(Segment(a, b) for a, b in zip(ends, ends[1:] + ends[:1], strict=True))
-    return build_cloud(Outline(tuple(map(str, range(len(ends)))), sides), Spacing(spacing), 1)
+    return build_cloud(polygon([(place.real, place.imag) for place in places]), Spacing(spacing), 1)
 
 
 def near_field(cloud: Cloud, tips: Tips, nu: float, mode: int) -> FloatArray:
@@ -68,7 +66,7 @@ def test_powers_are_those_of_williams() -> None:
 @pytest.mark.parametrize("shape", list(TIPS))
 def test_corners_are_found_wherever_they_point(shape: str, turn: float) -> None:
     points, place = TIPS[shape]
-    tips = polygon(points, 2.0, turn).tips
+    tips = cloud_in(points, 2.0, turn).tips
     assert tips is not None
     np.testing.assert_allclose(
         tips.place, [[(place * cmath.exp(1j * turn)).real, (place * cmath.exp(1j * turn)).imag]]
@@ -80,9 +78,9 @@ def test_corners_are_found_wherever_they_point(shape: str, turn: float) -> None:
 
 
 def test_bodies_without_such_corners_know_none() -> None:
-    assert polygon([(0, 0), (4, 0), (4, 3), (0, 3)], 0.5).tips is None
+    assert cloud_in([(0, 0), (4, 0), (4, 3), (0, 3)], 0.5).tips is None
     assert build_cloud(disk((0.0, 0.0), 1.0), Spacing(0.2), 1).tips is None
-    cloud, wood = polygon(ELL, 2.0), orthotropic((10.0, 1.0, 1.0), (0.3, 0.3, 0.3), 0.5, 0.0, "stress")
+    cloud, wood = cloud_in(ELL, 2.0), orthotropic((10.0, 1.0, 1.0), (0.3, 0.3, 0.3), 0.5, 0.0, "stress")
     assert BodyModel.build("body", cloud, wood, MlsSettings()).tips is None
     assert BodyModel.build("body", cloud, SOFT, MlsSettings(corners=False)).tips is None
 
@@ -95,7 +93,7 @@ def test_rows_beside_a_corner_know_its_field(
 ) -> None:
     # However little a function differs from polynomials.
     monkeypatch.setattr(singular_functions, "RANK_TOLERANCE", 1e-7)
-    cloud = polygon(TIPS[shape][0], 1.0, turn)
+    cloud = cloud_in(TIPS[shape][0], 1.0, turn)
     model = BodyModel.build("body", cloud, isotropic(1.3, 0.3, "stress"), MlsSettings(degree))
     assert model.tips is not None
     u = near_field(cloud, model.tips, 0.3, mode)
@@ -116,11 +114,11 @@ def test_rows_beside_a_corner_know_its_field(
 def test_a_bracket_with_a_sharp_corner_droops_as_it_should(degree: int, spacing: float, limit: float) -> None:
     # By polynomials alone 13, 3 and 3 % too little; with small weights of the rows there 3 % at 1.4. Where
     # every fit found the strengths of the corner's fields for itself 1.1, 0.8 and 0.3 %.
-    cloud = polygon(ELL, spacing)
+    cloud = cloud_in(ELL, spacing)
     model = BodyModel.build("body", cloud, SOFT, MlsSettings(degree))
     body = assemble(model, {"0": (True, True)}, (), "auto")
     load = np.tile([0.0, -1.0], (len(cloud.surfaces["3"].index), 1))
-    u = body.system.solve(sparse.csc_array(body.source("3", load, held=False)[:, None])).reshape(-1, 2)
+    u = solved(body, body.source("3", load, held=False))
     corner = int(np.hypot(*(cloud.points - [20.0, 20.0]).T).argmin())
     assert u[corner, 1] == pytest.approx(DROOP, rel=limit)
     stress, side = model.stress(u), cloud.surfaces["3"]

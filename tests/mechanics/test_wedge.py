@@ -10,7 +10,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces
 from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
-from mlsanm_cli.mechanics.near_field import PointForceField, SurfaceForces, kernel_of, traction
+from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces, kernel_of, traction
 from mlsanm_cli.mechanics.wedge import STEP, Wedge
 
 WOOD = kernel_of(orthotropic((12.0, 0.6, 0.6), (0.4, 0.4, 0.3), 0.7, 0.5, "strain"))
@@ -29,6 +29,15 @@ def forces(at: Corner) -> CorneredForces:
     return CorneredForces(SurfaceForces(at.wedge.kernel, places, np.full(3, -1j)), (at,))
 
 
+def stress_of(at: Corner, z: ComplexArray) -> FloatArray:
+    """Stresses (e, 3, 3, 2), points and forces first, of unit forces at the sources and the densities that
+    they cause along the faces."""
+    stress = forces(at).own.stress(z)
+    for line in at.face_forces(SOURCES, np.eye(6).reshape(3, 2, 6)):
+        stress = stress + np.moveaxis(line.stress(z).reshape(len(z), 3, 3, 2), 2, 1)
+    return stress
+
+
 @pytest.mark.parametrize(
     ("kernel", "angle"),
     [
@@ -38,21 +47,13 @@ def forces(at: Corner) -> CorneredForces:
     ],
 )
 def test_both_faces_are_free(kernel: PointForceField, angle: float) -> None:
-    at, own_forces = corner(kernel, angle), forces(corner(kernel, angle)).own
-    force = np.eye(6).reshape(3, 2, 6)
-    x = np.array([0.02, 0.15, 0.7, 3.0])
-    size = []
+    at, x = corner(kernel, angle), np.array([0.02, 0.15, 0.7, 3.0])
     for face in at.faces:
-        inward = face.inward
-        z = x * face.along + 1e-6 * x * inward
-        stress = sum((line.stress(z) for line in at.face_forces(SOURCES, force)), start=np.zeros((4, 3, 6)))
-        own = own_forces.stress(z)
-        stress = stress + np.moveaxis(own, 2, 1).reshape(4, 3, 6)
-        found = traction(stress.reshape(4, 3, 3, 2).transpose(0, 2, 1, 3), np.full((4, 1), -inward))
-        size.append(np.abs(found * x[:, None, None, None]).max())
-    assert max(size) < (2e-3 if kernel is STEEL else 2e-2)
+        z = x * face.along + 1e-6 * x * face.inward
+        found = traction(stress_of(at, z), np.full((4, 1), -face.inward))
+        assert np.abs(found * x[:, None, None, None]).max() < (2e-3 if kernel is STEEL else 2e-2)
     # Without the corner's forces the other face is anything but free.
-    alone = traction(own_forces.stress(at.faces[1].along * x), np.full((4, 1), -at.wedge.inward[1]))
+    alone = traction(forces(at).own.stress(at.faces[1].along * x), np.full((4, 1), -at.wedge.inward[1]))
     assert np.abs(alone * x[:, None, None, None]).max() > 0.05
 
 
@@ -62,10 +63,8 @@ def test_a_side_parallel_to_a_face_is_not_part_of_it() -> None:
     at = forces(corner(STEEL, 90.0))
     z = np.array([1.0 - 0.4j, 1.0 - 2.0j])
     normal, flat = np.full(2, -1.0 + 0.0j), np.zeros(2)
-    stress = at.own.stress(z)
-    for line in at.corners[0].face_forces(SOURCES, np.eye(6).reshape(3, 2, 6)):
-        stress = stress + np.moveaxis(line.stress(z).reshape(2, 3, 3, 2), 2, 1)
-    assert at.traction(z, normal, flat) == pytest.approx(traction(stress, normal[:, None]), abs=1e-12)
+    expected = traction(stress_of(at.corners[0], z), normal[:, None])
+    assert at.traction(z, normal, flat) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("kernel", [STEEL, WOOD])
@@ -80,10 +79,7 @@ def test_a_clamped_face_moves_as_one(kernel: PointForceField, angle: float) -> N
     total = STEP * (own + beyond).sum(axis=0)
     assert total == pytest.approx(-np.eye(2), abs=1e-6)
     z = x[1:] - 1e-6j * x[1:]
-    stress = forces(at).own.stress(z)
-    for line in at.face_forces(SOURCES, np.eye(6).reshape(3, 2, 6)):
-        stress = stress + np.moveaxis(line.stress(z).reshape(4, 3, 3, 2), 2, 1)
-    found = traction(stress, np.full((4, 1), 1j))
+    found = traction(stress_of(at, z), np.full((4, 1), 1j))
     assert np.abs(found * x[1:, None, None, None]).max() < 2e-3
     table = at.wedge.compliance(SOURCES, SOURCES, 1, 1)
     assert table == pytest.approx(table.T, abs=1e-5 * np.abs(table).max())

@@ -1,7 +1,8 @@
-"""A smooth solution of plane elasticity, no polynomial, with bounded stress for every Poisson ratio."""
+"""Solutions of plane elasticity with known derivatives."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,35 @@ NUMBERS = ((2.0, 1.0), (1.0, -1.5))
 PHASES = (0.3, 1.1)
 
 
+class Exact(ABC):
+    """A displacement field with its stress and body force for a plane ``stiffness`` (3, 3)."""
+
+    stiffness: FloatArray
+
+    @abstractmethod
+    def derivative(self, at: FloatArray, dx: int, dy: int) -> FloatArray:
+        """A derivative (n, 2) of the displacement."""
+
+    def displacement(self, at: FloatArray) -> FloatArray:
+        """Displacements (n, 2)."""
+        return self.derivative(at, 0, 0)
+
+    def stress(self, at: FloatArray, dx: int = 0, dy: int = 0) -> FloatArray:
+        """Stresses (n, 3), or a derivative of them."""
+        by_x, by_y = self.derivative(at, dx + 1, dy), self.derivative(at, dx, dy + 1)
+        strain = np.stack([by_x[:, 0], by_y[:, 1], by_y[:, 0] + by_x[:, 1]], axis=1)
+        return strain @ self.stiffness
+
+    def force(self, at: FloatArray) -> FloatArray:
+        """The body force (n, 2) that keeps it in equilibrium."""
+        by_x, by_y = self.stress(at, 1, 0), self.stress(at, 0, 1)
+        return -np.stack([by_x[:, 0] + by_y[:, 2], by_x[:, 2] + by_y[:, 1]], axis=1)
+
+
 @dataclass(frozen=True)
-class Wave:
-    """u = curl psi + small grad phi: the change of area shrinks as the material's resistance to it grows.
+class Wave(Exact):
+    """u = curl psi + small grad phi: the change of area shrinks as the material's resistance to it grows, and
+    the stress is bounded for every Poisson ratio.
 
     ``stiffness`` (3, 3) is isotropic. psi and phi are sines of the wave ``numbers`` about ``center``, scaled
     by ``length``.
@@ -26,22 +53,7 @@ class Wave:
     center: tuple[float, float] = (0.0, 0.0)
     length: float = 1.0
 
-    def displacement(self, at: FloatArray) -> FloatArray:
-        """Displacements (n, 2)."""
-        return self._displacement(at, 0, 0)
-
-    def stress(self, at: FloatArray, dx: int = 0, dy: int = 0) -> FloatArray:
-        """Stresses (n, 3), or a derivative of them."""
-        by_x, by_y = self._displacement(at, dx + 1, dy), self._displacement(at, dx, dy + 1)
-        strain = np.stack([by_x[:, 0], by_y[:, 1], by_y[:, 0] + by_x[:, 1]], axis=1)
-        return strain @ self.stiffness
-
-    def force(self, at: FloatArray) -> FloatArray:
-        """The body force (n, 2) that keeps it in equilibrium."""
-        by_x, by_y = self.stress(at, 1, 0), self.stress(at, 0, 1)
-        return -np.stack([by_x[:, 0] + by_y[:, 2], by_x[:, 2] + by_y[:, 1]], axis=1)
-
-    def _displacement(self, at: FloatArray, dx: int, dy: int) -> FloatArray:
+    def derivative(self, at: FloatArray, dx: int, dy: int) -> FloatArray:
         shear, bulk = self.stiffness[2, 2], self.stiffness[0, 1]
         small = shear / (shear + bulk)
         psi = [self._potential(0, at, dx + a, dy + b) for a, b in ((1, 0), (0, 1))]

@@ -302,18 +302,6 @@ def test_sums_that_say_nothing_or_what_others_say_are_left_out() -> None:
     assert (kept.shape, numbers.tolist()) == ((1, 120), [1])
 
 
-def test_a_step_comes_with_the_solution_for_more() -> None:
-    _, system, _, _ = strengthened(1.0)
-    rng = np.random.default_rng(8)
-    one, more = (sparse.csc_array(rng.normal(size=(309, 1))) for _ in range(2))
-    away, expected = 1e-3 * rng.normal(size=(120, 1)), system.solve(more)
-    found = system.step(one, system.solve(one) + away, more)
-    assert found.shape == (120, 2)
-    np.testing.assert_allclose(found[:, :1], -away, atol=1e-8)
-    assert np.abs(found[:, 1:] - expected).max() <= 1e-8 * np.abs(expected).max()
-    assert np.abs(system.solve_unrefined(more) - expected).max() <= 1e-8 * np.abs(expected).max()
-
-
 @pytest.mark.parametrize("strong", [False, True])
 @pytest.mark.parametrize("apart", [1.0, 1e-4])
 def test_functionals_are_those_of_the_solutions(apart: float, strong: bool) -> None:

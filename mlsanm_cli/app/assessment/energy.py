@@ -61,7 +61,10 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         )
     # An energy that is nan must not affect other bodies.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
-    least_of_all = total * max(MIN_ENERGY_SHARE, _faded(built, state))
+    # After unloading, the largest forces at the ends of stages set the scale.
+    now = max(largest_force(built, name, state.unknowns) for name in works)
+    faded = (max(least_force(built, name) for name in works) / now) ** 2 if now > 0.0 else 0.0
+    least_of_all = total * max(MIN_ENERGY_SHARE, faded)
     errors = {}
     for name, work in works.items():
         # Unlike the built-in max, np.max propagates nan.
@@ -153,10 +156,3 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
         for body, part in zip(pairing.bodies, contact_compliance, strict=True):
             found[body] += abs(work) * part / sum(contact_compliance)
     return found
-
-
-def _faded(built: CondensedScene, state: State) -> float:
-    """Energy scale of a state after unloading, from the largest forces at the ends of stages."""
-    now = max(largest_force(built, name, state.unknowns) for name in built.scene.bodies)
-    least = max(least_force(built, name) for name in built.scene.bodies)
-    return (least / now) ** 2 if now > 0.0 else 0.0

@@ -26,12 +26,12 @@ from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, Conta
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
 
-def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo = NO_CACHE) -> Accuracy:
+def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo) -> Accuracy:
     """Estimates of a scene with friction in its last ``state``; those of other scenes are unchanged. As
     without friction, but with the stick and slip status of that state: the path is not followed again."""
     condensed = built.condensed

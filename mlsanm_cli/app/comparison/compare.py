@@ -4,7 +4,7 @@ docs/methods-compared.md."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from mlsanm_cli.app.comparison.differences import (
     surface_error,
 )
 from mlsanm_cli.app.comparison.measure import Measured, Method, chosen_methods, measure, method_of
-from mlsanm_cli.app.comparison.precision import Curves, draw_precision, precision_curves
+from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.run import RESULTS, set_up
@@ -83,7 +83,8 @@ def compare(
 
     loaded, directory = changed(), out or RESULTS / case_path.stem
     levels = f"output.at={_levels(loaded.case, options.levels)!r}"
-    finite, curves = loaded.case.model.strain == "finite", None
+    finite = loaded.case.model.strain == "finite"
+    curves: Mapping[str, Any] = {}
     if finite:
         from mlsanm_cli.app.comparison.finite_strain import compare_finite, refuse
 
@@ -108,7 +109,7 @@ def compare(
     for warning in result["warnings"]:
         console.warning(warning)
     run_dir.prepare_comparison(directory, force)
-    if curves is not None and curves.smooth:
+    if curves.get("smooth"):
         draw_precision(directory, curves)
     write_json_atomic(directory / run_dir.COMPARISON_FILE, result)
     return {**result, "directory": str(directory)}
@@ -120,7 +121,7 @@ def _compare(
     context: RunContext,
     with_levels: Callable[..., LoadedCase],
     changed: Callable[..., LoadedCase],
-) -> tuple[dict[str, Any], Curves | None]:
+) -> tuple[dict[str, Any], Mapping[str, Any]]:
     """Follows the path by all methods at small strain; entries of comparison.json, and curves of the picture.
     Changes of the case are applied with and without the levels of the comparison."""
 
@@ -142,12 +143,12 @@ def _compare(
         rows.append(measure(built, method, case, options.repeat))
     warnings += [*factor_notes(built.scene), *_checked(built, rows[0])]
     result = _result(built, rows, options, context.clock, case_of)
-    curves = None
+    curves: Mapping[str, Any] = {}
     if options.picture and rows[0].done:
         context.console.phase("following the paths at larger eta, for the picture")
         curves = precision_curves(built, rows, case_of)
-        result["precision"] = curves.figures
-        if not curves.smooth:
+        result["precision"] = curves
+        if not curves["smooth"]:
             warnings.append("no picture: the exact law has no state at some level")
     return result | {"warnings": warnings}, curves
 
@@ -239,9 +240,9 @@ def _figures(
         apart = difference(built, row.states, against.states)
         found |= {
             "against": against.method.name,
-            "difference": asdict(apart),
+            "difference": apart,
             "limit": limit,
-            "agrees": apart.within(limit),
+            "agrees": all(value <= limit for value in apart.values()),
         }
         if against.law != row.law and not found["agrees"]:
             errors = _errors_by_law(built, row, against, case_of)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,24 +25,12 @@ agrees with the exact one if its L2 error is at most this ratio of that with ``S
 stick."""
 
 
-@dataclass(frozen=True)
-class Difference:
-    """Largest differences over all nodes and levels: pressures and tractions relative to the peak pressure,
-    displacements relative to the largest one."""
-
-    pressure: float
-    traction: float
-    displacement: float
-
-    def within(self, limit: float) -> bool:
-        """Whether all are at most ``limit``; nan is not."""
-        return all(value <= limit for value in asdict(self).values())
-
-
 def difference(
     built: CondensedScene, found: Mapping[float, State], reference: Mapping[float, State]
-) -> Difference:
-    """Differences of the states ``found`` from those of the ``reference``, at their common levels."""
+) -> dict[str, float]:
+    """Largest differences of the states ``found`` from those of the ``reference`` over all nodes and common
+    levels: pressures and tractions relative to the peak pressure, displacements relative to the largest
+    one."""
     pressure = traction = displacement = peak = largest = 0.0
     for position in found.keys() & reference.keys():
         one, other = found[position], reference[position]
@@ -54,11 +41,11 @@ def difference(
         displacement = np.maximum(displacement, _largest_displacement(built, change))
         peak = max(peak, float(other.pressure.max(initial=0.0)))
         largest = max(largest, _largest_displacement(built, other.unknowns))
-    return Difference(
-        float(pressure) / (peak or 1.0),
-        float(traction) / (peak or 1.0),
-        float(displacement) / (largest or 1.0),
-    )
+    return {
+        "pressure": float(pressure) / (peak or 1.0),
+        "traction": float(traction) / (peak or 1.0),
+        "displacement": float(displacement) / (largest or 1.0),
+    }
 
 
 def _largest_displacement(built: CondensedScene, unknowns: tuple[FloatArray, ...]) -> float:

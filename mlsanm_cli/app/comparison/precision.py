@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,24 +20,11 @@ MAX_ETA = 0.1
 """For larger eta the regularised law does not represent contact."""
 
 
-@dataclass(frozen=True)
-class Curves:
-    """Points by eta of the regularised (``smooth``) methods by name, and the ``exact`` method, if
-    measured."""
-
-    smooth: Mapping[str, list[dict[str, float]]]
-    exact: Mapping[str, float] | None
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        """The entry of comparison.json."""
-        return {"smooth": dict(self.smooth), "exact": self.exact}
-
-
 def precision_curves(
     built: CondensedScene, rows: Sequence[Measured], case_of: Callable[[Method], Case]
-) -> Curves:
-    """L2 error against the exact law, CPU seconds and factorisations, by method and eta. ``case_of`` returns
+) -> dict[str, Any]:
+    """L2 error against the exact law, CPU seconds and factorisations, of the regularised (``smooth``) methods
+    by name and eta, and cost of the ``exact`` method, if measured. ``case_of`` returns
     the case of a method. A method that fails at some eta has no point there; there are no points if the exact
     law has no states."""
     case = built.case
@@ -51,7 +37,7 @@ def precision_curves(
     # Without an exact method the polished ANM has states of the exact law, unless it fails.
     of_law = measured(POLISHED) if exact is None else exact
     if not of_law.done:
-        return Curves({}, None)
+        return {"smooth": {}, "exact": None}
     eta = max(contact.regularization.eta for contact in case.touching)
     smooth = {}
     for row in rows:
@@ -64,9 +50,8 @@ def precision_curves(
             _point(built, of_law.states, value, one) for value, one in points if one.done
         ]
     own = exact if exact is not None and exact.method.name == ACTIVE_SET else None
-    return Curves(
-        smooth, None if own is None else {"seconds": own.seconds, "factorizations": own.factorizations}
-    )
+    cost = own and {"seconds": own.seconds, "factorizations": own.factorizations}
+    return {"smooth": smooth, "exact": cost}
 
 
 def _point(
@@ -80,7 +65,7 @@ def _point(
     }
 
 
-def draw_precision(directory: Path, curves: Curves) -> None:
+def draw_precision(directory: Path, curves: Mapping[str, Any]) -> None:
     """Draws the picture in the directory of comparison.json."""
     plot_precision(
         directory / run_dir.picture_name("comparison", "png"),
@@ -92,7 +77,7 @@ def draw_precision(directory: Path, curves: Curves) -> None:
                 [point["factorizations"] for point in points],
                 [f"eta {point['eta']:.2g}" for point in points],
             )
-            for name, points in curves.smooth.items()
+            for name, points in curves["smooth"].items()
         ],
-        None if curves.exact is None else (curves.exact["seconds"], curves.exact["factorizations"]),
+        curves["exact"] and (curves["exact"]["seconds"], curves["exact"]["factorizations"]),
     )

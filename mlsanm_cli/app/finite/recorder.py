@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import asdict
 from functools import partial
 from itertools import pairwise
@@ -49,14 +50,16 @@ from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
-COUNTS = ("steps", "renewed", "iterations", "factorizations", "solves")
-TALLIES = (*COUNTS, "balance", "largest", "stability", "residual", "unaccounted", "kept", "missing", "energy")
-"""Quantities accumulated along the path."""
 
 
 class FiniteRecorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. ``steps`` counts finished
     steps, without the initial state."""
+
+    tallies = (
+        *("steps", "renewed", "balance", "largest", "stability", "residual", "unaccounted", "kept"),
+        *("missing", "energy", "iterations", "factorizations", "solves"),
+    )
 
     def __init__(
         self,
@@ -67,7 +70,8 @@ class FiniteRecorder(RunWriter):
         refinement: Refinement,
         earlier: InterruptedFiniteRun | None = None,
     ) -> None:
-        super().__init__(directory, loaded, {**attributes, "strain": "finite"}, context, earlier)
+        attributes = {**attributes, "strain": "finite"}
+        super().__init__(directory, loaded, attributes, context, earlier)
         self._earlier, self.refinement, self.touched = earlier, refinement, Touched()
         self.steps = self.renewed = 0
         self.last: FiniteState | None = None
@@ -97,13 +101,11 @@ class FiniteRecorder(RunWriter):
         """Continue an earlier recording."""
         if before.checkpoint is None:
             return None
-        self.last, self._rows = before.checkpoint.state, before.rows
-        for name in TALLIES:
-            setattr(self, name, before.figures.get(name, 0.0))
+        self.last = before.checkpoint.state
+        self.take_up(before.rows, before.figures, scene.bodies)
         self.turns += [Turn(**one) for one in before.figures["turns"]]
         self.warnings += before.figures["warnings"]
         self.touched = Touched.read(before.figures)
-        self.keep_states(scene.bodies, scene.case.output.vtu)
         return before.checkpoint
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
@@ -128,16 +130,12 @@ class FiniteRecorder(RunWriter):
                     )
             self._count(scene, step)
             self._rows += 1 + len(between)
-            figures = {name: getattr(self, name) for name in TALLIES}
+            figures = {name: copy(getattr(self, name)) for name in self.tallies}
             more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
             more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
             assert step.checkpoint is not None
             latest = partial(plain_checkpoint, step.checkpoint, figures | more)
-            # Before the rows: a resumed run drops events of steps that are not in run.h5.
-            event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
-            self._events.write("step", **event, length=step.length)
-            self._file.add(rows, datasets, latest=latest)
-            self._file.save_if_due()
+            self.add_step(step, state, rows, datasets, {}, latest)
         turned = [f"limit point {turn.position:.6g}" for turn in step.turns]
         text = "  ".join([*turned, *(["equations renewed"] if step.renewed else [])])
         self._console.step(self.steps, state.position, state.residual, text)
@@ -145,7 +143,7 @@ class FiniteRecorder(RunWriter):
     def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> dict[str, Any]:
         forces = SceneForces.of(scene, state)
         return row(
-            path=self.path_figures(step, state.position, state.residual),
+            path=self.path_figures(step, state),
             factors=dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
             resultants=resultants(scene, forces),
             contacts=contact_records(scene, state),

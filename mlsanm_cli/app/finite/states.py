@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.output.checkpoint import Interrupted, as_text, flattened, restored, unreadable
+from mlsanm_cli.app.output.checkpoint import EarlierRun, as_text, flattened, restored, unreadable
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.sets import NodeSets
@@ -139,8 +139,8 @@ def renewals_of(steps: Sequence[FiniteStep]) -> tuple[FiniteState, ...]:
 
 
 @dataclass(frozen=True)
-class InterruptedFiniteRun(Interrupted):
-    """The data of an interrupted run, with its ``checkpoint``, None if the path had not begun."""
+class InterruptedFiniteRun(EarlierRun):
+    """An interrupted run with its ``checkpoint``, None if the path had not begun."""
 
     checkpoint: FiniteCheckpoint | None
 

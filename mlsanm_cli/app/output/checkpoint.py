@@ -22,8 +22,9 @@ Record = TypeVar("Record")
 
 
 @dataclass(frozen=True)
-class Interrupted:
-    """An interrupted run: the rows of its path, the seconds they took, and the ``figures`` counted so far."""
+class EarlierRun:
+    """An interrupted run: the rows of its path, the seconds that they took, and the ``figures`` counted so
+    far."""
 
     rows: int
     seconds: float
@@ -31,9 +32,9 @@ class Interrupted:
 
 
 @dataclass(frozen=True)
-class InterruptedRun(Interrupted):
-    """The data of an interrupted run; if there are rows, the state of the ``last`` one and the checkpoint
-    from which the path continues; the refinement of its clouds, if that was complete."""
+class InterruptedRun(EarlierRun):
+    """If there are any rows, the state of the ``last`` one and the checkpoint from which the path continues;
+    the refinement of its clouds, if that was complete."""
 
     last: State | None
     checkpoint: Checkpoint | None
@@ -48,11 +49,6 @@ def plain_checkpoint(
     return {**found, "checkpoint/figures": as_text(figures)}
 
 
-def plain_refinement(refinement: Refinement) -> str:
-    """The refinement of clouds as a dataset."""
-    return as_text(asdict(refinement))
-
-
 def interrupted_run(origin: RunOrigin) -> InterruptedRun:
     """The stored data of an interrupted run. Raises RunError if they are damaged or of another version."""
     stored = origin.checkpoint
@@ -65,7 +61,7 @@ def interrupted_run(origin: RunOrigin) -> InterruptedRun:
             last=restored(State, stored["last"]) if started else None,
             checkpoint=_checkpoint(stored["path"]) if started else None,
             figures=json.loads(stored["figures"]) if started else {},
-            refinement=_refinement(json.loads(stored["refinement"])) if "refinement" in stored else None,
+            refinement=_refinement(stored["refinement"]) if "refinement" in stored else None,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise unreadable(error) from error
@@ -113,6 +109,7 @@ def _checkpoint(stored: Mapping[str, Any]) -> Checkpoint:
     return restored(Checkpoint, stored, state=restored(State, stored["state"]), history=remembered)
 
 
-def _refinement(plain: Mapping[str, Any]) -> Refinement:
+def _refinement(stored: str) -> Refinement:
+    plain = json.loads(stored)
     zones = np.array(plain["zones"], dtype=np.float64).reshape(-1, 5)
     return Refinement(zones, tuple(Pass(**one) for one in plain["passes"]), plain["failed"])

@@ -154,8 +154,8 @@ dragged by half of the contact's half-width is displaced by as much."""
 def large_slides(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
 ) -> Iterator[tuple[str, str]]:
-    """Names of contacts whose sides slide too far in a state, with a warning for each; ``displacements``
-    (n, 2) are those of all bodies at the points of ``clouds``."""
+    """A warning for every contact whose sides slide too far in a state, as the fault and its further text;
+    ``displacements`` (n, 2) are those of all bodies at the points of ``clouds``."""
     obstacles = {contact.name: contact.obstacle for contact in built.case.contact}
     moved = platen_displacements(built, state)
     for pairing in built.condensed.pairings:
@@ -176,8 +176,8 @@ def large_slides(
         width = float(pairing.weight[chosen][closed].sum())
         if slid > MAX_SLIDE * width:
             yield (
-                pairing.name,
-                f"the surfaces of contact {pairing.name} slide along each other by {slid:.3g} at position "
+                f"the surfaces of contact {pairing.name} slide",
+                f" along each other by {slid:.3g} at position "
                 f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures "
                 f"act on the points that faced each other initially, an error of this distance on one side; "
                 f'set model.strain = "finite" (material law "saint-venant-kirchhoff" extends the same '

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from copy import copy
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from mlsanm_cli.app.assessment.peaks import Peak
 from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
-from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, plain_checkpoint, plain_refinement
+from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, as_text, plain_checkpoint
 from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
 from mlsanm_cli.app.output.recording import Views, model_bodies
 from mlsanm_cli.app.output.writer import RunWriter
@@ -41,13 +42,13 @@ ESTIMATE_AFTER = 2.0
 """Seconds after which the remaining time of a path is shown."""
 MAX_STAGE_LOADS = 2
 """Largest number of loads in the name of a stage."""
-TALLIES = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
-"""Counts and maxima along the path, which a resumed run continues."""
 
 
 class Recorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. With ``earlier`` it continues
     the files of an interrupted run after their last step."""
+
+    tallies = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
 
     def __init__(
         self,
@@ -92,7 +93,7 @@ class Recorder(RunWriter):
             digest = recording.operators_digest(built)
             self._file.add(attributes={"": {"cache_hash": digest, "nodes": str(nodes)}})
             if adapted.refined:
-                self._file.add(datasets={REFINEMENT: plain_refinement(adapted.refinement)})
+                self._file.add(datasets={REFINEMENT: as_text(asdict(adapted.refinement))})
             self._file.save_if_due()
             return self._take_up(built, self._earlier) if self._earlier else None
 
@@ -100,13 +101,11 @@ class Recorder(RunWriter):
         """Restores the state of the recorder after the last recorded step."""
         if before.last is None:
             return None
-        self.last, self._rows = before.last, before.rows
-        for name in TALLIES:
-            setattr(self, name, before.figures[name])
+        self.last = before.last
+        self.take_up(before.rows, before.figures, built.scene.bodies)
         self.polished = [Polish(**one) for one in before.figures["polished"]]
         self._reported += before.figures["told"]
         self.warnings += self._reported
-        self.keep_states(built.scene.bodies, self._case.output.vtu)
         return before.checkpoint
 
     def step(self, built: CondensedScene, step: PathStep) -> None:
@@ -114,7 +113,7 @@ class Recorder(RunWriter):
         it is written together, some time later."""
         state, index = step.state, self._rows
         with self._clock.phase("output"):
-            rows = [recording.step_row(built, state, self.path_figures(step, state.position, state.residual))]
+            rows = [recording.step_row(built, state, self.path_figures(step, state))]
             datasets: dict[str, Value] = {}
             attributes: dict[str, Mapping[str, Attribute]] = {}
             if step.series:
@@ -127,14 +126,10 @@ class Recorder(RunWriter):
             if self._case.output.fields:
                 self._save_fields(built, step.saved, rows, datasets, attributes)
             self._count(built, step)
-            figures = {name: getattr(self, name) for name in TALLIES if name != "cone"}
-            more = {"cone": dict(self.cone), "polished": tuple(self.polished), "told": tuple(self._reported)}
+            figures = {name: copy(getattr(self, name)) for name in self.tallies}
+            more = {"polished": tuple(self.polished), "told": tuple(self._reported)}
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
-            event = {"index": index, "position": state.position, "residual": state.residual}
-            # Before the row: a resumed run drops the events of steps that are not in its file.
-            self._events.write("step", **event, length=step.length)
-            self._file.add(rows, datasets, attributes, latest)
-            self._file.save_if_due()
+            self.add_step(step, state, rows, datasets, attributes, latest)
         peak = float(state.pressure.max(initial=0.0))
         texts = self._progress(state.position)
         if len(state.pressure):
@@ -207,19 +202,16 @@ class Recorder(RunWriter):
         """Raises NumericalError if bodies overlap; warns if a body overlaps itself or surfaces slide far."""
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
-        for name, message in large_slides(built, state, clouds, moved):
-            if not any(one.startswith(f"the surfaces of contact {name} slide") for one in self._reported):
-                self._reported.append(message)
-                self.warn(message)
+        found = dict(large_slides(built, state, clouds, moved))
         for name, (x, y) in within_themselves(clouds, moved).items():
-            text = f"body {name} overlaps itself"
-            if not any(one.startswith(text) for one in self._reported):
-                message = (
-                    f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact "
-                    f"is not supported, and results beyond that position are invalid"
-                )
-                self._reported.append(message)
-                self.warn(message)
+            found[f"body {name} overlaps itself"] = (
+                f" near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact is not "
+                f"supported, and results beyond that position are invalid"
+            )
+        for fault, where in found.items():
+            if not any(one.startswith(fault) for one in self._reported):
+                self._reported.append(fault + where)
+                self.warn(fault + where)
 
     def check_linear(self, built: CondensedScene) -> float:
         """The largest error of the linear solver over the saved states; of the last state if none was saved,

@@ -5,17 +5,17 @@ from __future__ import annotations
 import platform
 import re
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from importlib.metadata import distribution
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from mlsanm_cli import __version__
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.checkpoint import Interrupted
+from mlsanm_cli.app.output.checkpoint import EarlierRun
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.closing import Closing
@@ -24,7 +24,7 @@ from mlsanm_cli.commit import commit
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.records import place
-from mlsanm_cli.io.run_file import RunFile, Value
+from mlsanm_cli.io.run_file import Attribute, RunFile, Value
 from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
 from mlsanm_cli.io.vtu import LinesWriter, StateWriter
 from mlsanm_cli.system import host
@@ -45,8 +45,20 @@ class StepCounts(Protocol):
     def solves(self) -> int: ...
 
 
+class RecordedState(Protocol):
+    """The quantities that states of all paths have."""
+
+    @property
+    def position(self) -> float: ...
+    @property
+    def residual(self) -> float: ...
+
+
 class RunWriter(Closing):
     """run.h5, events.jsonl, resolved.toml and VTU files of a run, and its warnings; a context manager."""
+
+    tallies: ClassVar[tuple[str, ...]]
+    """Attributes with counts and maxima along the path, which a resumed run continues."""
 
     def __init__(
         self,
@@ -54,10 +66,10 @@ class RunWriter(Closing):
         loaded: LoadedCase,
         attributes: Mapping[str, str | int | float],
         context: RunContext,
-        earlier: Interrupted | None = None,
+        earlier: EarlierRun | None = None,
     ) -> None:
-        """Creates the files, or opens those of an ``earlier`` run, to continue it. Raises RunError."""
-        rows = earlier.rows if earlier else None
+        """Creates the files, or opens those of an ``earlier`` run. Raises RunError."""
+        rows = None if earlier is None else earlier.rows
         self.directory = directory
         self._clock, self._console, self._memo = context.clock, context.console, context.memo
         file = directory / run_dir.RUN_FILE
@@ -80,9 +92,10 @@ class RunWriter(Closing):
                 self._file.close()
                 raise
         self._states, self._lines = StateWriter(directory), LinesWriter(directory)
+        self._vtu = loaded.case.output.vtu
+        self._rows = self._saved = 0
         # /path/seconds continue.
         self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
-        self._rows = self._saved = 0
         self.warnings: list[str] = []
         self.iterations = self.factorizations = self.solves = 0
         self.residual = 0.0
@@ -102,25 +115,44 @@ class RunWriter(Closing):
         self.solves += step.solves
         self.residual = max(self.residual, *residuals)
 
-    def keep_states(self, bodies: Iterable[str], vtu: bool) -> None:
-        """Keeps what an interrupted run has saved of ``bodies``."""
-        positions = self._file.saved_positions()
-        self._saved = len(positions)
-        for position in positions if vtu else ():
-            self._states.keep(position, tuple(bodies))
-            self._lines.keep(position)
-
-    def path_figures(self, step: StepCounts, position: float, residual: float) -> dict[str, float]:
-        """The common columns of the path at the end of a step."""
+    def path_figures(self, step: StepCounts, state: RecordedState) -> dict[str, float]:
+        """The common columns of the path in a state at the end of a step."""
         return {
-            "position": position,
+            "position": state.position,
             "step_length": step.length,
-            "residual": residual,
+            "residual": state.residual,
             "order": step.order,
             "factorizations": step.factorizations,
             "solves": step.solves,
             "seconds": time.monotonic() - self._started,
         }
+
+    def take_up(self, rows: int, figures: Mapping[str, Any], bodies: Iterable[str]) -> None:
+        """Restores the counts after the last recorded of the ``rows``, and the lists of VTU files."""
+        self._rows = rows
+        for name in self.tallies:
+            setattr(self, name, figures[name])
+        positions = self._file.saved_positions()
+        self._saved = len(positions)
+        for position in positions if self._vtu else ():
+            self._states.keep(position, tuple(bodies))
+            self._lines.keep(position)
+
+    def add_step(
+        self,
+        step: StepCounts,
+        state: RecordedState,
+        rows: Sequence[Mapping[str, Any]],
+        datasets: Mapping[str, Value],
+        attributes: Mapping[str, Mapping[str, Attribute]],
+        latest: Callable[[], Mapping[str, Value]],
+    ) -> None:
+        """Adds the rows, datasets and attributes of a step to run.h5, and the step to the events."""
+        # Before the rows: a resumed run drops the events of steps that are not in its file.
+        event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
+        self._events.write("step", **event, length=step.length)
+        self._file.add(rows, datasets, attributes, latest)
+        self._file.save_if_due()
 
     def write_path(self) -> None:
         """Writes path.csv."""

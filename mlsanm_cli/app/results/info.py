@@ -45,7 +45,7 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     """The figures in run.h5 of a run without summary.json."""
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
     writer = holder(run.directory)
-    if writer is not None:
+    if writer:
         ending = {"stop_reason": f"no summary: still running, {writer}; last written {age:.0f} s ago"}
     else:
         ending = {

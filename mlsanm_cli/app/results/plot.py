@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -51,8 +51,7 @@ MIN_TANGENTIAL_MOTION = 1e-3
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 
 
-class _Draw(Protocol):
-    def __call__(self, path: Path) -> None: ...
+Draw = Callable[[Path], None]
 
 
 def plot(
@@ -83,12 +82,23 @@ def plot(
     run, case = runs[0], cases[0]
     if choice.animate:
         return animate(run, case, choice)
-    pictures = list(_pictures(run, case, choice))
+    pictures = [
+        (kind, subject, draw)
+        for kind, subject, draw in _pictures(run, case, choice)
+        if choice.wants(kind, subject if kind in OF_CONTACT else "")
+    ]
     if not pictures:
         kinds = ", ".join(choice.what) or "such pictures"
         raise RunError(f"the run has nothing for {kinds}", f"kinds are: {', '.join(KINDS)}")
     if choice.out is None:
-        return _written(run, pictures, formats)
+        files = {
+            run.directory / run_dir.picture_name(kind, suffix, subject): draw
+            for kind, subject, draw in pictures
+            for suffix in formats
+        }
+        for file, draw in files.items():
+            draw(file)
+        return list(files)
     if len(pictures) > 1:
         names = ", ".join(" ".join(filter(None, (kind, subject))) for kind, subject, _ in pictures)
         raise RunError(
@@ -99,26 +109,8 @@ def plot(
     return [choice.out]
 
 
-def _written(
-    run: RunData, pictures: Sequence[tuple[str, str, _Draw]], formats: tuple[str, ...]
-) -> list[Path]:
-    files = []
-    for kind, subject, draw in pictures:
-        for suffix in formats:
-            file = run.directory / run_dir.picture_name(kind, suffix, subject)
-            draw(file)
-            files.append(file)
-    return files
-
-
-def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:
-    """Kind, subject and drawing function of every chosen picture for which the run has data."""
-    for kind, subject, draw in _all_pictures(run, case, choice):
-        if choice.wants(kind, subject if kind in OF_CONTACT else ""):
-            yield kind, subject, draw
-
-
-def _all_pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:
+def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, Draw]]:
+    """Kind, subject and drawing function of every picture for which the run has data."""
     friction = {contact.name: contact.coefficient for contact in case.contact}
     for name in run.contacts:
         yield "pressure", name, partial(_draw_pressure, run=run, case=case, name=name, at=choice.at)

@@ -105,11 +105,8 @@ MAX_DETAIL = 0.5
 """Part of the scene above which a contact needs no detail."""
 
 
-def scalar_of(
-    case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray
-) -> tuple[FloatArray, str]:
-    """Von Mises stress (n,) if it was saved or follows from stresses, else the magnitude of displacements;
-    and its name."""
+def _von_mises(case: Case, body: str, fields: Mapping[str, FloatArray]) -> FloatArray | None:
+    """Von Mises stress (n,) if it was saved or follows from stresses."""
     scalar = fields.get("von_mises")
     heated = any(isinstance(load, Temperature) and load.owner == body for load in case.load)
     finite = case.model.strain == "finite"
@@ -117,33 +114,27 @@ def scalar_of(
         material = materials(case)[next(b.material for b in case.body if b.name == body)]
         scalar = von_mises(fields["stress"], material.out_of_plane_stress(fields["stress"]))
     # For a plane stiffness the out-of-plane stress is unknown.
-    if scalar is not None and not np.isnan(scalar).any():
-        return scalar, "von Mises stress"
-    return np.hypot(displacement[:, 0], displacement[:, 1]), "displacement"
+    return None if scalar is None or np.isnan(scalar).any() else scalar
 
 
 def field_of(
     case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray, field: str | None
 ) -> tuple[FloatArray, str]:
-    """A field (n,) of a body and its label with unit; by default that of `scalar_of`. Raises RunError if it
-    was not saved.
-    """
-    if field is None:
-        scalar, label = scalar_of(case, body, fields, displacement)
-        return scalar, case.units.label(label, "stress" if "stress" in label else "length")
-    label, kind = FIELDS[field]
-    named = case.units.label(label, kind)
-    if field in COMPONENTS and "stress" in fields:
-        return fields["stress"][:, COMPONENTS.index(field)], named
-    if field == "von_mises":
-        scalar, name = scalar_of(case, body, fields, displacement)
-        if name == label:
-            return scalar, named
-    elif kind == "length" and "displacement" in fields:
-        parts = {"ux": displacement[:, 0], "uy": displacement[:, 1]}
-        return parts.get(field, np.hypot(displacement[:, 0], displacement[:, 1])), named
-    hint = "add the field that it is computed from to output.fields and run again"
-    raise RunError(f"{label} was not saved", hint)
+    """A field (n,) of a body and its label with unit; by default von Mises stress, or else the magnitude of
+    displacements. Raises RunError if it was not saved."""
+    mises = _von_mises(case, body, fields)
+    known = {} if mises is None else {"von_mises": mises}
+    if "stress" in fields:
+        known |= dict(zip(COMPONENTS, fields["stress"].T, strict=True))
+    if "displacement" in fields or field is None:
+        ux, uy = displacement.T
+        known |= {"ux": ux, "uy": uy, "displacement": np.hypot(ux, uy)}
+    chosen = field or ("displacement" if mises is None else "von_mises")
+    label, kind = FIELDS[chosen]
+    if chosen not in known:
+        hint = "add the field that it is computed from to output.fields and run again"
+        raise RunError(f"{label} was not saved", hint)
+    return known[chosen], case.units.label(label, kind)
 
 
 def shown_bodies(

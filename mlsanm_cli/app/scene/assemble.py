@@ -90,12 +90,6 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
     return MlsSettings(degree, asked, case.mls.scheme, corners=small, narrow=small)
 
 
-def estimated(case: Case) -> bool:
-    """Whether errors are estimated at a higher degree; with friction the path would have to be repeated."""
-    known = case.mls.degree == "auto" or case.mls.degree in DEGREES
-    return known and not any(contact.friction and not contact.bonded for contact in case.contact)
-
-
 def prepare(
     case: Case,
     clouds: Mapping[str, Cloud],
@@ -123,7 +117,10 @@ def prepare(
         known = before.get(name)
         if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
             return known
-        foresight = next_degree(settings, material).stencil_size if estimated(case) else 0
+        # Errors are estimated at a higher degree; with friction the path would have to be repeated.
+        known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
+        ahead = known_next and not any(one.friction for one in case.touching)
+        foresight = next_degree(settings, material).stencil_size if ahead else 0
         return memo.value(
             "model",
             model_key(name, cloud, material, settings, clamped),

@@ -9,6 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, stretches_of
+from mlsanm_cli.app.scene.default_spacing import valleys
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
@@ -265,24 +266,6 @@ def _minimum(facing: Facing, first: float, last: float) -> float:
         least = int(np.argmin(facing.gap(s)))
         first, last = s[max(least - 1, 0)], s[min(least + 1, len(s) - 1)]
     return 0.5 * float(first + last)
-
-
-def valleys(values: FloatArray, slack: float) -> list[int]:
-    """Indices of the local minima of ``values`` (n,) between rises and falls of more than ``slack``, which
-    ignores round-off."""
-    found, falling, lowest, highest = list[int](), True, 0, 0
-    row = values.tolist()
-    for k, value in enumerate(row):
-        if falling:
-            lowest = k if value < row[lowest] else lowest
-            if value > row[lowest] + slack:
-                found.append(lowest)
-                falling, highest = False, k
-        else:
-            highest = k if value > row[highest] else highest
-            if value < row[highest] - slack:
-                falling, lowest = True, k
-    return [*found, lowest] if falling else found
 
 
 def _stretch(chosen: BoolArray, inside: int) -> tuple[int, int] | None:

@@ -40,6 +40,10 @@ LEVELS, LEVEL_RATIO = 12, 2.0**-0.5
 HOLLOW_ANGLE = 0.5
 """Curves that turn to the concave side by more than this angle (radian) within a coarse spacing are
 hollows."""
+EQUAL_MINIMA = 0.05
+"""Another minimum of the gap counts if it is larger by less than this part of its distance from the end."""
+PER_END_DISTANCE = 10.0
+"""Spacings between the outermost of several such minima and the end of the surface."""
 TOUCHING = 0.01
 PER_TIP_SPAN, TIP_RADIUS = 20.0, 3.0
 """For curved conforming surfaces (gap up to this part of the span over which fields of a corner decay) that
@@ -191,8 +195,10 @@ def contact_zone(
         assert obstacle is not None
         partner, _ = obstacle.closest(points, own.normals(_places(own)))
     apart = np.hypot(*(points - partner).T)
-    if other is not None and not own.closed:
-        yield from _tip_zones(own, rest, other, far)
+    if not own.closed:
+        yield from _end_zones(points, apart, far)
+        if other is not None:
+            yield from _tip_zones(own, rest, other, far)
     nearest = np.flatnonzero(apart <= apart.min() + FLAT * own.length)
     place = points[nearest[len(nearest) // 2]]
     distances = [float(np.hypot(*(_along(curve) - place).T).min()) for curve in rest]
@@ -244,6 +250,39 @@ def crack_zones(part: Curve, ends: Sequence[tuple[float, float]]) -> Iterator[Zo
         if any(np.hypot(*(tip - end)) <= FLAT * part.length for end in ends):
             x, y = tip.tolist()
             yield Zone.around((x, y), part.length / PER_CRACK, 0.0, BOND_GROWTH)
+
+
+def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:
+    """Zones at the ends of a surface whose gap ``apart`` (s,) at ``points`` (s, 2) has several minima, the
+    outermost of which is near the end."""
+    least = np.array(valleys(apart, FLAT * len(apart) * float(np.hypot(*(points[1] - points[0])))), dtype=int)
+    for end in (0, -1):
+        away = np.hypot(*(points[least] - points[end]).T)
+        close = apart[least] <= apart.min() + EQUAL_MINIMA * away
+        if close.sum() < 2:
+            continue
+        distance = float(away[close].min())
+        if 0.0 < distance < PER_END_DISTANCE * far:
+            x, y = points[end].tolist()
+            yield Zone.around((x, y), distance / PER_END_DISTANCE, distance, GROWTH)
+
+
+def valleys(values: FloatArray, slack: float) -> list[int]:
+    """Indices of the local minima of ``values`` (n,) between rises and falls of more than ``slack``, which
+    ignores round-off."""
+    found, falling, lowest, highest = list[int](), True, 0, 0
+    row = values.tolist()
+    for k, value in enumerate(row):
+        if falling:
+            lowest = k if value < row[lowest] else lowest
+            if value > row[lowest] + slack:
+                found.append(lowest)
+                falling, highest = False, k
+        else:
+            highest = k if value > row[highest] else highest
+            if value < row[highest] - slack:
+                falling, lowest = True, k
+    return [*found, lowest] if falling else found
 
 
 def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zone]:

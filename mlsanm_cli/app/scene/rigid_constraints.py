@@ -14,8 +14,6 @@ from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions
 from mlsanm_cli.mechanics.springs import Springs
 
-AXES = {"x": 0, "y": 1}
-
 HeldSurfaces = Mapping[str, Mapping[str, tuple[bool, bool]]]
 HeldNodes = Mapping[str, tuple[tuple[int, int], ...]]
 
@@ -69,32 +67,25 @@ def _platens(
             motions.append(_motion(len(case.moved), component, controls, alone=not elsewhere))
         if first.turning != "fixed":
             alone = all(set(held[body]) == set(names) and not held_nodes[body] for body, names in parts)
-            motions.append(_motion(len(case.moved), ROTATION, _turns(loads), alone))
+            turns = {
+                number: ("force", load.moment or 0.0)
+                if not isinstance(load.rotation, float)
+                else ("displacement", load.rotation)
+                for number, load in loads
+            }
+            motions.append(_motion(len(case.moved), ROTATION, turns, alone))
         numbers = tuple(number for number, _ in loads)
         at = first.hinge or _middle(clouds, parts)
         (body, names), others = parts[0], tuple(parts[1:])
         yield mechanics.Platen(body, names, at, tuple(motions), numbers, label, others)
 
 
-def _turns(loads: Sequence[tuple[int, Platen]]) -> dict[int, tuple[str, float]]:
-    """Kind and value of the rotation or moment of each load on a plate."""
-    return {
-        number: ("displacement", load.rotation)
-        if isinstance(load.rotation, float)
-        else ("force", load.moment or 0.0)
-        for number, load in loads
-    }
-
-
 def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, ...]]]) -> tuple[float, float]:
     """The centroid of surfaces of bodies."""
-    total, length = np.zeros(2), 0.0
-    for body, names in parts:
-        for name in names:
-            surface = clouds[body].surfaces[name]
-            total += surface.weight @ clouds[body].points[surface.index]
-            length += float(surface.weight.sum())
-    return float(total[0] / length), float(total[1] / length)
+    surfaces = [(clouds[body], clouds[body].surfaces[name]) for body, names in parts for name in names]
+    weight = np.concatenate([one.weight for _, one in surfaces])
+    x, y = weight @ np.concatenate([cloud.points[one.index] for cloud, one in surfaces]) / weight.sum()
+    return float(x), float(y)
 
 
 def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:
@@ -141,9 +132,10 @@ def _controls(
     loads: Sequence[tuple[int, Platen | ObstacleMotion]],
 ) -> dict[int, dict[int, tuple[str, float]]]:
     """For each controlled component, the kind and value of each load."""
-    found: dict[int, dict[int, tuple[str, float]]] = {}
-    for axis, component in AXES.items():
-        found[component] = {number: load.control[axis] for number, load in loads if axis in load.control}
+    found = {
+        component: {number: load.control[axis] for number, load in loads if axis in load.control}
+        for component, axis in enumerate("xy")
+    }
     return {component: controls for component, controls in found.items() if controls}
 
 

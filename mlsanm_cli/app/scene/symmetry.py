@@ -30,17 +30,14 @@ def line_of(case: Case) -> SymmetryLine | None:
     for axis in (0, 1):
         line = SymmetryLine(axis, float(middle[0, axis]))
         same = np.abs(middle[:, axis] - line.at).max() <= IMAGE_TOLERANCE * size
-        if same and all(_symmetric(case, boundaries, body, line, float(size)) for body in case.body):
+        if same and all(
+            line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
+            if body.has_nodes
+            else spacing_of(case, boundaries, body).symmetric(line)
+            for body, nodes in zip(case.body, points, strict=True)
+        ):
             return line
     return None
-
-
-def _symmetric(case: Case, boundaries: Boundaries, body: Body, line: SymmetryLine, size: float) -> bool:
-    """Whether the spacing of a body, or its nodes from a file, are symmetric."""
-    if not body.has_nodes:
-        return spacing_of(case, boundaries, body).symmetric(line)
-    points = _points(boundaries, body)
-    return line.images(points, np.full(len(points), size / np.sqrt(len(points)))) is not None
 
 
 def _points(boundaries: Boundaries, body: Body) -> FloatArray:

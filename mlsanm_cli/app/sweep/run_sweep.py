@@ -4,7 +4,7 @@ of one geometry are consecutive, so that a process can reuse their operators."""
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -15,7 +15,7 @@ from mlsanm_cli.app.results.collect import collect, write_rows
 from mlsanm_cli.app.results.info import finished, held_case
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.imported import load_with_files
-from mlsanm_cli.app.sweep.engines import Engine, dask_engine, local_engine
+from mlsanm_cli.app.sweep.engines import solve_points
 from mlsanm_cli.app.sweep.point import SweepPoint
 from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.vary import parse_vary, points
@@ -68,9 +68,8 @@ def sweep(
         console.note(f"{total - len(todo)} of {total} points are done already")
     rows: list[Mapping[str, Any]] = []
     if todo:
-        engine = dask_engine(options.scheduler) if options.scheduler else local_engine(options.jobs)
         try:
-            for row in _results(engine, planned):
+            for row in solve_points(todo, options.jobs, options.scheduler):
                 rows.append(row)
                 count = row["warnings"]
                 warned = f", {count} warning{'s' if count > 1 else ''}" if count else ""
@@ -176,13 +175,3 @@ def geometry(case: Case) -> str:
         for contact in content.get("contact", [])
     ]
     return digest(*(content.get(key) for key in ("model", "material", "body", "support", "mls")), contacts)
-
-
-def _results(engine: Engine, planned: Sequence[Sequence[SweepPoint]]) -> Iterator[Mapping[str, Any]]:
-    """Rows of the points that are not completed yet, in the order of completion."""
-    with engine:
-        for group in planned:
-            for point in group:
-                if not point.done:
-                    engine.submit(point)
-        yield from engine.results()

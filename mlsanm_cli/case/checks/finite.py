@@ -99,8 +99,10 @@ def pivot_of(obstacle: AnyObstacle, load: ObstacleMotion) -> tuple[float, float]
 
 
 def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
-    if contact.obstacle is None:
-        _check_master(contact, path, report)
+    bodies = {split_boundary(name)[0] for name in contact.boundaries}
+    if contact.obstacle is None and len(bodies) == 1:
+        message = f"contact of a body with itself {_UNSUPPORTED}"
+        report.add((*path, "master"), message, "another body's boundary")
     if contact.bonded:
         report.add((*path, "friction"), f"bonded surfaces {_UNSUPPORTED}", "a coefficient")
     if contact.gap:
@@ -115,14 +117,6 @@ def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
     if contact.reach != type(contact).model_fields["reach"].default:
         message = "does not apply at finite strain: all nodes of the slave are candidates"
         report.add((*path, "reach"), message, "remove it")
-
-
-def _check_master(contact: Contact, path: KeyPath, report: Report) -> None:
-    bodies = {split_boundary(name)[0] for name in contact.boundaries}
-    if len(bodies) == 1:
-        report.add(
-            (*path, "master"), f"contact of a body with itself {_UNSUPPORTED}", "another body's boundary"
-        )
 
 
 def _check_other_sections(parts: ValidParts, report: Report) -> None:

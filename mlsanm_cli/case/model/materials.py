@@ -97,23 +97,19 @@ def check_material(material: Material, path: KeyPath, plane: str | None, report:
             "stiffness": "",
         }[form]
         report.add((*path, key), "missing (required)", hint)
-    if not missing:
-        {"isotropic": _check_isotropic, "orthotropic": _check_orthotropic, "stiffness": _check_stiffness}[
-            form
-        ](material, path, plane, report)
+    if missing:
+        pass
+    elif form == "orthotropic":
+        _check_orthotropic(material, path, report)
+    elif form == "stiffness":
+        _check_stiffness(material, path, report)
+    elif plane == "strain" and material.nu == 0.5:
+        message = "an incompressible material (0.5) has no finite stiffness in plane strain"
+        report.add((*path, "nu"), message, "use a value below 0.5, or plane stress")
     _check_expansion(material, path, plane, report)
 
 
-def _check_isotropic(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
-    assert material.nu is not None
-    if plane == "strain" and material.nu == 0.5:
-        hint = "use a value below 0.5, or plane stress"
-        report.add(
-            (*path, "nu"), "an incompressible material (0.5) has no finite stiffness in plane strain", hint
-        )
-
-
-def _check_orthotropic(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
+def _check_orthotropic(material: Material, path: KeyPath, report: Report) -> None:
     """Checks that the compliance is positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
     moduli = [material.E1, material.E2, material.E3]
     sound = True
@@ -139,7 +135,7 @@ def _check_orthotropic(material: Material, path: KeyPath, plane: str | None, rep
             report.add((*path, "nu12"), message, "reduce them")
 
 
-def _check_stiffness(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
+def _check_stiffness(material: Material, path: KeyPath, report: Report) -> None:
     assert material.stiffness is not None
     c, here = material.stiffness, (*path, "stiffness")
     largest = max(abs(value) for row in c for value in row)

@@ -49,8 +49,7 @@ def apply_overrides(
             if not sign:
                 raise _BadOverride("expected KEY=VALUE", "as in --set solver.order=15")
             parts, new = _parts(key), _value(key.strip(), value)
-            for chosen in _spread(content, parts):
-                changed.add(_assign(content, chosen, copy.deepcopy(new)))
+            changed.update(_assign(content, parts, new))
         except _BadOverride as bad:
             name = key.strip() or text
             problems.append(CaseProblem(name, bad.message, 0, SOURCE, bad.hint))
@@ -109,40 +108,32 @@ def _value(key: str, text: str) -> Any:
     return parsed["value"]
 
 
-def _spread(content: dict[str, Any], parts: list[str]) -> list[list[str]]:
-    """The keys matched by a key with wildcards."""
-    if WILDCARD not in parts:
-        return [parts]
-    at = parts.index(WILDCARD)
-    table: Any = content
-    for position, part in enumerate(parts[:at]):
-        step = _step(table, part, parts[:position])
-        table = table.get(step) if isinstance(table, dict) else table[step]
-    names = list(table) if isinstance(table, dict) else [str(k) for k in range(len(table or []))]
-    if not names or at == len(parts) - 1:
-        where = ".".join(parts[:at])
-        raise _BadOverride(f'"{where}.*" matches nothing', "as in contact.*.friction=0.3")
-    spread = (_spread(content, [*parts[:at], name, *parts[at + 1 :]]) for name in names)
-    return [key for keys in spread for key in keys]
+def _assign(table: Any, parts: list[str], value: Any, at: int = 0) -> list[KeyPath]:
+    """Sets a value at the keys below a table that the parts from number ``at`` on match; returns their
+    paths."""
+    part, rest, where = parts[at], parts[at + 1 :], ".".join(parts[:at])
+    if part == WILDCARD:
+        names = list(table) if isinstance(table, dict) else list(map(str, range(len(table))))
+        if not names or not rest:
+            raise _no_match(where)
+        found = [_assign(table, [*parts[:at], name, *rest], value, at) for name in names]
+        return [path for paths in found for path in paths]
+    step = _step(table, part, parts[:at])
+    if not rest:
+        table[step] = copy.deepcopy(value)
+        return [(step,)]
+    if isinstance(table, dict) and step not in table:
+        here = ".".join(parts[: at + 1])
+        if rest[0] == WILDCARD:
+            raise _no_match(here)
+        if rest[0].isdecimal():
+            raise _BadOverride(f'"{part}" has no items', f"the case file has no {here}")
+        table[step] = {}
+    return [(step, *path) for path in _assign(table[step], parts, value, at + 1)]
 
 
-def _assign(content: dict[str, Any], parts: list[str], value: Any) -> KeyPath:
-    path: KeyPath = ()
-    table: Any = content
-    for position, part in enumerate(parts):
-        last = position == len(parts) - 1
-        step = _step(table, part, parts[:position])
-        path = (*path, step)
-        if last:
-            table[step] = value
-        elif isinstance(table, dict) and step not in table:
-            if parts[position + 1].isdecimal():
-                raise _BadOverride(
-                    f'"{part}" has no items', f"the case file has no {'.'.join(parts[: position + 1])}"
-                )
-            table[step] = {}
-        table = table[step]
-    return path
+def _no_match(where: str) -> _BadOverride:
+    return _BadOverride(f'"{where}.*" matches nothing', "as in contact.*.friction=0.3")
 
 
 def _step(table: Any, part: str, before: list[str]) -> str | int:

@@ -73,15 +73,12 @@ class ContactGrid:
         """Coordinates (k,) of the samples."""
         return chebyshev(self.first, self.last, self.count)
 
-    def own_forces(self, kernel: PointForceField, slave: bool) -> SurfaceForces:
-        """Unit forces at the samples on one of the two bodies."""
-        place, inward = self.facing.side(self.samples, slave)
-        return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
-
     def forces(self, kernel: PointForceField, slave: bool) -> Forces:
-        """The same, with the corrections at corners."""
+        """Unit forces at the samples on one of the two bodies, with the corrections at corners."""
         if slave not in self._forces:
-            own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
+            place, inward = self.facing.side(self.samples, slave)
+            own = SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
+            corners = self.corners_of(slave)
             self._forces[slave] = CorneredForces(own, corners) if corners else own
         return self._forces[slave]
 
@@ -232,24 +229,20 @@ class ContactGrid:
     def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
         """Double integrals (m, m) with the hats of the corner terms of one body's displacements along
         pressures (``which`` 0) or tractions (1), due to pressures or tractions (``by``)."""
-        kept, key = self._by_corners, (slave, which, by)
-        if key in kept:
-            return kept[key]
-        found = self._cornered(slave, which, by)
-        if len(found) <= MAX_CACHED:
-            kept[key] = found
-        return found
+        key, count = (slave, which, by), len(self.hats.place)
+        if key in self._by_corners:
+            return self._by_corners[key]
+        total = np.zeros((count, count))
+        for seen, compliance, acting in self.corner_terms(*key):
+            total += seen @ compliance @ acting.T
+        if count <= MAX_CACHED:
+            self._by_corners[key] = total
+        return total
 
     @cached_property
     def _by_corners(self) -> dict[tuple[bool, int, int], FloatArray]:
         """Cache of :meth:`cornered`: a grid is condensed again while others are refined."""
         return {}
-
-    def _cornered(self, slave: bool, which: int, by: int) -> FloatArray:
-        total = np.zeros((len(self.hats.place), len(self.hats.place)))
-        for seen, compliance, acting in self.corner_terms(slave, which, by):
-            total += seen @ compliance @ acting.T
-        return total
 
     def corner_terms(
         self, slave: bool, which: int, by: int

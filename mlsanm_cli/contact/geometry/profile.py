@@ -87,8 +87,8 @@ def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bo
     order = np.argsort(away)[: int((pressure > 0.0).sum())]
     if len(order) >= LEAST_NODES:
         jump, less = -np.diff(pressure[order[:3]])
-        slope, further = (jump, less) / np.diff(away[order[:3]])
-        if jump > END_JUMP * pressure[order[1]] and slope > END_SLOPE * further:
+        step, after = np.diff(away[order[:3]])  # 0 where round-off is largest between two nodes
+        if jump > END_JUMP * pressure[order[1]] and jump * after > END_SLOPE * less * step:
             return True
     places = 2.0 * away[order[min(1, len(order) - 1)]] * 2.0 ** np.arange(HALVINGS + 1)
     if places[-1] > SINGULAR_REACH * loaded:

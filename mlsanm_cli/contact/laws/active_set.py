@@ -61,14 +61,26 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
     """Exact frictionless state at ``factors`` (L,), searched from the set ``start`` (m,). Raises
     NumericalError if no state balances the loads."""
     free_gap = condensed.gap.constant + condensed.gap.load @ factors
-    first = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
+    if start is None or not start.any():
+        # Overlapping nodes; if forces must be balanced, also the closest nodes of every contact.
+        first = np.asarray(free_gap < 0.0)
+        if len(condensed.balance.constant):
+            first |= condensed.closest(free_gap)
+    else:
+        first = start.copy()
     try:
         solved = _searched(condensed, factors, free_gap, first, _Held(np.zeros(0), np.zeros(0)))
     except SingularSystemError:
         solved = _at_rest(condensed, factors, free_gap, first)
     if solved.active.any() and _only_moved(condensed, factors, free_gap, solved.pressure):
         solved = _apart(solved)
-    return _state(condensed, factors, free_gap, solved)
+    gap = free_gap + condensed.gap.motion @ solved.motion + condensed.gap.pressure @ solved.pressure
+    gap[solved.active] = 0.0
+    nothing, p, closed = np.zeros(len(condensed.friction_nodes)), solved.pressure, solved.active
+    unknowns = (factors, solved.motion, p, nothing)
+    residual = kkt_residual(condensed, unknowns, closed, np.full(len(nothing), np.nan))
+    stuck = np.zeros_like(closed)
+    return ExactState(factors, p, gap, solved.motion, nothing, closed, stuck, solved.solves, residual)
 
 
 @dataclass(frozen=True)
@@ -110,7 +122,12 @@ def _at_rest(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, ac
             pressed = solved.pressure > PRESSURE_TOLERANCE * solved.pressure.max()
             pressure = np.where(pressed, solved.pressure, 0.0)
             return _Solved(active & pressed, pressure, solved.motion, solves)
-    raise _unbalanced()
+    raise UnbalancedError(
+        "no contact pressure balances the loads",
+        "a force-controlled platen may push its body away from the contact, or a body held by contact "
+        "only may be free there; prescribe the displacement instead, or use "
+        'contact.regularization.law = "hyperbolic"',
+    )
 
 
 def _only_moved(
@@ -162,32 +179,6 @@ def _searched(
         seen.add(active.tobytes())
         active = active ^ wrong
     raise EndlessError(limit)
-
-
-def _state(condensed: Condensed, factors: FloatArray, free_gap: FloatArray, solved: _Solved) -> ExactState:
-    """The state of a solution, with its gaps and residual."""
-    gap = free_gap + condensed.gap.motion @ solved.motion + condensed.gap.pressure @ solved.pressure
-    gap[solved.active] = 0.0
-    nothing = np.zeros(len(condensed.friction_nodes))
-    unknowns = (factors, solved.motion, solved.pressure, nothing)
-    residual = kkt_residual(condensed, unknowns, solved.active, np.full(len(nothing), np.nan))
-    return ExactState(
-        factors,
-        solved.pressure,
-        gap,
-        solved.motion,
-        nothing,
-        solved.active,
-        np.zeros_like(solved.active),
-        solved.solves,
-        residual,
-    )
-
-
-def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
-    """Overlapping nodes; if forces must be balanced, also the closest nodes of every contact."""
-    active = np.asarray(free_gap < 0.0, dtype=bool)
-    return active | condensed.closest(free_gap) if len(condensed.balance.constant) else active
 
 
 class _Closed:
@@ -252,15 +243,6 @@ class _Closed:
         solution = self._dense.solve(np.concatenate([self._gap, self._force]))
         pressure[closed] = solution[: len(closed)]
         return pressure, solution[len(closed) :]
-
-
-def _unbalanced() -> UnbalancedError:
-    return UnbalancedError(
-        "no contact pressure balances the loads",
-        "a force-controlled platen may push its body away from the contact, or a body held by contact "
-        "only may be free there; prescribe the displacement instead, or use "
-        'contact.regularization.law = "hyperbolic"',
-    )
 
 
 def _violations(

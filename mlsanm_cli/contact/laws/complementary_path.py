@@ -126,9 +126,9 @@ class _Rules:
         c, w = self.condensed, self.watch
         nodes, m = c.friction_nodes, len(sets.closed)
         found = np.full((5, m), np.inf)
-        rubs = np.zeros(m, dtype=bool)
-        rubs[nodes] = sets.stuck & w.slipping
-        opens, closes = sets.closed & w.opening & ~rubs, ~sets.closed & w.closing
+        slips_first = np.zeros(m, dtype=bool)
+        slips_first[nodes] = sets.stuck & w.slipping
+        opens, closes = sets.closed & w.opening & ~slips_first, ~sets.closed & w.closing
         found[OPENS, opens] = v.pressure[opens]
         found[CLOSES, closes] = -v.pressure[closes] if self.smooth else v.gap[closes]
         for event, side in ((SLIPS, 1.0), (BACKWARD, -1.0)):
@@ -213,7 +213,18 @@ def complementary_path(
         )
     solved = softened or condensed
     v, system = rules.obeying(sets, values), SetSystem(solved, rules.equations(sets), force=watch.force)
-    rest = _rest(solved, v, values)
+    # Residual of the equations in the state constructed near the solution.
+    m, n = len(v.pressure), len(v.traction)
+    moved = [v.pressure - values.pressure, v.traction - values.traction, np.zeros(len(v.motion))]
+    gap, slip, imbalance = np.split(solved.blocks @ np.concatenate(moved), [m, m + n])
+    rest = v.gap - values.gap - gap, v.slip - values.slip - slip, -imbalance
+
+    def passed(event: _Event, step: float, rates: ContactSolution) -> tuple[ContactSolution, ContactStatus]:
+        """State and sets after an event."""
+        there = v.advanced(step, rates)
+        after = rules.after(sets, event, there)
+        return there.obeying(condensed, rules.equations(after), rules.reference), after
+
     load, way, response = 1.0, -1.0, system.response(*rest)
     for count in range(1, most + 1):
         rates = response.times(way)
@@ -222,9 +233,8 @@ def complementary_path(
             return sets, count
         if event is None:
             raise NoPathError(sets, count)
-        v, load, before = v.advanced(step, rates), load + way * step, sets
-        sets = rules.after(before, event, v)
-        v = v.obeying(condensed, rules.equations(sets), rules.reference)
+        load, before = load + way * step, sets
+        v, sets = passed(event, step, rates)
         try:
             system = SetSystem(solved, rules.equations(sets), system, watch.force)
         except SingularSystemError:
@@ -233,9 +243,8 @@ def complementary_path(
             step, event = rules.next_event(sets, v, rates)
             if event is None:
                 raise NoPathError(sets, count) from None
-            v, before = v.advanced(step, rates), sets
-            sets = rules.after(before, event, v)
-            v = v.obeying(condensed, rules.equations(sets), rules.reference)
+            before = sets
+            v, sets = passed(event, step, rates)
             try:
                 system = SetSystem(solved, rules.equations(sets), system, watch.force)
             except SingularSystemError:
@@ -243,18 +252,6 @@ def complementary_path(
         response = system.response(*rest)
         way = 1.0 if _departure_rate(condensed, response, event, before, sets, rules.smooth) > 0.0 else -1.0
     raise NoPathError(sets, most)
-
-
-def _rest(
-    condensed: Condensed, v: ContactSolution, values: ContactSolution
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residual of the equations in a state v near the solution ``values``."""
-    m, n = len(v.pressure), len(v.traction)
-    moved = np.concatenate(
-        [v.pressure - values.pressure, v.traction - values.traction, np.zeros(len(v.motion))]
-    )
-    caused = condensed.blocks @ moved
-    return v.gap - values.gap - caused[:m], v.slip - values.slip - caused[m : m + n], -caused[m + n :]
 
 
 def _by_itself(

@@ -175,8 +175,8 @@ class SetSystem:
         rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
         if self.idle is not None and motion is not None:
-            columns, ways = self._columns[m + n :], self.idle.motions
-            unknowns[m + n :] += columns * (ways @ (ways.T @ (motion / columns)))
+            columns, idle = self._columns[m + n :], self.idle.motions
+            unknowns[m + n :] += columns * (idle @ (idle.T @ (motion / columns)))
         caused = self._condensed.blocks @ unknowns
         left, rows = rhs - caused[self._kept], self._rows[self._kept]
         error, size = (float(np.abs(rows * one).max(initial=0.0)) for one in (left, rhs))

@@ -28,12 +28,12 @@ WHOLE_STAGE = 1.0 - 1e-9
 @dataclass(frozen=True, eq=False)
 class LimitLoad:
     """``part`` of a stage's load change that can be carried, collapse ``motion`` (k,) up to a factor,
-    fraction ``rubbed`` of the loads' work dissipated by friction in it, whether any contact is ``pressed``,
+    ``friction_share`` of the loads' work in it that friction dissipates, whether any contact is ``pressed``,
     and whether the loads themselves drive it, not their round-off."""
 
     part: float
     motion: FloatArray
-    rubbed: float
+    friction_share: float
     pressed: bool
     driven: bool
 
@@ -63,14 +63,14 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
     work = abs(float(more @ motion)) * part
     across, along = np.abs(condensed.gap.motion @ motion), np.abs(condensed.slip.motion @ motion)
     if work:
-        rubbed = float(np.abs(carried[m:] * unit[nodes] * (balance.traction.T @ motion)).sum()) / work
+        share = float(np.abs(carried[m:] * unit[nodes] * (balance.traction.T @ motion)).sum()) / work
     else:
         # Nothing is carried: the direction of motion decides.
-        rubbed = float(along.max(initial=0.0) > across.max(initial=0.0))
+        share = float(along.max(initial=0.0) > across.max(initial=0.0))
     touching = carried[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
     most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
     driven = abs(float(more @ motion)) > DRIVEN * most
-    return LimitLoad(part, motion, min(rubbed, 1.0), bool(touching.max(initial=0.0) > 1e-9), driven)
+    return LimitLoad(part, motion, min(share, 1.0), bool(touching.max(initial=0.0) > 1e-9), driven)
 
 
 def supporting(condensed: Condensed, gap: FloatArray, force: FloatArray) -> BoolArray | None:
@@ -219,12 +219,12 @@ def _driven(condensed: Condensed, rates: ContactSolution, free: IntArray, motion
     ones, as its opposite pressures show, rather than tractions of several contacts that balance."""
     balance = condensed.balance
     pressed = float(motion @ balance.pressure[free] @ rates.pressure)
-    rubbed = [
+    sheared = [
         float(motion @ balance.traction[free][:, own] @ rates.traction[own])
         for own in condensed.tangential.values()
     ]
-    loaded = -pressed - sum(rubbed)
-    return abs(pressed) >= MIN_DRIVE * (abs(loaded) + sum(map(abs, rubbed)))
+    loaded = -pressed - sum(sheared)
+    return abs(pressed) >= MIN_DRIVE * (abs(loaded) + sum(map(abs, sheared)))
 
 
 def _not_in_hollows(

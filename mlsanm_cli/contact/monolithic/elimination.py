@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.interface import Factor
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order, factor_unsymmetric
+from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
 from mlsanm_cli.operators.system import Equations
 
 DENSE_ROW_SCALE = 2.0**-40
@@ -45,9 +45,9 @@ class Elimination:
         factors[: len(rows)] = rows
         values = self.matrix.data * factors[self.order][self.matrix.indices]
         whole = sparse.csc_array((values, self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
-        make = factor_in_order if self.definite else factor_unsymmetric
+        whole = sparse.csc_array(whole + self._placed(added))
         try:
-            return make(sparse.csc_array(whole + self._placed(added)), np.arange(len(self.order)))
+            return factor_in_order(whole, np.arange(len(self.order)), 0.0 if self.definite else THRESHOLD)
         except NumericalError as error:
             raise np.linalg.LinAlgError("singular tangent of the contact problem") from error
 

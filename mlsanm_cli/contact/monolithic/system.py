@@ -125,7 +125,8 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
     equations, loads = {}, np.zeros((total, columns.loads))
     for name, own in places.items():
         # Contact unknowns in the order of their rows.
-        caused = condensed.sources[name][:, _contact_columns(columns.loads, m, n, k)]
+        q, p, t = np.split(np.arange(columns.loads, columns.loads + k + m + n), [k, k + m])
+        caused = condensed.sources[name][:, np.concatenate([p, t, q])]
         system = scene.bodies[name].system
         equations[name] = system.equations(sparse.csc_array(caused))
         for number in range(columns.loads):
@@ -148,12 +149,6 @@ def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> 
         scale=scale,
         elimination=plan_elimination(scene, contact, equations, scale, unknowns),
     )
-
-
-def _contact_columns(loads: int, m: int, n: int, k: int) -> IntArray:
-    """Columns of (p, t, q) in sources (loads, motions, pressures, tractions)."""
-    q, p, t = np.split(np.arange(loads, loads + k + m + n), [k, k + m])
-    return np.concatenate([p, t, q])
 
 
 def _contact_rows(

@@ -192,9 +192,9 @@ def _bonded_mask(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolAr
 def _many(pairings: tuple[Pairing, ...]) -> bool:
     """Whether compliances are compressed: for many unknowns, all of them pressures on grids."""
     counts = [int(pairing.candidate.sum()) for pairing in pairings]
-    alike = all(one.grid is not None and one.grid.hats.period is None for one in pairings)
+    on_grids = all(one.grid is not None and one.grid.hats.period is None for one in pairings)
     many = max(counts, default=0) > COMPRESSED_CONTACT or sum(counts) > COMPRESSED_TOTAL
-    return many and alike and not any(pairing.friction for pairing in pairings)
+    return many and on_grids and not any(pairing.friction for pairing in pairings)
 
 
 def _shifted(linear: LinearMap, by: tuple[FloatArray, FloatArray]) -> LinearMap:
@@ -240,9 +240,9 @@ def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> Lin
 def _half_plane(scene: Scene, pairing: Pairing) -> FloatArray:
     """1/E* (m, 2, 2) of a contact's bodies at its candidates along normal and tangent; obstacles are
     rigid."""
-    ways = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
+    axes = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
     materials = [scene.bodies[body].model.material for body in pairing.bodies]
-    rows = [[sum(one.contact_compliance(along, by) for one in materials) for by in ways] for along in ways]
+    rows = [[sum(one.contact_compliance(along, by) for one in materials) for by in axes] for along in axes]
     return np.moveaxis(np.array(rows), -1, 0)
 
 

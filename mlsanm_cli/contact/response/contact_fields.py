@@ -196,12 +196,6 @@ def _arrange(
         pairs.append((few[row], z[few[row]], span.start + interval, foot[beside]))
 
 
-def _on_samples(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-    """Forces (k, 2, ...) at the samples that represent nodal values (m, ...) from afar."""
-    normal, tangent = grid.spreads
-    return np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
-
-
 def adjacent_traction(
     grid: ContactGrid,
     kernel: PointForceField,
@@ -213,16 +207,15 @@ def adjacent_traction(
     """Near-field tractions (b, 2) at the nodes of a body's surface due to nodal ``pressure`` and ``traction``
     (m,) on the slave, without the applied tractions themselves."""
     pressure, traction = grid.deviation(pressure), grid.deviation(traction)
+    z = as_complex(surface.curve.points(surface.arc_length))
+    curvature = surface.curve.curvature(surface.arc_length)
     if grid.corners_of(slave):
         # Only a smooth remainder is left near corners.
-        z = as_complex(surface.curve.points(surface.arc_length))
-        on = _on_samples(grid, pressure, traction)
-        curvature = surface.curve.curvature(surface.arc_length)
+        normal, tangent = grid.spreads
+        on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
         found = grid.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
         return np.asarray(np.einsum("ekcd,kd->ec", found, on))
     intervals = Intervals.of(grid, slave, kernel)
-    z = as_complex(surface.curve.points(surface.arc_length))
-    curvature = surface.curve.curvature(surface.arc_length)
     total = np.zeros((len(z), 2))
     forces = intervals.forces(pressure[:, None], traction[:, None])[..., 0]
     for place, inward, force in zip(intervals.place, intervals.inward, forces, strict=True):

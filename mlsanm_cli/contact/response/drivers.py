@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -100,21 +99,29 @@ class Drivers:
     @cached_property
     def matrix(self) -> sparse.csr_array:
         """The drivers (drivers, unknowns) per unit of every unknown."""
-        parts = [[[sparse.csr_array((0, 0))] for _ in range(2)] for _ in range(2)]
+        few, unknowns = self.loads + self.motions, self.unknowns
+        entries = [(0, 0, np.eye(few))]
         for pairing in self.pairings:
-            along = slice(None) if pairing.friction else slice(0, 0)
-            if pairing.grid is None:
+            name, grid = pairing.name, pairing.grid
+            columns = [few + self.spans[name].start]
+            if pairing.friction:
+                columns.append(few + unknowns.pressures + self.tangential[name].start)
+            rows = self.places[name].start, self.tangential_places.get(name, slice(0)).start
+            if grid is None:
                 unit = np.eye(int(pairing.candidate.sum()))
-                blocks = [[unit, 0.0 * unit[:, along]], [0.0 * unit[along], unit[along, along]]]
-            else:
-                normal, tangent = pairing.grid.driver_matrices
-                both = zip(np.split(normal, 2), np.split(tangent[:, along], 2), strict=True)
-                blocks = [list(one) for one in both]
-            for row, column in product(range(2), repeat=2):
-                parts[row][column].append(sparse.csr_array(blocks[row][column]))
-        contacts = sparse.block_array([[sparse.block_diag(one) for one in row] for row in parts])
-        few = sparse.eye_array(self.loads + self.motions)
-        return sparse.csr_array(sparse.block_diag([few, contacts]))
+                entries += [(row, column, unit) for row, column in zip(rows, columns, strict=False)]
+                continue
+            for column, block in zip(columns, grid.driver_matrices, strict=False):
+                both = zip(rows, np.split(block, 2), strict=True)
+                entries += [(row, column, part) for row, part in both]
+        found = [np.nonzero(block) for _, _, block in entries]
+        each = list(zip(entries, found, strict=True))
+        coordinates = (
+            np.concatenate([row + i for (row, _, _), (i, _) in each]),
+            np.concatenate([column + j for (_, column, _), (_, j) in each]),
+        )
+        values = np.concatenate([block[place] for (_, _, block), place in each])
+        return sparse.csr_array((values, coordinates), shape=(self.columns.total, unknowns.total))
 
     def compressed(self, rows: FloatArray, weight: FloatArray, constant: FloatArray) -> LinearMap:
         """Functionals ``rows`` (r, drivers) in terms of the unknowns, compressed, for frictionless contacts

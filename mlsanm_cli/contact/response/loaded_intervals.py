@@ -103,16 +103,6 @@ def feet(z: ComplexArray, starts: ComplexArray, chords: ComplexArray) -> FloatAr
     return np.asarray(np.clip(way, 0.0, 1.0))
 
 
-def _on_curve(
-    intervals: Intervals, z: ComplexArray, interval: IntArray, foot: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Closest points (p,) on the surface within intervals (p,), as fractions, starting from those on the
-    chords, and distances over the interval lengths: a curved interval is not where its chord is."""
-    first, last, size = intervals.ends[interval], intervals.ends[interval + 1], intervals.steps[interval]
-    s, place, _ = _nearest(intervals.grid, intervals.slave, z, first + foot * size, (first, last))
-    return (s - first) / size, np.abs(z - place) / size
-
-
 def _nearest(
     grid: ContactGrid, slave: bool, z: ComplexArray, s: FloatArray, within: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
@@ -155,11 +145,14 @@ def close_matrix(intervals: Intervals, count: int, pairs: Sequence[tuple[AnyArra
     if not pairs:
         return sparse.csr_array(shape)
     row, z, interval, foot = (np.concatenate(some) for some in zip(*pairs, strict=True))
-    at, away = _on_curve(intervals, z, interval, foot)
+    # Closest points on the surface, starting from those on the chords: a curved interval is not its chord.
+    first, last, size = intervals.ends[interval], intervals.ends[interval + 1], intervals.steps[interval]
+    s, place, _ = _nearest(intervals.grid, intervals.slave, z, first + foot * size, (first, last))
+    at, away = (s - first) / size, np.abs(z - place) / size
     values = np.zeros((len(row), 5, 2, 2))
-    last = [first for first, _ in GAUSS_POINTS[1:]] + [np.inf]
-    for (first, points), beyond in zip(GAUSS_POINTS, last, strict=True):
-        chosen = np.flatnonzero((away >= first) & (away < beyond))
+    limits = [*(limit for limit, _ in GAUSS_POINTS[1:]), np.inf]
+    for (least, points), beyond in zip(GAUSS_POINTS, limits, strict=True):
+        chosen = np.flatnonzero((away >= least) & (away < beyond))
         for some in np.array_split(chosen, 1 + len(chosen) * points // BATCH_SIZE):
             values[some] = _close_integrals(
                 intervals, _rule(points), z[some], interval[some], at[some], away[some]

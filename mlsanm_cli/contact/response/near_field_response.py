@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.clusters import Chain, Clusters
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.compressed import Compressed, Singular, as_array, compressed
+from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -150,8 +150,7 @@ def _compressed(
         for chain in (*far, *cornered):
             evenly += reduce(lambda right, one: one @ right, reversed(chain), even)
         cornered.append((-evenly[:, None], grid.mean_weights[None]))
-    own = Singular(first, grid.hats.place, grid.hats.integrals @ along, *tensors)
-    return smooth.plus(near, far, cornered, own)
+    return smooth.plus(near, far, cornered, first, grid.hats.place)
 
 
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
@@ -160,26 +159,13 @@ def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) 
         grid = pairing.grid
         if grid is None:
             continue
+        unit, nothing = np.eye(len(grid.hats.place)), np.zeros((len(grid.hats.place),) * 2)
         for body, slave, sign in pairing.sides:
-            if body == probe.body:
-                unit, nothing = np.eye(len(grid.hats.place)), np.zeros((len(grid.hats.place),) * 2)
-                pressed = _probed(grid, scene, body, slave, probe, unit, nothing)
-                linear.pressure[:, drivers.spans[pairing.name]] += sign * pressed
-                if pairing.friction:
-                    rubbed = _probed(grid, scene, body, slave, probe, nothing, unit)
-                    linear.traction[:, drivers.tangential[pairing.name]] += sign * rubbed
-
-
-def _probed(
-    grid: ContactGrid,
-    scene: Scene,
-    body: str,
-    slave: bool,
-    probe: Probe,
-    pressure: FloatArray,
-    traction: FloatArray,
-) -> FloatArray:
-    """Near-field displacement and stress (5, c) at a probe for nodal ``pressure`` and ``traction`` (m, c)."""
-    kernel = scene.bodies[body].model.kernel
-    displacement, stress = NearFields.at(grid, kernel, slave, as_complex(probe.point))(pressure, traction)
-    return np.concatenate([displacement[0], stress[0]])
+            if body != probe.body:
+                continue
+            fields = NearFields.at(grid, scene.bodies[body].model.kernel, slave, as_complex(probe.point))
+            pressed = np.concatenate([part[0] for part in fields(unit, nothing)])
+            linear.pressure[:, drivers.spans[pairing.name]] += sign * pressed
+            if pairing.friction:
+                sheared = np.concatenate([part[0] for part in fields(nothing, unit)])
+                linear.traction[:, drivers.tangential[pairing.name]] += sign * sheared

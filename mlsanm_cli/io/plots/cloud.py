@@ -98,8 +98,8 @@ def draw_cloud(
     scale: float,
     views: Sequence[Window],
     limits: ColourRange,
-    marks: ConditionMarks | None = None,
-    unit: str = "",
+    marks: ConditionMarks,
+    unit: str,
 ) -> None:
     """Draws the bodies into a figure with a panel for each view and colours between the ``limits``."""
     from matplotlib.patches import Rectangle
@@ -112,10 +112,9 @@ def draw_cloud(
             colours = _draw_body(axes, body, outline, scale)
             colours.set_clim(limits.low, limits.high)
             _draw_nodes(axes, body.points + scale * body.displacement, spacing)
-        if marks is not None:
-            # Arrows have a length relative to the scene, too long for a detail.
-            shown = marks if view is views[0] else ConditionMarks(obstacles=marks.obstacles)
-            draw_marks(axes, shown, size)
+        # Arrows have a length relative to the scene, too long for a detail.
+        shown = marks if view is views[0] else ConditionMarks(obstacles=marks.obstacles)
+        draw_marks(axes, shown, size)
         _finish(axes, view, unit)
     times = "" if scale == 1.0 else f", displacements x {scale:g}"
     panels[0].set_title(f"{title}{times}")
@@ -201,12 +200,12 @@ def _usual_peak(values: FloatArray) -> float:
     return usual if 0.0 < 2.0 * usual < largest else largest
 
 
-def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks | None = None) -> Window:
+def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks) -> Window:
     """The box around undeformed and deformed nodes and the marks, with a margin of 3 percent."""
     deformed = [body.points + scale * body.displacement for body in bodies]
     points = np.concatenate([*deformed, *(body.points for body in bodies)])
     size = float(np.ptp(points, axis=0).max())
-    points = points if marks is None else np.concatenate([points, ends(marks, size)])
+    points = np.concatenate([points, ends(marks, size)])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.03 * size or 1.0
     x0, y0 = (low - margin).tolist()

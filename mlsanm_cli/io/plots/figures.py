@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 # The palette of Okabe and Ito for colour-blind readers, without yellow, which is too pale on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
-REFERENCE_COLOUR = "#000000"
+REFERENCE_LINE: Any = {"color": "#000000", "linestyle": "--", "linewidth": 1.0}
 SUFFIXES = (".png", ".svg", ".pdf")
 
 # Any: the type of the keys differs between versions of matplotlib.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_COLOUR, picture
+from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE, picture
 from mlsanm_cli.io.plots.plots import shown_up_to, visible_range
 
 STICK, SLIP = 1, 2
@@ -25,9 +25,9 @@ def plot_traction(
     limit: FloatArray,
     status: NDArray[np.int8],
     *,
-    arc_label: str = "arc length",
-    traction_label: str = "traction on the slave",
-    highest: float | None = None,
+    arc_label: str,
+    traction_label: str,
+    highest: float,
 ) -> None:
     """Draws the traction at the nodes of a contact with its friction limits, and the stick and slip zones.
     ``arc``, ``traction``, ``limit`` (mu p) and ``status`` (0 open, 1 stick, 2 slip) are (m,). Values far
@@ -36,14 +36,8 @@ def plot_traction(
     with picture(path, 7.2, 3.8) as figure:
         axes = figure.subplots()
         for side in (1.0, -1.0):
-            axes.plot(
-                arc,
-                side * limit,
-                color=REFERENCE_COLOUR,
-                linestyle="--",
-                linewidth=1.0,
-                label="friction limit" if side > 0.0 else None,
-            )
+            named = "friction limit" if side > 0.0 else None
+            axes.plot(arc, side * limit, label=named, **REFERENCE_LINE)
         _draw_zones(axes, arc, status)
         axes.plot(arc, traction, color=COLOURS[0], marker="o", markersize=2.5, label="traction")
         axes.set_title(f"Tangential traction, {contact}, {label}")

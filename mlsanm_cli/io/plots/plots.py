@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, REFERENCE_COLOUR, picture
+from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, REFERENCE_LINE, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,14 +62,7 @@ def plot_pressure(
         for colour, label, values in zip(shades, level_labels, pressure, strict=True):
             upper.plot(arc[inside], values[inside], label=label, color=colour, **_nodes(int(inside.sum())))
         if reference is not None:
-            upper.plot(
-                reference.arc,
-                reference.pressure,
-                label=reference.label,
-                color=REFERENCE_COLOUR,
-                linestyle="--",
-                linewidth=1.0,
-            )
+            upper.plot(reference.arc, reference.pressure, label=reference.label, **REFERENCE_LINE)
             _draw_difference(lower, arc[inside], pressure[-1][inside], reference, shades[-1])
         alone = len(level_labels) == 1 and reference is None
         parts = [contact, *([level_labels[0]] if alone else []), *([suffix] if suffix else [])]
@@ -92,7 +85,7 @@ def _draw_difference(
     expected = np.interp(arc, reference.arc, reference.pressure, left=0.0, right=0.0)
     peak = float(np.abs(reference.pressure).max())
     difference = 100.0 * (pressure - expected) / peak if peak > 0.0 else pressure - expected
-    axes.axhline(0.0, color=REFERENCE_COLOUR, linestyle="--", linewidth=1.0)
+    axes.axhline(0.0, **REFERENCE_LINE)
     axes.plot(arc, difference, color=colour, **_nodes(len(arc)))
     axes.set_ylabel("difference\n[% of peak]")
 
@@ -172,9 +165,6 @@ def plot_curves(path: Path, curves: Sequence[PlotCurve], x_label: str, y_label: 
             axes.legend(loc="best")
 
 
-_LINE: Any = {"color": REFERENCE_COLOUR, "linestyle": "--", "linewidth": 1.0}
-
-
 @dataclass(frozen=True)
 class WorkCurve:
     """One method: ``error``, CPU ``seconds``, ``factorizations`` and annotations of its points, (k,) each."""
@@ -203,8 +193,8 @@ def plot_precision(path: Path, curves: Sequence[WorkCurve], exact: tuple[float, 
             for note, x, y in zip(curve.notes, curve.factorizations, curve.error, strict=True):
                 right.annotate(note, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
         if exact is not None:
-            left.axvline(exact[0], label="active set, exact law", **_LINE)
-            right.axvline(exact[1], **_LINE)
+            left.axvline(exact[0], label="active set, exact law", **REFERENCE_LINE)
+            right.axvline(exact[1], **REFERENCE_LINE)
         for axes in (left, right):
             axes.set_xscale("log")
             axes.set_yscale("log")

@@ -29,7 +29,7 @@ from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_ro
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 
 PIVOT_THRESHOLD = 1e-3
 """A diagonal entry is accepted as pivot down to this fraction of the largest in its column. Block under a
@@ -129,7 +129,7 @@ class Projector:
         matrix = sparse.csc_array(sparse.block_array(whole, format="csc"))
         points = [self.body.elastic.model.nodes, np.repeat(self.system.strong.places, 2, axis=0)]
         order = elimination_order(matrix, np.concatenate(points))
-        return Factorised(self, rows, strong, factor_unsymmetric(matrix, order, PIVOT_THRESHOLD))
+        return Factorised(self, rows, strong, factor_in_order(matrix, order, PIVOT_THRESHOLD))
 
     @cached_property
     def _multipliers(self) -> sparse.csr_array:

@@ -53,10 +53,13 @@ class Fronts:
         """Fronts of the nested dissection of ``points`` (n, 2) with adjacency ``graph``. The last
         ``negative`` vertices, not adjacent to each other, come last in their fronts."""
         count = len(points) - negative
-        tree = nested_dissection(points[:count], _leading(graph, count) if negative else graph)
-        of_front = np.zeros(len(tree.parent), dtype=np.int64)
         if negative:
-            tree, of_front = with_multipliers(tree, graph, negative)
+            entries = (np.ones(len(graph.indices), dtype=np.int8), graph.indices, graph.indptr)
+            pattern = sparse.csr_array(entries, shape=(len(points), len(points)))[:count, :count]
+            tree, of_front = with_multipliers(nested_dissection(points[:count], pattern), graph, negative)
+        else:
+            tree = nested_dissection(points, graph)
+            of_front = np.zeros(len(tree.parent), dtype=np.int64)
         order, place = tree.order, np.empty_like(tree.order)
         place[order] = np.arange(len(points))
         begin, border, waiting = borders(tree.start, tree.parent, *structure(graph), order, place)
@@ -84,16 +87,6 @@ class Fronts:
         other, between = np.empty(first[-1], dtype=np.int64), np.empty((first[-1], 2, 2))
         fill_links(*graph, np.ascontiguousarray(blocks.data), self.order, self.place, end, other, between)
         return first, other, between
-
-
-def _leading(graph: sparse.bsr_array, count: int) -> sparse.bsr_array:
-    """The leading ``count`` rows and columns of a ``graph`` in 2 x 2 blocks."""
-    kept = graph.indices[: graph.indptr[count]] < count
-    begin = np.concatenate([[0], np.cumsum(kept)])[graph.indptr[: count + 1]]
-    # Only the pattern is used.
-    blocks = np.broadcast_to(np.zeros((2, 2)), (begin[-1], 2, 2))
-    entries = (blocks, graph.indices[: graph.indptr[count]][kept], begin)
-    return sparse.bsr_array(entries, shape=(2 * count, 2 * count))
 
 
 @dataclass(frozen=True)

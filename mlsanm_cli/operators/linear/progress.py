@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,16 +14,9 @@ MIN_PROGRESS = 0.02
 """No remaining time is shown before this fraction of the work is done."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Watched:
-    """Number of fronts ``done`` (1,), cumulative relative ``work`` (f + 1,), and the start time."""
-
-    done: IntArray
-    work: FloatArray
-    begun: float
-
-
-_now: list[_Watched] = []
+_now: list[tuple[IntArray, FloatArray, float]] = []
+"""Of the running factorisation: number (1,) of finished fronts, cumulative relative work (f + 1,) of all, and
+start time."""
 
 
 @contextmanager
@@ -33,22 +25,23 @@ def watched(pivots: IntArray, height: IntArray) -> Iterator[IntArray]:
     rows."""
     # Work of eliminating p columns of height h, up to a factor.
     work = np.concatenate([[0.0], np.cumsum(pivots * height.astype(float) ** 2)])
-    one = _Watched(np.zeros(1, dtype=np.int64), work / (work[-1] or 1.0), time.monotonic())
-    _now.append(one)
+    done = np.zeros(1, dtype=np.int64)
+    _now.append((done, work / (work[-1] or 1.0), time.monotonic()))
     try:
-        yield one.done
+        yield done
     finally:
-        _now.remove(one)
+        _now.pop()
 
 
 def progress_text() -> str:
     """Progress of the running factorisation, "" for none."""
     if not _now:
         return ""
-    one = _now[-1]
-    count, part = int(one.done[0]), float(one.work[int(one.done[0])])
-    text = f"fronts {count} of {len(one.work) - 1}, {100.0 * part:.0f} %"
+    done, work, begun = _now[-1]
+    count = int(done[0])
+    part = float(work[count])
+    text = f"fronts {count} of {len(work) - 1}, {100.0 * part:.0f} %"
     if not MIN_PROGRESS < part < 1.0:
         return text
-    left = (time.monotonic() - one.begun) * (1.0 - part) / part
+    left = (time.monotonic() - begun) * (1.0 - part) / part
     return f"{text}, {left:.0f} s left"

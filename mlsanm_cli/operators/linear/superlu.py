@@ -60,20 +60,9 @@ def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
     return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
 
 
-def factor_in_order(matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
-    """Factorise in ``order`` (n,) without pivoting, as for quasi-definite matrices. Raises NumericalError if
-    the matrix is singular."""
-    return _factor(matrix, order, 0.0)
-
-
-def factor_unsymmetric(
-    matrix: sparse.csc_array, order: IntArray, threshold: float = THRESHOLD
-) -> SuperLUFactor:
-    """Factorise a square matrix with threshold pivoting. Raises NumericalError if it is singular."""
-    return _factor(matrix, order, threshold)
-
-
-def _factor(matrix: sparse.csc_array, order: IntArray, threshold: float) -> SuperLUFactor:
+def factor_in_order(matrix: sparse.csc_array, order: IntArray, threshold: float = 0.0) -> SuperLUFactor:
+    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting, 0 for quasi-definite matrices. Raises
+    NumericalError if the matrix is singular."""
     # Imported here: it loads the eigenvalue solvers, not needed when the own Cholesky factor suffices.
     from scipy.sparse.linalg import splu
 
