@@ -16,6 +16,7 @@ from tests.case_text import body, box, contact, head, item, load, material, pin,
 KINDS = ("neo-hookean", "saint-venant-kirchhoff")
 E, NU = 2.6, 0.3
 LAM, MU = 1.5, 1.0
+PROBE = item("probe", name="in", body="block", point=[0.5, 0.5])
 
 
 def block(law: str, across: str, spacing: float = 0.25) -> str:
@@ -52,7 +53,7 @@ def test_stretches_that_fit_together_leave_no_stress(law: str, tmp_path: Path) -
 @pytest.mark.parametrize("law", KINDS)
 def test_a_long_body_that_is_warmed_is_pressed_along(law: str, tmp_path: Path) -> None:
     """Plane strain: free in the plane, held across it."""
-    summary = solve(block(law, "strain") + heated(3.0) + _probe(), tmp_path / "run")
+    summary = solve(block(law, "strain") + heated(3.0) + PROBE, tmp_path / "run")
     w = 1.3
     if law == "neo-hookean":
 
@@ -84,10 +85,6 @@ def test_a_warm_block_presses_what_keeps_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(summary["contacts"]["lid"]["force"], [0.0, force], rtol=1e-6, atol=1e-9)
 
 
-def _probe() -> str:
-    return item("probe", name="in", body="block", point=[0.5, 0.5])
-
-
 def test_springs_pull_back_in_their_own_directions(tmp_path: Path) -> None:
     """A stiff bar on springs along both faces, pressed down at its right end: it turns by 49 degrees, until
     the moment about its deformed middle vanishes: tan(angle) = F L / (2 k I), I that of both faces."""
@@ -111,21 +108,11 @@ def test_springs_pull_back_in_their_own_directions(tmp_path: Path) -> None:
 
 def test_springs_carry_a_pulled_block(tmp_path: Path) -> None:
     """The end moves by t / k, the body stretches alike."""
-    spring = 0.2
-    held, sprung = (
-        support("block.bottom", uy=0.0),
-        item("support", boundary="block.bottom", spring=[0.0, spring]),
-    )
-    text = block("neo-hookean", "stress").replace(held, sprung)
-    summary = solve(
-        text + load("pull", "block.top", "traction", traction=[0.0, 0.3]) + _probe(), tmp_path / "run"
-    )
-    fixed = solve(
-        block("neo-hookean", "stress")
-        + load("pull", "block.top", "traction", traction=[0.0, 0.3])
-        + _probe(),
-        tmp_path / "fixed",
-    )
+    spring, held = 0.2, support("block.bottom", uy=0.0)
+    text = block("neo-hookean", "stress") + load("pull", "block.top", "traction", traction=[0.0, 0.3]) + PROBE
+    fixed = solve(text, tmp_path / "fixed")
+    sprung = item("support", boundary="block.bottom", spring=[0.0, spring])
+    summary = solve(text.replace(held, sprung), tmp_path / "run")
     shift = np.subtract(summary["probes"]["in"]["displacement"], fixed["probes"]["in"]["displacement"])
     np.testing.assert_allclose(shift, [0.0, 0.3 / spring], atol=1e-9)
     np.testing.assert_allclose(summary["forces"]["block.bottom"], [0.0, -0.3], atol=1e-8)

@@ -12,7 +12,7 @@ from tests.case_text import body, box, head, load, material, support
 
 BLOCK = (
     head("strain", strain="finite")
-    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + material("rubber", E=2.6, nu=0.3, alpha=1e-4, law="neo-hookean")
     + body("block", "rubber", shape=box([0.0, 1.0], [0.0, 1.0]))
     + support("block.bottom", ux=0.0, uy=0.0)
     + load("press", "block.top", "pressure", pressure=0.5)
@@ -26,11 +26,6 @@ def problems(text: str, *overrides: str) -> dict[str, str]:
     except CaseError as error:
         return {problem.key: problem.message for problem in error.problems}
     return {}
-
-
-def test_a_block_is_accepted() -> None:
-    assert not problems(BLOCK)
-    assert not problems(BLOCK, "load.press.follows=true")
 
 
 @pytest.mark.parametrize(
@@ -75,10 +70,14 @@ def test_parts_that_are_not_there_yet_are_refused_by_name(more: str, key: str, w
     assert word in problems(BLOCK + more)[key]
 
 
-def test_springs_and_changes_of_temperature_are_accepted() -> None:
-    warm = BLOCK.replace("nu = 0.3\n", "nu = 0.3\nalpha = 1e-4\n")
-    assert not problems(BLOCK + SPRING)
-    assert not problems(warm + WARM)
+# A wheel's axle is pressed by one load and moved by another.
+PLATES = f"{PLATE}fy = 0.0\nmoment = 0.0\n" + f"{PLATE}ux = 0.1\nmoment = 0.0\n".replace('"plate"', '"other"')
+
+
+@pytest.mark.parametrize("more", ["", SPRING, WARM, PLATES])
+def test_blocks_are_accepted(more: str) -> None:
+    assert not problems(BLOCK + more)
+    assert not problems(BLOCK + more, "load.press.follows=true")
 
 
 def test_keys_of_finite_strain_mean_nothing_at_small_ones() -> None:
@@ -110,10 +109,3 @@ def test_obstacles_turn_about_a_point_at_finite_strain() -> None:
     assert not problems(BLOCK + CONTACT + OBSTACLE + turn + "pivot = [0.0, 0.0]\n")
     small = (BLOCK + CONTACT + OBSTACLE + turn).replace('strain = "finite"\n', "")
     assert "finite strain" in problems(small)["load.turn.rotation"]
-
-
-def test_loads_of_one_plate_give_its_directions_together() -> None:
-    """A wheel's axle is pressed by one load and moved by another."""
-    other = PLATE.replace('"plate"', '"other"')
-    plates = f"{PLATE}fy = 0.0\nmoment = 0.0\n{other}ux = 0.1\nmoment = 0.0\n"
-    assert not problems(BLOCK + plates)
