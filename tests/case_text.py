@@ -2,34 +2,96 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 EXACT = {"law": "exact"}
 
 
-def head(plane: str, **model: Any) -> str:
+class Scene(str):
+    """The text of a case; every method returns it with one part more.
+
+    What is None is left out. A shape or an obstacle is given by its kind: ``box=(x, y)``,
+    ``disk=(center, radius)``, ``annulus=(center, radii)``, ``half_disk=(center, radius)``,
+    ``polygon=(points, names)``, ``polyline=points``, ``plane=(point, normal)``.
+    """
+
+    __slots__ = ()
+
+    def add(self, *texts: str) -> Scene:
+        return Scene("".join((self, *texts)))
+
+    def __add__(self, other: str) -> Scene:
+        return self.add(other)
+
+    def changed(self, old: str, new: str, count: int = -1) -> Scene:
+        """Another text in the place of one that has to be there."""
+        assert old in self, old
+        return Scene(self.replace(old, new, count))
+
+    def table(self, name: str, /, **keys: Any) -> Scene:
+        """A table with one key to a line: ``body_force`` stands for body-force, ``from_`` for from."""
+        return self.add(f"[{name}]\n{_lines(keys)}")
+
+    def item(self, name: str, /, **keys: Any) -> Scene:
+        """An item of a list of tables, likewise."""
+        return self.add(f"[[{name}]]\n{_lines(keys)}")
+
+    def material(self, name: str, **keys: Any) -> Scene:
+        return self.table(f"material.{name}", **keys)
+
+    def body(self, name: str, of: str, spacing: Any = None, shape: Any = None, **more: Any) -> Scene:
+        keys = {"spacing": spacing, "shape": shape} | _with_shape("shape", more)
+        return self.item("body", name=name, material=of, **keys)
+
+    def support(self, boundary: Any, **keys: Any) -> Scene:
+        return self.item("support", boundary=boundary, **keys)
+
+    def pin(self, of: str, near: Sequence[Any], **keys: Any) -> Scene:
+        """A support at the node of a body that is nearest to a point."""
+        return self.item("support", body=of, near=near, **keys)
+
+    def load(self, name: str, boundary: Any, kind: str, **keys: Any) -> Scene:
+        return self.item("load", name=name, boundary=boundary, kind=kind, **keys)
+
+    def body_force(self, name: str, of: str, force: Sequence[Any]) -> Scene:
+        return self.item("load", name=name, kind="body-force", body=of, body_force=force)
+
+    def heat(self, name: str, of: str, temperature: Any) -> Scene:
+        return self.item("load", name=name, kind="temperature", body=of, temperature=temperature)
+
+    def pushed(self, name: str, obstacle: str, **keys: Any) -> Scene:
+        """A load on the obstacle of a contact."""
+        return self.item("load", name=name, kind="obstacle", obstacle=obstacle, **keys)
+
+    def contact(self, name: str, slave: Any, master: Any = None, **keys: Any) -> Scene:
+        keys = _with_shape("obstacle", keys)
+        return self.item("contact", name=name, slave=slave, master=master, **keys)
+
+    def probe(self, name: str, of: str, point: Sequence[Any]) -> Scene:
+        return self.item("probe", name=name, body=of, point=point)
+
+    def stages(self, *stages: str) -> Scene:
+        """One stage for each text: ``press``, or ``press=0.5 shear`` for factors other than 1."""
+        words = [[word.partition("=") for word in stage.split()] for stage in stages]
+        items = ({load: float(to or 1.0) for load, _, to in one} for one in words)
+        return self.add(*(Scene().item("stage", **one) for one in items))
+
+
+_PART = Scene()
+table, item, material, body = _PART.table, _PART.item, _PART.material, _PART.body
+support, pin, load, body_force, heat = _PART.support, _PART.pin, _PART.load, _PART.body_force, _PART.heat
+pushed, contact, probe, stages = _PART.pushed, _PART.contact, _PART.probe, _PART.stages
+
+
+def head(plane: str, **model: Any) -> Scene:
     """How every case begins."""
-    return f"format = 1\n{table('model', plane=plane, **model)}"
+    return Scene("format = 1\n").table("model", plane=plane, **model)
 
 
-def table(name: str, /, **keys: Any) -> str:
-    """A table with one key to a line: ``body_force`` stands for body-force, ``from_`` for from."""
-    return f"[{name}]\n{_lines(keys)}"
-
-
-def item(name: str, /, **keys: Any) -> str:
-    """An item of a list of tables, likewise."""
-    return f"[[{name}]]\n{_lines(keys)}"
-
-
-def material(name: str, **keys: Any) -> str:
-    return table(f"material.{name}", **keys)
-
-
-def body(name: str, of: str, spacing: Any = None, shape: dict[str, Any] | None = None, **more: Any) -> str:
-    """A body; what is None is left out, as where tables below follow."""
-    return item("body", name=name, material=of, spacing=spacing, shape=shape, **more)
+def scene(plane: str, name: str = "steel", /, E: Any = 210e3, nu: Any = 0.3, **more: Any) -> Scene:
+    """How a case with one isotropic material begins."""
+    return head(plane).material(name, E=E, nu=nu, **more)
 
 
 def box(x: Sequence[Any], y: Sequence[Any]) -> dict[str, Any]:
@@ -49,9 +111,13 @@ def half_disk(center: Sequence[Any], radius: Any, side: str = "lower") -> dict[s
     return {"kind": "half-disk", "center": center, "radius": radius, "side": side}
 
 
-def polygon(points: Sequence[Any], names: str) -> dict[str, Any]:
+def polygon(points: Sequence[Any], names: str, **more: Any) -> dict[str, Any]:
     """A polygon, its sides named by the words of ``names``."""
-    return {"kind": "polygon", "points": points, "names": names.split()}
+    return {"kind": "polygon", "points": points, "names": names.split(), **more}
+
+
+def polyline(*points: Sequence[Any]) -> dict[str, Any]:
+    return {"kind": "polyline", "points": points}
 
 
 def plane(point: Sequence[Any], normal: Sequence[Any]) -> dict[str, Any]:
@@ -59,26 +125,15 @@ def plane(point: Sequence[Any], normal: Sequence[Any]) -> dict[str, Any]:
     return {"kind": "plane", "point": point, "normal": normal}
 
 
-def support(boundary: Any, **keys: Any) -> str:
-    return item("support", boundary=boundary, **keys)
+SHAPES: dict[str, Callable[..., dict[str, Any]]] = {
+    make.__name__: make for make in (box, disk, annulus, half_disk, polygon, polyline, plane)
+}
+FLOOR = plane([0.0, 0.0], [0.0, 1.0])
 
 
-def pin(of: str, near: Sequence[Any], **keys: Any) -> str:
-    """A support at the node of a body that is nearest to a point."""
-    return item("support", body=of, near=near, **keys)
-
-
-def load(name: str, boundary: Any, kind: str, **keys: Any) -> str:
-    return item("load", name=name, boundary=boundary, kind=kind, **keys)
-
-
-def pushed(name: str, obstacle: str, **keys: Any) -> str:
-    """A load on the obstacle of a contact."""
-    return item("load", name=name, kind="obstacle", obstacle=obstacle, **keys)
-
-
-def contact(name: str, slave: Any, master: Any = None, **keys: Any) -> str:
-    return item("contact", name=name, slave=slave, master=master, **keys)
+def _with_shape(name: str, keys: dict[str, Any]) -> dict[str, Any]:
+    """The keys with the shape that is given by its kind under this name."""
+    return dict((name, SHAPES[key](*value)) if key in SHAPES else (key, value) for key, value in keys.items())
 
 
 def _lines(keys: dict[str, Any]) -> str:

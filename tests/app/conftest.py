@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -51,33 +52,21 @@ def by_nodes() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def hertz_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Hyperbolic law as it is, fields inside the path and at its end."""
-    directory = tmp_path_factory.mktemp("scenes") / "hertz"
-    solve(hertz(), directory, "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
+def _solved_once(name: str, text: str, *overrides: str) -> Any:
+    """The directory of a run that all tests look at."""
+
+    @pytest.fixture(scope="session", name=name)
+    def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+        place = tmp_path_factory.mktemp("scenes") / name.removesuffix("_run")
+        solve(text, place, *overrides)
+        return place
+
     return directory
 
 
-@pytest.fixture(scope="session")
-def patch_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Exact law, uniform pressure."""
-    directory = tmp_path_factory.mktemp("scenes") / "patch"
-    solve(PATCH, directory)
-    return directory
-
-
-@pytest.fixture(scope="session")
-def bar_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """No contact, two stages."""
-    directory = tmp_path_factory.mktemp("scenes") / "bar"
-    solve(BAR, directory)
-    return directory
-
-
-@pytest.fixture(scope="session")
-def punches_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two contacts."""
-    directory = tmp_path_factory.mktemp("scenes") / "punches"
-    solve(PUNCHES, directory)
-    return directory
+# Hyperbolic law as it is, fields inside the path and at its end.
+hertz_run = _solved_once("hertz_run", hertz(), "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
+# Exact law, uniform pressure; no contact and two stages; two contacts.
+patch_run = _solved_once("patch_run", PATCH)
+bar_run = _solved_once("bar_run", BAR)
+punches_run = _solved_once("punches_run", PUNCHES)

@@ -1,4 +1,4 @@
-"""Whether two run directories hold the same results."""
+"""What runs have written, and whether two of them hold the same results."""
 
 from __future__ import annotations
 
@@ -6,9 +6,45 @@ import json
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from mlsanm_cli.io.run_reader import read_run
+
+
+def summary_of(directory: Path) -> dict[str, Any]:
+    return dict(json.loads((directory / "summary.json").read_text()))
+
+
+def events_of(directory: Path, *kinds: str) -> list[dict[str, Any]]:
+    """The events of these kinds, or all."""
+    events = [json.loads(line) for line in (directory / "events.jsonl").read_text().splitlines()]
+    return [event for event in events if not kinds or event["event"] in kinds]
+
+
+def stored(directory: Path) -> dict[str, Any]:
+    """Every dataset of a run but its times."""
+    found: dict[str, Any] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and name not in ("path/seconds", "case/raw"):
+            found[name] = item[()]
+
+    with h5py.File(directory / "run.h5", "r") as root:
+        root.visititems(keep)
+    return found
+
+
+def assert_same_results(one: Path, other: Path) -> None:
+    """Two runs hold the same numbers, but for round-off."""
+    first, second = stored(one), stored(other)
+    assert first.keys() == second.keys()
+    for name, values in first.items():
+        if np.asarray(values).dtype.kind == "f":
+            size = float(np.abs(values).max(initial=0.0, where=np.isfinite(values)))
+            np.testing.assert_allclose(second[name], values, rtol=0.0, atol=1e-9 * size, err_msg=name)
+        else:
+            np.testing.assert_array_equal(second[name], values, err_msg=name)
 
 
 def resumed_differences(one: Path, other: Path, tolerance: float = 1e-6) -> list[str]:
@@ -33,11 +69,6 @@ def resumed_differences(one: Path, other: Path, tolerance: float = 1e-6) -> list
         size = float(np.nanmax(np.abs(a), initial=0.0))
         if not np.allclose(a, b, rtol=0.0, atol=tolerance * size, equal_nan=True):
             found.append(name)
-    events = [[event["index"] for event in _events(place) if "index" in event] for place in (one, other)]
+    events = [[event["index"] for event in events_of(place, "step")] for place in (one, other)]
     rows = first.path.rows, second.path.rows
     return found + [f"events {k}" for k in (0, 1) if events[k] != list(range(rows[k]))]
-
-
-def _events(directory: Path) -> list[dict[str, Any]]:
-    events = [json.loads(line) for line in (directory / "events.jsonl").read_text().splitlines()]
-    return [event for event in events if event["event"] in {"step", "warning"}]

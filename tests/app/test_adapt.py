@@ -13,31 +13,24 @@ from mlsanm_cli.app.assessment import refinement as adapt
 from mlsanm_cli.app.assessment.refinement import LOW_DEGREE_RULE
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import BAR, NODAL, PATCH, solve
-from tests.case_text import body, head, load, material, support
+from tests.app.scenes import BAR, EXACT_LAW, NODAL, PATCH, done, solve
+from tests.case_text import scene, support
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
 
+QUARTER = {"kind": "sector", "center": [0.0, 0.0], "radii": [1.0, 4.0], "angles": [0.0, 90.0]}
 RING = (
-    head("strain")
-    + material("steel", E=210e3, nu=0.3)
-    + body(
-        "ring",
-        "steel",
-        0.4,
-        {"kind": "sector", "center": [0.0, 0.0], "radii": [1.0, 4.0], "angles": [0.0, 90.0]},
-    )
-    + support("ring.start", uy=0.0)
-    + support("ring.end", ux=0.0)
-    + load("inside", "ring.inner", "pressure", pressure=100.0)
+    scene("strain")
+    .body("ring", "steel", 0.4, QUARTER)
+    .support("ring.start", uy=0.0)
+    .support("ring.end", ux=0.0)
+    .load("inside", "ring.inner", "pressure", pressure=100.0)
 )
 
 
 def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path) -> None:
-    settings = ('contact.interface.regularization.law="exact"', 'reference.solution="hertz-line"')
-    coarse = solve(NODAL, tmp_path / "coarse", *settings)
-    fine = solve(NODAL, tmp_path / "fine", "adapt.passes=2", *settings)
-    assert fine["status"] == "done"
+    coarse = solve(NODAL, tmp_path / "coarse", EXACT_LAW)
+    fine = done(NODAL, tmp_path / "fine", "adapt.passes=2", EXACT_LAW)
     errors = [run["contacts"]["interface"]["reference"]["pressure_error_l2"] for run in (coarse, fine)]
     assert errors[0] >= 0.015
     assert errors[1] <= 0.004
@@ -63,10 +56,9 @@ def test_a_pass_that_fails_leaves_the_result_of_the_one_before(
         raise NumericalError("does not resist pressures")
 
     afterwards.setattr(adapt, "place", failing)
-    settings = ('contact.interface.regularization.law="exact"', "mls.degree=4")
+    settings = (EXACT_LAW, "mls.degree=4")
     plain = solve(NODAL, tmp_path / "plain", *settings)
-    kept = solve(NODAL, tmp_path / "kept", "adapt.passes=2", *settings)
-    assert kept["status"] == "done"
+    kept = done(NODAL, tmp_path / "kept", "adapt.passes=2", *settings)
     assert kept["nodes"] == plain["nodes"]
     assert kept["contacts"] == plain["contacts"]
     (warning,) = set(kept["warnings"]) - set(plain["warnings"])
@@ -87,8 +79,7 @@ def test_nothing_to_refine(tmp_path: Path) -> None:
 
 def ring_error(directory: Path, *settings: str) -> tuple[int, float]:
     """Nodes, and the relative error of the displacements of a thick ring under inner pressure."""
-    summary = solve(RING, directory, *settings)
-    assert summary["status"] == "done"
+    summary = done(RING, directory, *settings)
     data = read_run(directory)
     points = data.bodies["ring"].points
     found = data.states[-1].bodies["ring"]["displacement"]
@@ -114,9 +105,7 @@ def test_the_ghost_scheme_refines_too(tmp_path: Path) -> None:
 
 
 def test_singular_corners_do_not_eat_the_nodes(tmp_path: Path) -> None:
-    clamped = BAR.replace("ux = 0.0", "ux = 0.0\nuy = 0.0", 1).replace(
-        '[[support]]\nboundary = "bar.bottom"\nuy = 0.0\n', ""
-    )
+    clamped = BAR.changed("ux = 0.0", "ux = 0.0\nuy = 0.0", 1).changed(support("bar.bottom", uy=0.0), "")
     passes = solve(clamped, tmp_path / "bar", "body.bar.spacing=0.1", "adapt.passes=3")["adapt"]
     assert len(passes) == 4
     for before, after in itertools.pairwise(passes):
@@ -128,7 +117,6 @@ def test_singular_corners_do_not_eat_the_nodes(tmp_path: Path) -> None:
 def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None:
     # Half a spacing deep: fine as drawn, and many of the spacings that refinement puts there.
     overlap = "body.cylinder.shape.center=[0.0, 0.995]"
-    settings = ('contact.interface.regularization.law="exact"', overlap, "adapt.passes=1")
-    summary = solve(NODAL, tmp_path / "overlap", *settings)
-    assert summary["status"] == "done"
+    settings = (EXACT_LAW, overlap, "adapt.passes=1")
+    summary = done(NODAL, tmp_path / "overlap", *settings)
     assert len(summary["adapt"]) == 2

@@ -1,16 +1,22 @@
-"""Whatever is wrong with a case or a call: one clear message, exit code 2, nothing written."""
+"""What is wrong with a case or a call, in the words of who drew it: one message, exit code 2, nothing run."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mlsanm_cli.app.scene.causes import strain_of
+from mlsanm_cli.app.sweep.run_sweep import SweepOptions, sweep
+from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main
-from tests.app.scenes import hertz
-from tests.case_text import support
+from mlsanm_cli.errors import CaseError
+from tests.app.scenes import EXACT_LAW, Quiet, done, hertz, solve
+from tests.case_text import contact, polyline, support
 
-FLOOR = '[[support]]\nboundary = "block.bottom"\nuy = 0.0\n'
+FLOOR = support("block.bottom", uy=0.0)
+ON_CONTACT, ON_LOAD = FLOOR.support("block.top", ux=0.0), FLOOR.support("cylinder.flat", uy=0.0)
 
 # What is replaced in the sound case by what, what the message must name, and how the line told begins. Other
 # faults of keys and values are those of tests/case.
@@ -18,15 +24,8 @@ BAD = {
     "misspelt key": ("nu = 0.3", "nuu = 0.3", ("material.steel.nuu", "nu"), "nuu"),
     "negative spacing": ("spacing = 0.25", "spacing = -0.25", ("spacing", "above 0"), "spacing = -"),
     "unknown boundary": ('"block.top"', '"block.topp"', ("topp", "block.top"), 'master = "block.topp'),
-    "overlapping support and load": (
-        FLOOR, FLOOR + support("cylinder.flat", uy=0.0), ("cylinder.flat in y",), "[[load]]"
-    ),
-    "support on a contact surface": (
-        FLOOR,
-        FLOOR + support("block.top", ux=0.0),
-        ("contact surface block.top",),
-        'master = "block.top',
-    ),
+    "overlapping support and load": (FLOOR, ON_LOAD, ("cylinder.flat in y",), "[[load]]"),
+    "support on a contact": (FLOOR, ON_CONTACT, ("contact surface block.top",), 'master = "block.top'),
     "a body free to drift": (FLOOR, "", ("load.press", "nothing resists", "uy"), "[[load]]"),
     "surfaces that overlap": (
         "y = [-2.0, 0.0]", "y = [-2.0, 0.4]", ("contact.interface", "overlap by 0.4"), "[[contact]]"
@@ -41,21 +40,16 @@ BAD = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("command", ["run", "check"])
-@pytest.mark.parametrize("kind", BAD)
+@pytest.mark.parametrize("number", range(len(BAD)), ids=list(BAD))
 def test_bad_case(
-    kind: str,
-    command: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    number: int, tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    old, new, told, place = BAD[kind]
-    text = hertz().replace(old, new, 1)
-    assert text != hertz()
+    old, new, told, place = list(BAD.values())[number]
+    text = hertz().changed(old, new, 1)
     (tmp_path / "case.toml").write_text(text)
-    monkeypatch.chdir(tmp_path)
-    assert main([command, "case.toml", "--quiet"]) == 2
+    afterwards.chdir(tmp_path)
+    # Both commands read a case alike.
+    assert main([("run", "check")[number % 2], "case.toml", "--quiet"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert all(part in err for part in told), err
@@ -66,28 +60,57 @@ def test_bad_case(
     assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
 
 
-def test_a_scene_that_memory_cannot_hold(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "case.toml").write_text(hertz())
-    monkeypatch.chdir(tmp_path)
-    huge = ["--set", "body.block.spacing=0.0001", "--set", "body.block.refine=[]"]
-    assert main(["run", "case.toml", *huge]) == 2
-    err = capsys.readouterr().err
-    assert "GB of memory" in err
-    assert "block" in err
-    assert "spacings" in err
-    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
-
-
-def test_an_existing_run_is_kept(
-    hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_existing_run_is_kept(hertz_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = {path.name: (path.stat().st_mtime_ns, path.stat().st_size) for path in hertz_run.iterdir()}
     (tmp_path / "case.toml").write_text(hertz())
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", "case.toml", "--out", str(hertz_run)]) == 2
+    assert main(["run", str(tmp_path / "case.toml"), "--out", str(hertz_run)]) == 2
     err = capsys.readouterr().err
     assert "already holds a run" in err
     assert "--force" in err
     assert {p.name: (p.stat().st_mtime_ns, p.stat().st_size) for p in hertz_run.iterdir()} == before
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_load_of_the_wrong_sign_is_named(friction: float, tmp_path: Path) -> None:
+    changes = ["load.press.force=[0.0, 10.0]", EXACT_LAW, f"contact.interface.friction={friction}"]
+    summary = solve(starter("hertz").partition("[reference]")[0], tmp_path / "run", *changes)
+    assert summary["status"] == "failed"
+    assert summary["hint"] == "load press pulls cylinder away from contact interface: change its sign"
+
+
+def test_surfaces_that_look_the_wrong_way(tmp_path: Path) -> None:
+    text = starter("hertz").partition("[reference]")[0]
+    with pytest.raises(CaseError, match=r"cylinder\.arc faces up and block\.top faces up, at least 1 apart"):
+        solve(text, tmp_path / "run", 'body.cylinder.shape.side="upper"')
+    downward = contact("interface", "cylinder.arc", obstacle=polyline([-1.0, 0.0], [1.0, 0.0]))
+    with pytest.raises(CaseError, match="reverse the order"):
+        solve(text.partition("[[contact]]")[0] + downward, tmp_path / "run")
+
+
+def test_bodies_far_apart_and_mixed_units_are_warned_of(tmp_path: Path) -> None:
+    apart = done(hertz(), tmp_path / "apart", "body.cylinder.shape.center=[0.0, 2.0]", EXACT_LAW)
+    assert any("gap of 1 is 0.5 times the size" in warning for warning in apart["warnings"])
+    soft = solve(hertz(), tmp_path / "soft", "material.steel.E=10.0", EXACT_LAW)
+    (strained, *_) = [warning for warning in soft["warnings"] if "strained or rotated by" in warning]
+    assert "check the units of material.steel" in strained
+
+
+def test_a_body_that_only_travels_is_not_strained() -> None:
+    points = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
+    moved = np.array([[5.0, 0.0], [5.4, 0.0], [5.0, 0.1]])
+    stress = np.array([1.0, 2.0, 2.0])
+    assert strain_of(points, moved, stress, 100.0) == pytest.approx(0.2)
+    assert strain_of(points, moved * 0.0 + 9.0, stress, 100.0) == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("varied", "words"),
+    [
+        ("solver.order=[10, 12]", r"--vary solver\.order=10,12"),
+        ("load.press.force=[[0, -1],[0, -2]]", r"--vary load\.press\.force=\[0,-1\],\[0,-2\]"),
+    ],
+)
+def test_values_that_vary_are_listed_without_brackets(varied: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(hertz())
+    with pytest.raises(CaseError, match=rf"--vary: .*{words}"):
+        sweep(tmp_path / "case.toml", [varied], SweepOptions(), out=tmp_path / "all", console=Quiet())

@@ -13,42 +13,21 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.app.results.views import Choice
-from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import ANM, Quiet, solve
-from tests.case_text import (
-    annulus,
-    body,
-    box,
-    contact,
-    disk,
-    half_disk,
-    head,
-    item,
-    load,
-    material,
-    pin,
-    plane,
-    polygon,
-    support,
-)
+from tests.app.scenes import ANM, Quiet, done, refused, solve
+from tests.case_text import FLOOR, Scene, body, contact, load, polygon, scene
 
 
-def soft(name: str = "a", modulus: float = 1000.0, alpha: float = 0.0) -> str:
-    return material(name, E=modulus, nu=0.3, alpha=alpha)
-
-
-def bond(name: str, slave: str, master: str, **keys: Any) -> str:
+def bond(name: str, slave: str, master: str | None = None, **keys: Any) -> Scene:
     return contact(name, slave, master, friction="bonded", **keys)
 
 
-def stacked(*spacings: float) -> str:
+def stacked(*spacings: float) -> Scene:
     """Two blocks 2 x 1, one on the other; the lower one stands on its bottom."""
     one, other = spacings or (None, None)
-    low = body("low", "a", one, box([0.0, 2.0], [-1.0, 0.0]))
-    return head("strain") + soft() + low + body("high", "a", other, box([0.0, 2.0], [0.0, 1.0]))
+    low = scene("strain", "a", E=1000.0).body("low", "a", one, box=([0.0, 2.0], [-1.0, 0.0]))
+    return low.body("high", "a", other, box=([0.0, 2.0], [0.0, 1.0]))
 
 
 PULL = load("pull", "high.top", "traction", traction=[0.0, 2.0])
@@ -60,18 +39,17 @@ def test_a_bimetal_strip_bends_as_timoshenko_says(degree: int, swapped: bool, tm
     length, thick, stiff, grows = 12.0, (0.5, 1.0), (200.0, 70.0), (1e-3, 2.4e-3)
     pair = ("low.top", "high.bottom")
     text = (
-        head("stress")
-        + soft("a", stiff[0], grows[0])
-        + soft("b", stiff[1], grows[1])
-        + body("low", "a", None, box([0.0, length], [-thick[0], 0.0]))
-        + body("high", "b", None, box([0.0, length], [0.0, 1.0]))
-        + pin("low", [6.0, -0.5], ux=0.0, uy=0.0)
-        + pin("low", [6.0, 0.0], ux=0.0)
-        + "".join(load(name, None, "temperature", body=name, temperature=10.0) for name in ("low", "high"))
-        + bond("glue", *(pair[::-1] if swapped else pair))
+        scene("stress", "a", E=stiff[0], alpha=grows[0])
+        .material("b", E=stiff[1], nu=0.3, alpha=grows[1])
+        .body("low", "a", box=([0.0, length], [-thick[0], 0.0]))
+        .body("high", "b", box=([0.0, length], [0.0, 1.0]))
+        .pin("low", [6.0, -0.5], ux=0.0, uy=0.0)
+        .pin("low", [6.0, 0.0], ux=0.0)
+        .heat("low", "low", 10.0)
+        .heat("high", "high", 10.0)
+        .add(bond("glue", *(pair[::-1] if swapped else pair)))
     )
-    summary = solve(text, tmp_path / "run", f"mls.degree={degree}")
-    assert summary["status"] == "done", summary
+    summary = done(text, tmp_path / "run", f"mls.degree={degree}")
     assert summary["force_balance"] <= 1e-9
     data = read_run(tmp_path / "run")
     points, moved = data.bodies["low"].points, data.states[-1].bodies["low"]["displacement"]
@@ -90,9 +68,8 @@ def test_a_bimetal_strip_bends_as_timoshenko_says(degree: int, swapped: bool, tm
 
 
 def test_uniform_tension_goes_across_whatever_the_clouds(tmp_path: Path) -> None:
-    text = stacked(0.15, 0.25) + support("low.bottom", uy=0.0) + pin("low", [0.0, -1.0], ux=0.0) + PULL
-    solved = solve(text + bond("glue", "low.top", "high.bottom"), tmp_path / "run")
-    assert solved["status"] == "done", solved
+    text = stacked(0.15, 0.25).support("low.bottom", uy=0.0).pin("low", [0.0, -1.0], ux=0.0).add(PULL)
+    solved = done(text + bond("glue", "low.top", "high.bottom"), tmp_path / "run")
     found = read_run(tmp_path / "run").contacts["glue"]
     np.testing.assert_allclose(found.pressure[-1], -2.0, atol=1e-7)
     np.testing.assert_allclose(found.traction[-1], 0.0, atol=1e-7)
@@ -105,18 +82,16 @@ def test_uniform_tension_goes_across_whatever_the_clouds(tmp_path: Path) -> None
 def test_a_disk_bonded_in_a_ring(slave: str, tmp_path: Path) -> None:
     # Lame's solution of two materials; the ring is pulled, so that the bond carries tension.
     text = (
-        head("strain")
-        + soft()
-        + soft("b", 100.0)
-        + body("disk", "a", None, disk([0.0, 0.0], 1.0))
-        + body("ring", "b", None, annulus([0.0, 0.0], [1.0, 2.0]))
-        + pin("disk", [0.0, 0.0], ux=0.0, uy=0.0)
-        + pin("disk", [1.0, 0.0], uy=0.0)
-        + load("pull", "ring.outer", "pressure", pressure=-1.0)
-        + bond("glue", slave, "ring.inner" if slave == "disk.arc" else "disk.arc")
+        scene("strain", "a", E=1000.0)
+        .material("b", E=100.0, nu=0.3)
+        .body("disk", "a", disk=([0.0, 0.0], 1.0))
+        .body("ring", "b", annulus=([0.0, 0.0], [1.0, 2.0]))
+        .pin("disk", [0.0, 0.0], ux=0.0, uy=0.0)
+        .pin("disk", [1.0, 0.0], uy=0.0)
+        .load("pull", "ring.outer", "pressure", pressure=-1.0)
+        .add(bond("glue", slave, "ring.inner" if slave == "disk.arc" else "disk.arc"))
     )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     # Displacements at radius 1 per pressure there, and per pull.
     inner = 1.3 * 0.4 / 1000.0
     ring, pull = 1.3 / 100.0 * (0.4 + 4.0) / 3.0, 1.3 / 100.0 * (0.4 * 4.0 + 4.0) / 3.0
@@ -137,26 +112,25 @@ def test_a_disk_bonded_in_a_ring(slave: str, tmp_path: Path) -> None:
     assert summary["error_estimate"]["pressure"] == {"glue": None}
 
 
-def coated(split: bool) -> str:
+def coated(split: bool) -> Scene:
     """A half-disk on a block, of one piece or of a layer on the rest of it, of one material."""
-    base = box([-4.0, 4.0], [-4.0, -1.0 if split else 0.0])
-    text = head("strain") + soft() + body("punch", "a", None, half_disk([0.0, 4.0], 4.0))
-    text += body("base", "a", None, base)
-    if split:
-        text += body("coat", "a", None, box([-4.0, 4.0], [-1.0, 0.0])) + bond(
-            "glue", "coat.bottom", "base.top"
-        )
-    text += (
-        support("base.bottom", uy=0.0) + pin("base", [0.0, -4.0], ux=0.0) + pin("punch", [0.0, 4.0], ux=0.0)
+    text = (
+        scene("strain", "a", E=1000.0)
+        .body("punch", "a", half_disk=([0.0, 4.0], 4.0))
+        .body("base", "a", box=([-4.0, 4.0], [-4.0, -1.0 if split else 0.0]))
+        .support("base.bottom", uy=0.0)
+        .pin("base", [0.0, -4.0], ux=0.0)
+        .pin("punch", [0.0, 4.0], ux=0.0)
+        .load("press", "punch.flat", "platen", fy=-20.0)
+        .contact("c", "punch.arc", "coat.top" if split else "base.top")
     )
-    text += load("press", "punch.flat", "platen", fy=-20.0)
-    return text + contact("c", "punch.arc", "coat.top" if split else "base.top")
+    coat = body("coat", "a", box=([-4.0, 4.0], [-1.0, 0.0])).add(bond("glue", "coat.bottom", "base.top"))
+    return text.add(coat) if split else text
 
 
 def test_a_layer_of_the_same_material_is_not_seen(tmp_path: Path) -> None:
     whole = solve(coated(split=False), tmp_path / "whole")
-    split = solve(coated(split=True), tmp_path / "split", ANM)
-    assert split["status"] == "done", split
+    split = done(coated(split=True), tmp_path / "split", ANM)
     one, other = (some["contacts"]["c"] for some in (whole, split))
     assert other["peak_pressure"] == pytest.approx(one["peak_pressure"], rel=4e-3)
     assert other["half_width"] == pytest.approx(one["half_width"], rel=4e-3)
@@ -170,18 +144,17 @@ def test_a_layer_of_the_same_material_is_not_seen(tmp_path: Path) -> None:
         np.testing.assert_array_equal(seen["gap"], 0.0)
 
 
-def fibre(stiff: float, spacings: tuple[float, float | None], half: float) -> str:
+def fibre(stiff: float, spacings: tuple[float, float | None], half: float) -> Scene:
     """A disk of radius 1 bonded in a square matrix of modulus 1, with a probe in its middle."""
     corners = [[-half, -half], [half, -half], [half, half], [-half, half]]
     hole = {"center": [0.0, 0.0], "radius": 1.0, "name": "hole"}
     return (
-        head("strain")
-        + soft("glass", stiff)
-        + soft("resin", 1.0)
-        + body("fibre", "glass", spacings[0], disk([0.0, 0.0], 1.0))
-        + body("matrix", "resin", spacings[1], {**polygon(corners, "b r t l"), "holes": [hole]})
-        + bond("grip", "fibre.arc", "matrix.hole")
-        + item("probe", name="middle", body="fibre", point=[0.0, 0.0])
+        scene("strain", "glass", E=stiff)
+        .material("resin", E=1.0, nu=0.3)
+        .body("fibre", "glass", spacings[0], disk=([0.0, 0.0], 1.0))
+        .body("matrix", "resin", spacings[1], polygon(corners, "b r t l", holes=[hole]))
+        .contact("grip", "fibre.arc", "matrix.hole", friction="bonded")
+        .probe("middle", "fibre", [0.0, 0.0])
     )
 
 
@@ -189,9 +162,10 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
     # Uniform inside, see Eshelby 1957; Muskhelishvili, Some Basic Problems, section 59: p (k + 1) / 2 and
     # s (k + 1) / k of the mean stress p and of half the difference s, with k = 3 - 4 nu of the matrix.
     text = fibre(3e4, (0.16, None), 20.0)
-    text += pin("matrix", [-20.0, 0.0], uy=0.0) + pin("matrix", [20.0, 0.0], uy=0.0)
-    text += pin("matrix", [0.0, 20.0], ux=0.0) + load("right", "matrix.r", "traction", traction=[1.0, 0.0])
-    text += load("left", "matrix.l", "traction", traction=[-1.0, 0.0])
+    text = text.pin("matrix", [-20.0, 0.0], uy=0.0).pin("matrix", [20.0, 0.0], uy=0.0)
+    text = text.pin("matrix", [0.0, 20.0], ux=0.0)
+    for name, sign in (("r", 1.0), ("l", -1.0)):
+        text = text.load(name, f"matrix.{name}", "traction", traction=[sign, 0.0])
     across, along, _ = solve(text, tmp_path / "run")["probes"]["middle"]["stress"]
     k = 3.0 - 4.0 * 0.3
     assert across + along == pytest.approx(0.5 * (k + 1.0), rel=3e-3)
@@ -207,8 +181,8 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
 
 def test_few_nodes_around_a_fibre_bond_it_and_are_told(tmp_path: Path) -> None:
     # Three knots around, three spacings apart, had left it half of its load, without a word.
-    text = fibre(3.0, (0.6, 0.6), 8.0) + support("matrix.l", ux=0.0) + pin("matrix", [-8.0, 0.0], uy=0.0)
-    summary = solve(text + load("right", "matrix.r", "traction", traction=[0.01, 0.0]), tmp_path / "run")
+    text = fibre(3.0, (0.6, 0.6), 8.0).support("matrix.l", ux=0.0).pin("matrix", [-8.0, 0.0], uy=0.0)
+    summary = solve(text.load("right", "matrix.r", "traction", traction=[0.01, 0.0]), tmp_path / "run")
     # Eshelby's formulas in an infinite plate.
     outer, inner, k = 1.0 / 2.6, 3.0 / 2.6, 3.0 - 4.0 * 0.3
     mean = inner * (k + 1.0) / (2.0 * inner + outer * (k - 1.0))
@@ -219,18 +193,17 @@ def test_few_nodes_around_a_fibre_bond_it_and_are_told(tmp_path: Path) -> None:
 
 def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
     # Two posts, one above the other, each held by nothing but its bond, pulled aside: a cantilever.
-    def post(*cuts: float) -> str:
-        text = head("stress") + soft() + support("b0.bottom", ux=0.0, uy=0.0)
+    def post(*cuts: float) -> Scene:
+        text = scene("stress", "a", E=1000.0).support("b0.bottom", ux=0.0, uy=0.0)
         for number, pair in enumerate(pairwise(cuts)):
-            text += body(f"b{number}", "a", 0.1, box([0.0, 1.0], pair))
+            text = text.body(f"b{number}", "a", 0.1, box=([0.0, 1.0], pair))
         last = f"b{len(cuts) - 2}"
-        text += load("push", f"{last}.top", "traction", traction=[0.1, 0.0])
-        return text + item("probe", name="tip", body=last, point=[0.5, 5.0])
+        text = text.load("push", f"{last}.top", "traction", traction=[0.1, 0.0])
+        return text.probe("tip", last, [0.5, 5.0])
 
     # Bonded bodies have degree 2.
     whole = solve(post(0.0, 5.0), tmp_path / "whole", "mls.degree=2")
-    split = solve(post(0.0, 2.0, 5.0) + bond("glue", "b1.bottom", "b0.top"), tmp_path / "split")
-    assert split["status"] == "done", split
+    split = done(post(0.0, 2.0, 5.0) + bond("glue", "b1.bottom", "b0.top"), tmp_path / "split")
     tips: list[FloatArray] = [np.array(some["probes"]["tip"]["displacement"]) for some in (whole, split)]
     np.testing.assert_allclose(tips[1], tips[0], atol=3e-3 * np.abs(tips[0]).max())
     np.testing.assert_allclose(split["contacts"]["glue"]["force"], [-0.1, 0.0], atol=1e-9)
@@ -242,15 +215,14 @@ def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
     # contact had been asked to take in the glued part.
     faces = ("high.bottom", "low.top")
     text = (
-        head("strain")
-        + soft()
-        + body("low", "a", 0.5, box([0.0, 10.0], [0.0, 5.0]))
-        + body("high", "a", 0.5, box([0.0, 10.0], [5.0, 10.0]))
-        + support("low.bottom", uy=0.0)
-        + pin("low", [0.0, 0.0], ux=0.0)
-        + load("press", "high.top", "pressure", pressure=10.0)
-        + bond("glue", *faces, from_=[4.0, 5.0], to=[10.0, 5.0])
-        + contact("slit", *faces, from_=[0.0, 5.0], to=[4.0, 5.0])
+        scene("strain", "a", E=1000.0)
+        .body("low", "a", 0.5, box=([0.0, 10.0], [0.0, 5.0]))
+        .body("high", "a", 0.5, box=([0.0, 10.0], [5.0, 10.0]))
+        .support("low.bottom", uy=0.0)
+        .pin("low", [0.0, 0.0], ux=0.0)
+        .load("press", "high.top", "pressure", pressure=10.0)
+        .add(bond("glue", *faces, from_=[4.0, 5.0], to=[10.0, 5.0]))
+        .contact("slit", *faces, from_=[0.0, 5.0], to=[4.0, 5.0])
     )
     summary = solve(text, tmp_path / "run")
     assert summary["contacts"]["slit"]["force"][1] == pytest.approx(40.0, rel=0.01)
@@ -261,57 +233,57 @@ def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
 
 def test_a_bond_ends_where_a_surface_goes_on(tmp_path: Path) -> None:
     # A post on a block, against both of one piece; the block is cut where the post begins and ends.
-    def pushed(of: str) -> str:
+    def pushed(of: str) -> Scene:
         push = load("push", f"{of}.right", "traction", traction=[-0.5, 0.0])
-        return push + item("probe", name="tip", body=of, point=[2.0, 3.0])
+        return push.probe("tip", of, [2.0, 3.0])
 
-    text = head("strain") + soft() + support("block.bottom", ux=0.0, uy=0.0)
+    text = scene("strain", "a", E=1000.0).support("block.bottom", ux=0.0, uy=0.0)
     corners = [[0, -1], [4, -1], [4, 0], [2, 0], [2, 3], [1, 3], [1, 0], [0, 0]]
     fine = [{"at": [x, 0.0], "spacing": 0.01, "radius": 0.02} for x in (1.0, 2.0)]
     one = body("block", "a", 0.1, polygon(corners, "bottom r b right top left a l"), refine=fine)
-    whole = solve(text + one + pushed("block"), tmp_path / "whole")
-    text += body("block", "a", None, box([0.0, 4.0], [-1.0, 0.0]))
-    text += body("post", "a", None, box([1.0, 2.0], [0.0, 3.0])) + pushed("post")
+    whole = solve(text.add(one, pushed("block")), tmp_path / "whole")
+    text = text.body("block", "a", box=([0.0, 4.0], [-1.0, 0.0]))
+    text = text.body("post", "a", box=([1.0, 2.0], [0.0, 3.0])).add(pushed("post"))
     tips = [whole["probes"]["tip"]["displacement"]]
     for pair in (("post.bottom", "block.top"), ("block.top", "post.bottom")):
-        split = solve(text + bond("glue", *pair), tmp_path / pair[0])
-        assert split["status"] == "done", split
+        split = done(text + bond("glue", *pair), tmp_path / pair[0])
         sign = 1.0 if pair[0] == "post.bottom" else -1.0
         np.testing.assert_allclose(split["contacts"]["glue"]["force"], [1.5 * sign, 0.0], atol=1e-8)
         tips.append(split["probes"]["tip"]["displacement"])
     np.testing.assert_allclose(tips[1:], [tips[0]] * 2, rtol=0.025)
 
 
-def test_check_and_faults(tmp_path: Path) -> None:
-    case = tmp_path / "case.toml"
-    pair = ("high.bottom", "low.top")
-    held = stacked() + support("low.bottom", ux=0.0, uy=0.0) + PULL
-    text = held + bond("glue", *pair)
-    case.write_text(text)
-    assert check(case, console=Quiet())["contacts"]["glue"]
-    ground = plane([0.0, 0.0], [0.0, 1.0])
-    for wrong, words in (
-        (held + bond("glue", *pair, gap=0.1), r"contact.glue.gap.*bonded"),
-        (held + bond("glue", *pair, interference=0.1), r"contact.glue.interference.*bonded"),
-        (held + bond("glue", *pair, regularization={"eta": 1e-3}), r"contact.glue.regularization.*bonded"),
-        (text.replace("[0.0, 1.0]", "[0.1, 1.0]"), r"contact.glue.friction.*at least 0.1 apart"),
-        (text + "[adapt]\npasses = 1\n", r"adapt.passes.*bonded"),
-        (text.replace('"bonded"', '"glued"'), r'contact.glue.friction.*"bonded"'),
-        (
-            held + contact("glue", "high.bottom", friction="bonded", obstacle=ground),
-            r"contact.glue.friction.*rigid obstacle",
-        ),
-    ):
-        case.write_text(wrong)
-        with pytest.raises(CaseError, match=words):
-            run(case, out=tmp_path / "run", console=Quiet())
+BONDED = stacked().support("low.bottom", ux=0.0, uy=0.0) + PULL
+FACES = ("high.bottom", "low.top")
+GLUED = BONDED + bond("glue", *FACES)
+
+
+def test_check_knows_bonds(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(GLUED)
+    assert check(tmp_path / "case.toml", console=Quiet())["contacts"]["glue"]
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "words"),
+    [
+        (BONDED + bond("glue", *FACES, gap=0.1), "glue.gap", "bonded"),
+        (BONDED + bond("glue", *FACES, interference=0.1), "glue.interference", "bonded"),
+        (BONDED + bond("glue", *FACES, regularization={"eta": 1e-3}), "glue.regularization", "bonded"),
+        (GLUED.changed("[0.0, 1.0]", "[0.1, 1.0]"), "glue.friction", "at least 0.1 apart"),
+        (GLUED.table("adapt", passes=1), "adapt.passes", "bonded"),
+        (GLUED.changed('"bonded"', '"glued"'), "glue.friction", '"bonded"'),
+        (BONDED + bond("glue", FACES[0], obstacle=FLOOR), "glue.friction", "rigid obstacle"),
+    ],
+)
+def test_faults(text: str, key: str, words: str, tmp_path: Path) -> None:
+    refused(text, tmp_path / "run", key if "adapt" in key else f"contact.{key}", words)
 
 
 def test_bonds_have_no_say_in_how_far_regularised_tractions_may_lie_beyond_friction(tmp_path: Path) -> None:
     """Bonds counted as exact friction, so that a scene with any regularised friction was refused."""
     text = stacked(0.25, 0.25) + bond("bond", "high.bottom", "low.top")
-    text += contact("floor", "low.bottom", obstacle=plane([0.0, -1.0], [0.0, 1.0]), friction=0.3)
-    text += load("press", "high.top", "pressure", pressure="1 + 0.3*x")
+    text = text.contact("floor", "low.bottom", plane=([0.0, -1.0], [0.0, 1.0]), friction=0.3)
+    text = text.load("press", "high.top", "pressure", pressure="1 + 0.3*x")
     law = {"law": '"hyperbolic"', "eta": "0.02", "stick": "0.02"}
     changes = [f"contact.floor.regularization.{key}={value}" for key, value in law.items()]
-    assert solve(text, tmp_path / "run", *changes)["status"] == "done"
+    done(text, tmp_path / "run", *changes)

@@ -12,15 +12,26 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import PathStep
 from mlsanm_cli.solve.stop_events import load_path
-from tests.app.scenes import ANM, BAR, COARSE, FAST, built_of, hertz
-from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED, SMOOTH
+from tests.app.scenes import (
+    ANM,
+    BAR,
+    COARSE,
+    EXACT_LAW,
+    FAST,
+    HOLONOMIC,
+    MONOLITHIC,
+    NEWTON,
+    SHEARED,
+    SMOOTH_LAW,
+    built,
+    hertz,
+)
 
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
 SHORT = (FAST, "stage=[{press=1.0}, {shear=1.0}, {shear=1.0}, {shear=0.3}]", "output.at=[0.5, 1.5, 4.0]")
-NEWTON, MONOLITHIC = 'solver.method="newton"', 'solver.formulation="monolithic"'
 SCENES = {
     "linear": (BAR, ("output.at=[0.2, 0.6, 1.0]",)),
-    "exact": (hertz(), (EXACT, FAST, "output.at=[0.25, 0.5, 1.0]")),
+    "exact": (hertz(), (EXACT_LAW, FAST, "output.at=[0.25, 0.5, 1.0]")),
     "series": (
         hertz(),
         (ANM, FAST, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
@@ -28,8 +39,8 @@ SCENES = {
     "newton": (hertz(), (INSIDE, NEWTON, FAST)),
     "monolithic": (hertz(), (INSIDE, MONOLITHIC, FAST, *COARSE)),
     "holonomic": (SHEARED, (HOLONOMIC, "stage=[{press=1.0, shear=1.0}]", "output.at=[0.7, 1.0]")),
-    "friction": (SHEARED, (SMOOTH, *SHORT)),
-    "exact friction": (SHEARED, (EXACT, *SHORT)),
+    "friction": (SHEARED, (SMOOTH_LAW, *SHORT)),
+    "exact friction": (SHEARED, (EXACT_LAW, *SHORT)),
     "polished friction": (SHEARED, ("solver.polish=true", *SHORT)),
 }
 SAME = 1e-8
@@ -38,9 +49,7 @@ SAME = 1e-8
 
 def scene_of(name: str, directory: Path, *more: str) -> CondensedScene:
     text, settings = SCENES[name]
-    case = directory / "case.toml"
-    case.write_text(text)
-    return built_of(case, *settings, *more)
+    return built(text, directory, *settings, *more)
 
 
 def away(whole: list[PathStep], rest: list[PathStep]) -> float:
@@ -58,13 +67,13 @@ def away(whole: list[PathStep], rest: list[PathStep]) -> float:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_rest_of_a_path_leads_to_the_same_states(name: str, tmp_path: Path) -> None:
-    built = scene_of(name, tmp_path)
-    whole = list(load_path(built))
+    scene = scene_of(name, tmp_path)
+    whole = list(load_path(scene))
     assert len(whole) > 3
     middle = whole[len(whole) // 2].checkpoint
     assert middle is not None
-    assert away(whole, list(load_path(built, middle))) < SAME
-    assert list(load_path(built, whole[-1].checkpoint)) == []
+    assert away(whole, list(load_path(scene, middle))) < SAME
+    assert list(load_path(scene, whole[-1].checkpoint)) == []
 
 
 def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
@@ -82,11 +91,11 @@ def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
 
 def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
     """Also where the last step's event left no state to continue from."""
-    built = scene_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
+    scene = scene_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
     steps: list[PathStep] = []
     with pytest.raises(NumericalError, match="slides as a whole"):
-        steps.extend(load_path(built))
+        steps.extend(load_path(scene))
     rest: list[PathStep] = []
     with pytest.raises(NumericalError, match="slides as a whole"):
-        rest.extend(load_path(built, steps[-1].checkpoint))
+        rest.extend(load_path(scene, steps[-1].checkpoint))
     assert all(abs(step.state.position - steps[-1].state.position) < 1e-9 for step in rest)

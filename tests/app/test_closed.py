@@ -8,46 +8,38 @@ import numpy as np
 import pytest
 
 from benchmarks.formulas.lame import LameRing, press_fit
-from mlsanm_cli.app.scene.assemble import prepare
-from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import solve
-from tests.case.scenes import parse
-from tests.case_text import annulus, body, contact, disk, head, item, load, material, polygon, support
+from tests.app.scenes import done, prepared, solve
+from tests.case_text import body_force, polygon, scene, support
 
-STEEL = material("steel", E=210e3, nu=0.3)
 FIT = (
-    head("stress")
-    + STEEL
-    + body("hub", "steel", shape=annulus([0.0, 0.0], [10.0, 16.0]))
-    + body("shaft", "steel", shape=annulus([0.0, 0.0], [4.0, 10.0]))
-    + contact("fit", "shaft.outer", "hub.inner", interference=0.01)
+    scene("stress")
+    .body("hub", "steel", annulus=([0.0, 0.0], [10.0, 16.0]))
+    .body("shaft", "steel", annulus=([0.0, 0.0], [4.0, 10.0]))
+    .contact("fit", "shaft.outer", "hub.inner", interference=0.01)
 )
 WEDGE = (
-    head("strain")
-    + STEEL
-    + body("wedge", "steel", shape=polygon([[-3, 0], [3, 0], [6, 8], [-6, 8]], "tip right top left"))
-    + body("one", "steel", shape=polygon([[-3, 0], [-16, 0], [-16, 8], [-6, 8]], "floor back top face"))
-    + body("other", "steel", shape=polygon([[3, 0], [16, 0], [16, 8], [6, 8]], "floor back top face"))
-    + support("one.back", spring=[500.0, 0.0])
-    + support("other.back", spring=[500.0, 0.0])
-    + support("one.floor", uy=0.0)
-    + support("other.floor", uy=0.0)
-    + load("drive", "wedge.top", "platen", fy=-200.0)
-    + contact("left", "wedge.left", "one.face", friction=0.1)
-    + contact("right", "wedge.right", "other.face", friction=0.1)
+    scene("strain")
+    .body("wedge", "steel", shape=polygon([[-3, 0], [3, 0], [6, 8], [-6, 8]], "tip right top left"))
+    .body("one", "steel", shape=polygon([[-3, 0], [-16, 0], [-16, 8], [-6, 8]], "floor back top face"))
+    .body("other", "steel", shape=polygon([[3, 0], [16, 0], [16, 8], [6, 8]], "floor back top face"))
+    .support("one.back", spring=[500.0, 0.0])
+    .support("other.back", spring=[500.0, 0.0])
+    .support("one.floor", uy=0.0)
+    .support("other.floor", uy=0.0)
+    .load("drive", "wedge.top", "platen", fy=-200.0)
+    .contact("left", "wedge.left", "one.face", friction=0.1)
+    .contact("right", "wedge.right", "other.face", friction=0.1)
 )
 
 
 def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
     angle = np.radians([3.0, 75.0, -30.0, -36.0])
-    points = {"hub": 10.0, "shaft": 10.0}
-    probes = [
-        item("probe", name=f"{name}{k}", body=name, point=[radius * np.cos(a), radius * np.sin(a)])
-        for name, radius in points.items()
-        for k, a in enumerate(angle.tolist())
-    ]
-    summary = solve(FIT + "".join(probes), tmp_path / "fit")
+    text = FIT
+    for name in ("hub", "shaft"):
+        for k, a in enumerate(angle.tolist()):
+            text = text.probe(f"{name}{k}", name, [10.0 * np.cos(a), 10.0 * np.sin(a)])
+    summary = solve(text, tmp_path / "fit")
     fit = read_run(tmp_path / "fit").contacts["fit"]
     # A contact grid, not the nodes of a surface of 60 times their distance.
     assert len(fit.pressure[-1]) < 40
@@ -55,7 +47,7 @@ def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
     pressure = press_fit(shaft, hub, 0.01)
     assert fit.pressure[-1] == pytest.approx(pressure, rel=2e-3)
     # Beneath the surface, too: intervals of the grid are chords no longer there.
-    for name in points:
+    for name in ("hub", "shaft"):
         for k, a in enumerate(angle):
             xx, yy, xy = summary["probes"][f"{name}{k}"]["stress"]
             c, s = np.cos(a), np.sin(a)
@@ -68,17 +60,15 @@ def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:
     held = support("shaft.inner", ux=0.0, uy=0.0)
     peaks: list[float] = []
     for way in ([2.0, 0.0], [0.0, -2.0]):
-        pull = item("load", name="pull", body="hub", kind="body-force", body_force=way)
-        summary = solve(FIT + held + pull, tmp_path / str(len(peaks)))
-        assert summary["status"] == "done", summary["stop_reason"]
+        pull = body_force("pull", "hub", way)
+        summary = done(FIT + held + pull, tmp_path / str(len(peaks)), "contact.fit.accuracy=0.01")
         peaks.append(summary["contacts"]["fit"]["peak_pressure"])
     assert peaks[1] == pytest.approx(peaks[0], rel=5e-3)
 
 
 def test_a_wedge_between_blocks_that_slide(tmp_path: Path) -> None:
     """Corners next to a platen and next to walls, neither at a right angle: symmetric, and in equilibrium."""
-    summary = solve(WEDGE, tmp_path / "wedge", "contact.*.accuracy=0.05")
-    assert summary["status"] == "done", summary["stop_reason"]
+    summary = done(WEDGE, tmp_path / "wedge", "contact.*.accuracy=0.05")
     left, right = (summary["contacts"][name]["force"] for name in ("left", "right"))
     assert left[1] == pytest.approx(100.0, rel=1e-6)
     assert [-left[0], left[1]] == pytest.approx(right, rel=1e-4)
@@ -97,15 +87,13 @@ def test_a_wedge_between_blocks_that_slide(tmp_path: Path) -> None:
     ],
 )
 def test_the_degree_that_is_left_to_us(setting: tuple[str, ...], degrees: dict[str, int]) -> None:
-    case = parse(FIT, setting).case
-    models = prepare(case, clouds(case)).models
+    models = prepared(FIT, *setting).models
     assert {name: model.settings.degree for name, model in models.items()} == degrees
 
 
 @pytest.mark.usefixtures("by_nodes")
 def test_bodies_with_nodal_contacts_have_degree_2() -> None:
-    case = parse(FIT).case
-    models = prepare(case, clouds(case)).models
+    models = prepared(FIT).models
     assert {model.settings.degree for model in models.values()} == {2}
 
 
@@ -114,16 +102,14 @@ def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) 
     peaks = []
     for pull in (-10.0, 10.0):
         text = (
-            head("stress")
-            + material("steel", E=210e3, nu=0.3)
-            + body("eye", "steel", shape=annulus([0.0, 0.0], [8.0, 25.0]))
-            + body("pin", "steel", shape=disk([0.0, 0.0], 7.95))
-            + support("eye.outer", ux=0.0, uy=0.0)
-            + item("load", name="pull", kind="body-force", body="pin", body_force=[pull, 0.0])
-            + contact("fit", "pin.arc", "eye.inner")
+            scene("stress")
+            .body("eye", "steel", annulus=([0.0, 0.0], [8.0, 25.0]))
+            .body("pin", "steel", disk=([0.0, 0.0], 7.95))
+            .support("eye.outer", ux=0.0, uy=0.0)
+            .body_force("pull", "pin", [pull, 0.0])
+            .contact("fit", "pin.arc", "eye.inner")
         )
-        summary = solve(text, tmp_path / f"run{pull}")
-        assert summary["status"] == "done", summary
+        summary = done(text, tmp_path / f"run{pull}")
         assert summary["contacts"]["fit"]["force"][0] == pytest.approx(-pull * np.pi * 7.95**2, rel=1e-3)
         peaks.append(summary["contacts"]["fit"]["peak_pressure"])
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)

@@ -17,27 +17,29 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results import views
 from mlsanm_cli.app.results.info import info
-from mlsanm_cli.app.results.path_lookup import pressures_at
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.views import Choice
-from mlsanm_cli.app.warmup import warmup
+from mlsanm_cli.app.scene import size_estimate as estimate
+from mlsanm_cli.case import parse_case, stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.cloud.quality import CloudQuality
-from mlsanm_cli.errors import RunError
+from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+from tests.app.runs import events_of, summary_of
+from tests.app.scenes import BAR, FAST, PATCH, Quiet, done, hertz, solve
 
 
-def write(directory: Path, text: str) -> Path:
-    path = directory / "case.toml"
-    path.write_text(text)
-    return path
+def checked(directory: Path, text: str, *overrides: str, **more: Any) -> dict[str, Any]:
+    """What `mlsanm check` finds; more warnings are told on a console that is given."""
+    case = directory / "case.toml"
+    case.write_text(text)
+    return dict(check(case, overrides=overrides, **{"console": Quiet(), **more}))
 
 
 def test_check_agrees_with_the_run(hertz_run: Path, tmp_path: Path) -> None:
     console = Quiet()
-    found = check(write(tmp_path, hertz()), console=console)
-    summary = json.loads((hertz_run / "summary.json").read_text())
+    found = checked(tmp_path, hertz(), console=console)
+    summary = summary_of(hertz_run)
     for key in ("nodes", "unknowns"):
         assert found[key] == summary[key]
     # A grid is found by the run.
@@ -55,10 +57,9 @@ def test_check_agrees_with_the_run(hertz_run: Path, tmp_path: Path) -> None:
 
 
 def test_estimates_grow_with_the_scene(tmp_path: Path) -> None:
-    case = write(tmp_path, BAR)
-    small = check(case, overrides=("mls.degree=2",), console=Quiet())
-    fine = check(case, overrides=("body.bar.spacing=0.02", "mls.degree=2"), console=Quiet())
-    high = check(case, overrides=("body.bar.spacing=0.02", "mls.degree=4"), console=Quiet())
+    small = checked(tmp_path, BAR, "mls.degree=2")
+    fine = checked(tmp_path, BAR, "body.bar.spacing=0.02", "mls.degree=2")
+    high = checked(tmp_path, BAR, "body.bar.spacing=0.02", "mls.degree=4")
     for key in ("estimated_cpu_seconds", "estimated_memory_mb"):
         assert 0.0 < small[key] < fine[key] < high[key]
     assert small["contacts"] == {}
@@ -67,7 +68,7 @@ def test_estimates_grow_with_the_scene(tmp_path: Path) -> None:
 
 def test_check_writes_the_model(tmp_path: Path) -> None:
     model = tmp_path / "model.vtu"
-    found = check(write(tmp_path, hertz()), write=model, console=Quiet())
+    found = checked(tmp_path, hertz(), write=model)
     mesh = meshio.read(model)
     data = mesh.point_data
     assert len(mesh.points) == found["nodes"]
@@ -88,7 +89,7 @@ def test_check_writes_the_model(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("spacing", "warned", "noted"), [(0.08, 1, 0), (0.125, 0, 1), (0.2, 0, 0)])
 def test_unequal_spacings_are_told(spacing: float, warned: int, noted: int, tmp_path: Path) -> None:
     console = Quiet()
-    found = check(write(tmp_path, PATCH), overrides=(f"body.upper.spacing={spacing}",), console=console)
+    found = checked(tmp_path, PATCH, f"body.upper.spacing={spacing}", console=console)
     assert found["contacts"]["interface"]["spacing_ratio"] == pytest.approx(0.2 / spacing, rel=0.02)
     ratio = [text for text in console.warnings if "factor of" in text]
     assert (len(ratio), len([n for n in found["notes"] if "factor of" in n])) == (warned, noted)
@@ -96,20 +97,19 @@ def test_unequal_spacings_are_told(spacing: float, warned: int, noted: int, tmp_
 
 
 def test_spacings_at_contacts_on_grids_of_their_own_do_not_matter(tmp_path: Path) -> None:
-    found = check(write(tmp_path, PATCH), overrides=("body.upper.spacing=0.08",), console=Quiet())
+    found = checked(tmp_path, PATCH, "body.upper.spacing=0.08")
     assert not [note for note in (*found["notes"], *found["warnings"]) if "factor of" in note]
 
 
 @pytest.mark.usefixtures("by_nodes")
 def test_stiff_slaves_and_degree_one_are_warned_of(tmp_path: Path) -> None:
-    text = PATCH.replace("[[body]]", "[material.soft]\nE = 1e3\nnu = 0.3\n\n[[body]]", 1)
-    head, tail = text.split('name = "lower"')
-    case = write(tmp_path, head + 'name = "lower"' + tail.replace('"steel"', '"soft"', 1))
-    found = check(case, overrides=("mls.degree=1",), console=Quiet())
+    text = PATCH.material("soft", E=1e3, nu=0.3)
+    soft = 'body.lower.material="soft"'
+    found = checked(tmp_path, text, soft, "mls.degree=1")
     assert [text for text in found["warnings"] if "times stiffer than the master" in text]
     assert [text for text in found["warnings"] if "for comparisons only" in text]
-    swapped = ('contact.interface.slave="lower.top"', 'contact.interface.master="upper.bottom"')
-    found = check(case, overrides=swapped, console=Quiet())
+    swapped = ("contact.interface.slave=lower.top", "contact.interface.master=upper.bottom")
+    found = checked(tmp_path, text, soft, *swapped)
     assert not [text for text in found["warnings"] if "stiffer" in text]
 
 
@@ -125,14 +125,13 @@ def test_poor_clouds_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert len(summary["warnings"]) == 3
     for part in ("0.49 of the local spacing", "1.61 spacings", "0.31 per unit length", "body.bar.spacing"):
         assert part in told
-    events = [json.loads(line) for line in (tmp_path / "bar" / "events.jsonl").read_text().splitlines()]
-    assert [e["message"] for e in events if e["event"] == "warning"] == summary["warnings"]
+    assert [one["message"] for one in events_of(tmp_path / "bar", "warning")] == summary["warnings"]
     assert summary["quality"]["bodies"]["bar"]["hole"] == 1.61
 
 
 def test_info_of_a_finished_run(hertz_run: Path) -> None:
     found = info(hertz_run)
-    summary = json.loads((hertz_run / "summary.json").read_text())
+    summary = summary_of(hertz_run)
     assert {key: found[key] for key in summary} == summary
     provenance = found["provenance"]
     assert provenance["threads"] == 1
@@ -145,7 +144,7 @@ def test_info_of_a_run_without_summary(hertz_run: Path, tmp_path: Path) -> None:
     """As a kill leaves it: status running, no summary."""
     killed = tmp_path / "killed"
     shutil.copytree(hertz_run, killed)
-    summary = json.loads((killed / "summary.json").read_text())
+    summary = summary_of(killed)
     (killed / "summary.json").unlink()
     with h5py.File(killed / "run.h5", "r+") as file:
         file.attrs["status"] = "running"
@@ -177,19 +176,11 @@ def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
     assert all(file.stat().st_size > 2000 for file in files)
 
 
-def kept_of(name: str, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
-    """What one kind of pictures is drawn from; none is."""
-    calls: list[tuple[Any, ...]] = []
-    for kind in ("plot_pressure", "draw_along_path", "plot_cloud"):
-        monkeypatch.setattr(plot_module, kind, lambda *arguments, **words: None)
-    monkeypatch.setattr(plot_module, name, lambda *arguments, **words: calls.append(arguments))
-    return calls
-
-
 def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Saved levels from the series, coordinates from the middle, Hertz' formula for the last level."""
-    calls = kept_of("plot_pressure", monkeypatch)
-    plot(hertz_run)
+    calls: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(plot_module, "plot_pressure", lambda *arguments, **words: calls.append(arguments))
+    plot(hertz_run, choice=Choice(("pressure",)))
     _, name, coordinate, pressure, labels, reference, _ = calls[0]
     assert name == "interface"
     assert labels == ["position 0.3", "position 0.7", "position 1"]
@@ -197,27 +188,11 @@ def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> N
     weight = read_run(hertz_run).contacts["interface"].weight
     # The force of each level is the load's, although 0.3 and 0.7 lie inside steps.
     assert pressure @ weight == pytest.approx([0.3 * 226.0, 0.7 * 226.0, 226.0], rel=2e-3)
-    summary = json.loads((hertz_run / "summary.json").read_text())["contacts"]["interface"]["reference"]
+    summary = summary_of(hertz_run)["contacts"]["interface"]["reference"]
     # By the sum of the pressures times their weights; the summary's is by their integral.
     assert reference.pressure.max() == pytest.approx(summary["peak_pressure"], rel=2e-5)
     loaded = reference.arc[reference.pressure > 0.0]
     assert 0.5 * np.ptp(loaded) == pytest.approx(summary["half_width"], rel=0.02)
-
-
-def test_pressures_at_a_row_and_beyond_the_path(hertz_run: Path) -> None:
-    run = read_run(hertz_run)
-    row = len(run.path.position) // 2
-    found = pressures_at(run, float(run.path.position[row]))["interface"]
-    assert found.tolist() == run.contacts["interface"].pressure[row].tolist()
-    # The series of the step before a row ends in that row.
-    nearly = pressures_at(run, float(run.path.position[row]) * (1.0 - 1e-10))["interface"]
-    assert nearly == pytest.approx(found, rel=1e-6, abs=1e-6 * found.max())
-    with pytest.raises(RunError, match="does not reach"):
-        pressures_at(run, 1.5)
-
-
-def test_pressures_between_rows_without_series(patch_run: Path) -> None:
-    assert pressures_at(read_run(patch_run), 0.52)["interface"] == pytest.approx(52.0)
 
 
 @pytest.mark.parametrize("fields", ['["stress"]', "[]"])
@@ -229,10 +204,8 @@ def test_plot_with_few_fields(fields: str, tmp_path: Path) -> None:
 
 def test_colour_of_the_bodies(bar_run: Path) -> None:
     """Von Mises is made from stored stresses where it was not stored itself."""
-    from mlsanm_cli.case import parse_case
-
     run = read_run(bar_run)
-    case = parse_case(run.case_resolved, Path("resolved.toml")).case
+    case = stored_case(run.case_resolved)
     fields = run.states[-1].bodies["bar"]
     stored, label = views.field_of(case, "bar", fields, fields["displacement"], None)
     derived = {"stress": fields["stress"]}
@@ -249,7 +222,7 @@ def test_a_failed_run_keeps_what_it_has(
     tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     afterwards.chdir(tmp_path)
-    write(tmp_path, hertz())
+    Path("case.toml").write_text(hertz())
     wanted = ("--set", "solver.max_steps=4", "--set", "solver.method=anm")
     assert main(["run", "case.toml", *wanted, "--json"]) == 3
     out, err = capsys.readouterr()
@@ -263,16 +236,13 @@ def test_a_failed_run_keeps_what_it_has(
     run = read_run(directory)
     assert run.status == "failed"
     assert run.path.rows == 5
-    mesh = meshio.read(directory / "failure.vtu")
-    assert len(mesh.points) == summary["nodes"]
-    assert mesh.point_data["displacement"].any()
     assert info(directory)["position"] == run.path.position[-1]
     assert {f.name for f in plot(directory)} >= {"plot_pressure_interface.png", "plot_force.png"}
 
 
 def test_a_run_that_fails_before_its_first_state(tmp_path: Path) -> None:
     """A platen pulled away from the other body: nothing balances it."""
-    summary = solve(hertz().replace("fy = -226.0", "fy = 226.0"), tmp_path / "pulled")
+    summary = solve(hertz(), tmp_path / "pulled", "load.press.fy=226.0")
     assert summary["status"] == "failed"
     assert summary["steps"] == 0
     assert info(tmp_path / "pulled")["status"] == "failed"
@@ -280,24 +250,47 @@ def test_a_run_that_fails_before_its_first_state(tmp_path: Path) -> None:
         plot(tmp_path / "pulled")
 
 
-def test_warmup() -> None:
-    warmup(Quiet())
-    found = warmup(Quiet())
+def test_json_on_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str], bar_run: Path) -> None:
+    case, model = tmp_path / "case.toml", tmp_path / "model.vtu"
+    case.write_text(BAR)
+
+    def told(*arguments: str) -> dict[str, Any]:
+        assert main([*arguments, "--json"]) == 0
+        return dict(json.loads(capsys.readouterr().out))
+
+    assert told("check", str(case), "--write", str(model))["nodes"] > 0
+    assert model.is_file()
+    files = told("plot", str(bar_run), "--format", "svg", "--format", "svg")["files"]
+    assert [Path(file).name for file in files] == ["plot_force.svg", "plot_bodies.svg"]
+    assert told("info", str(bar_run))["status"] == "done"
+    told("warmup")
+    found = told("warmup")
     assert 0.0 <= found["seconds"] < 1.0
     assert found["compiled"] is False
     assert found["kept"] == (found["cache_directory"] is not None)
 
 
-def test_json_on_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str], bar_run: Path) -> None:
-    case, model = write(tmp_path, BAR), tmp_path / "model.vtu"
-    found: list[dict[str, Any]] = []
-    for arguments in (
-        ["check", str(case), "--write", str(model)],
-        ["plot", str(bar_run), "--format", "svg", "--format", "svg"],
-        ["info", str(bar_run)],
-        ["warmup"],
-    ):
-        assert main([*arguments, "--json"]) == 0
-        found.append(json.loads(capsys.readouterr().out))
-    assert model.is_file()
-    assert [Path(file).name for file in found[1]["files"]] == ["plot_force.svg", "plot_bodies.svg"]
+def test_memory_is_that_of_the_solver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fine = "body.bar.spacing=0.001"
+    cases = [
+        parse_case(BAR, Path("case.toml"), (f"solver.linear={kind}", fine)).case
+        for kind in ("auto", "superlu")
+    ]
+    ours, other = (estimate.estimate(case).memory_mb for case in cases)
+    assert ours < other
+    monkeypatch.setattr(estimate, "physical_memory_mb", lambda: 0.5 * (ours + other))
+    estimate.refuse_too_large(cases[0])
+    with pytest.raises(CaseError, match="GB of memory") as caught:
+        estimate.refuse_too_large(cases[1])
+    assert caught.value.problems[0].key == "body.bar.spacing"
+
+
+@pytest.mark.usefixtures("monkeypatch")  # grids must not begin with those of other tests
+def test_results_do_not_depend_on_who_factorises(tmp_path: Path) -> None:
+    found = done(hertz(), tmp_path / "other", FAST, "solver.linear=superlu")
+    expected = done(hertz(), tmp_path / "usual", FAST)
+    assert found["linear_residual"] <= 1e-7
+    assert found["warnings"] == expected["warnings"]
+    for key in ("peak_pressure", "half_width"):
+        one, other = (summary["contacts"]["interface"][key] for summary in (found, expected))
+        assert one == pytest.approx(other, rel=1e-6)

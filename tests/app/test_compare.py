@@ -16,7 +16,7 @@ from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import SAME_LAW_FACTOR, other_law_limit
 from mlsanm_cli.app.comparison.measure import chosen_methods, law_of
-from mlsanm_cli.case import Case, Solver, load_case
+from mlsanm_cli.case import Case, Solver, parse_case
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
@@ -24,31 +24,36 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import PathStep
 from mlsanm_cli.solve.stop_events import load_path
-from tests.app.scenes import ANM, AS_SERIES, BAR, COARSE, FAST, PATCH, PUNCHES, Quiet, hertz, solve
-from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
+from tests.app.scenes import (
+    ANM,
+    AS_SERIES,
+    BAR,
+    COARSE,
+    EXACT_LAW,
+    FAST,
+    HOLONOMIC,
+    PATCH,
+    PUNCHES,
+    SHEARED,
+    Quiet,
+    hertz,
+    solve,
+)
 
 ONCE = "stage=[{press=1.0},{shear=1.0}]"
 QUICK = CompareOptions(("active-set",), levels=4, picture=False)
 
 
-def write(directory: Path, text: str) -> Path:
-    path = directory / "scene.toml"
-    path.write_text(text)
-    return path
-
-
 def compared(
     directory: Path, text: str, wishes: CompareOptions = QUICK, *overrides: str, console: Quiet | None = None
 ) -> dict[str, Any]:
-    case = write(directory, text)
-    found = compare(
-        case, wishes, overrides=overrides, out=directory / "out", force=True, console=console or Quiet()
-    )
-    return dict(found)
+    (directory / "scene.toml").write_text(text)
+    options: dict[str, Any] = {"overrides": overrides, "out": directory / "out", "force": True}
+    return dict(compare(directory / "scene.toml", wishes, console=console or Quiet(), **options))
 
 
-def case_of(directory: Path, text: str, *overrides: str) -> Case:
-    return load_case(write(directory, text), overrides).case
+def case_of(text: str, *overrides: str) -> Case:
+    return parse_case(text, Path("case.toml"), overrides).case
 
 
 def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
@@ -63,7 +68,7 @@ def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
     levels = f"output.at={found['levels']}"
     runs = {
         "anm": solve(text, tmp_path / "anm", FAST, levels, *AS_SERIES),
-        "active-set": solve(text, tmp_path / "exact", FAST, levels, EXACT),
+        "active-set": solve(text, tmp_path / "exact", FAST, levels, EXACT_LAW),
     }
     for row in (smooth, exact):
         run = runs[row["method"]]
@@ -106,7 +111,7 @@ def test_the_file_and_the_picture(tmp_path: Path) -> None:
     [
         (PUNCHES, ("contact.*.accuracy=0.1",)),
         (SHEARED, ()),
-        (SHEARED, (EXACT, "contact.interface.regularization.eta=1e-2")),
+        (SHEARED, (EXACT_LAW, "contact.interface.regularization.eta=1e-2")),
     ],
     ids=["punches", "friction", "exact and soft"],
 )
@@ -116,7 +121,7 @@ def test_smooth_and_exact_laws_agree_within_their_limit(
     found = compared(tmp_path, text, QUICK, *overrides)
     assert found["status"] == "agree"
     assert [row["law"] for row in found["methods"]] == ["hyperbolic", "exact"]
-    if text == SHEARED:
+    if text is SHEARED:
         assert found["methods"][1]["difference"]["traction"] > 1e-4
 
 
@@ -194,7 +199,7 @@ def test_exit_codes_and_table(
     tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     afterwards.chdir(tmp_path)
-    write(tmp_path, hertz().replace("accuracy = 0.01", "accuracy = 0.1"))
+    (tmp_path / "scene.toml").write_text(hertz().changed("accuracy = 0.01", "accuracy = 0.1"))
     arguments = ["compare", "scene.toml", "--active-set", "--no-picture", "--levels", "2", "--quiet"]
     assert main([*arguments, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -231,14 +236,13 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_case_s_own_method_is_among_them(tmp_path: Path) -> None:
-    names = [method.name for method in chosen_methods(case_of(tmp_path, PATCH), ())]
+    names = [method.name for method in chosen_methods(case_of(PATCH), ())]
     assert names == ["anm", "active-set"]
-    names = [
-        m.name for m in chosen_methods(case_of(tmp_path, hertz()), ("newton", "monolithic", "active-set"))
-    ]
+    methods = chosen_methods(case_of(hertz()), ("newton", "monolithic", "active-set"))
+    names = [method.name for method in methods]
     assert names == ["anm", "newton", "anm monolithic", "newton monolithic", "active-set"]
-    assert law_of(case_of(tmp_path, hertz(), "solver.polish=true")) == "exact"
-    case = case_of(tmp_path, SHEARED, "contact.interface.regularization.eta=1e-6")
+    assert law_of(case_of(hertz(), "solver.polish=true")) == "exact"
+    case = case_of(SHEARED, "contact.interface.regularization.eta=1e-6")
     assert other_law_limit(case) == pytest.approx(6e-3 + 1e-3)
 
 

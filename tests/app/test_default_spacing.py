@@ -9,94 +9,54 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.run import run
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones
-from mlsanm_cli.case.reading.read import parse_case
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, rectangle
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.body_model import enriched_tips
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.operators.settings import MlsSettings
-from tests.app.scenes import Quiet
-from tests.case_text import (
-    body,
-    box,
-    contact,
-    disk,
-    head,
-    item,
-    load,
-    material,
-    pin,
-    plane,
-    polygon,
-    pushed,
-    support,
-    table,
-)
+from tests.app.scenes import done, prepared
+from tests.case.scenes import parse
+from tests.case_text import FLOOR, head, polygon, scene
 
-AROUND = np.linspace(0.0, 2.0 * np.pi, 61)
+ANGLE = np.linspace(0.0, 2.0 * np.pi, 61)
+AROUND = np.round(20.0 * np.stack([np.cos(ANGLE), np.sin(ANGLE)], axis=1), 9).tolist()
 ECCENTRIC = (
-    head("stress")
-    + material("steel", E=210e3, nu=0.3)
-    + body("ring", "steel")
-    + table("body.shape", kind="outline")
-    + item(
-        "body.shape.sides",
-        name="around",
-        points=np.round(20.0 * np.stack([np.cos(AROUND), np.sin(AROUND)], axis=1), 9).tolist(),
-    )
-    + item("body.shape.holes", center=[6.0, 0.0], radius=11.0, name="bore")
-    + pin("ring", [-20.0, 0.0], ux=0.0, uy=0.0)
-    + pin("ring", [20.0, 0.0], uy=0.0)
-    + load("push", "ring.bore", "pressure", pressure=20.0)
-    + item("probe", name="inside", body="ring", point=[17.0, 0.0])
-    + item("probe", name="outside", body="ring", point=[20.0, 0.0])
+    scene("stress")
+    .body("ring", "steel")
+    .table("body.shape", kind="outline", sides=[{"name": "around", "points": AROUND}])
+    .item("body.shape.holes", center=[6.0, 0.0], radius=11.0, name="bore")
+    .pin("ring", [-20.0, 0.0], ux=0.0, uy=0.0)
+    .pin("ring", [20.0, 0.0], uy=0.0)
+    .load("push", "ring.bore", "pressure", pressure=20.0)
+    .probe("inside", "ring", [17.0, 0.0])
+    .probe("outside", "ring", [20.0, 0.0])
 )
 """Three thick where the hole is nearest to the edge, eleven where it is farthest."""
 
+PLATE = polygon([[-40.0, -30.0], [40.0, -30.0], [40.0, 30.0], [-40.0, 30.0]], "b r t l")
+PLATE |= {"holes": [{"center": [5.0, 3.0], "radius": 8.0, "name": "hole"}]}
 PLY = (
     head("stress")
-    + material("ply", E1=140e3, E2=9e3, G12=5e3, nu12=0.3, angle=67.0)
-    + body("plate", "ply")
-    + table(
-        "body.shape",
-        kind="polygon",
-        points=[[-40.0, -30.0], [40.0, -30.0], [40.0, 30.0], [-40.0, 30.0]],
-        names=["b", "r", "t", "l"],
-    )
-    + item("body.shape.holes", center=[5.0, 3.0], radius=8.0, name="hole")
-    + support("plate.l", ux=0.0, uy=0.0)
-    + load("pull", "plate.r", "traction", traction=[50.0, 0.0])
-    + item("probe", name="above", body="plate", point=[5.0, 11.0])
-    + item("probe", name="below", body="plate", point=[5.0, -5.0])
+    .material("ply", E1=140e3, E2=9e3, G12=5e3, nu12=0.3, angle=67.0)
+    .body("plate", "ply", shape=PLATE)
+    .support("plate.l", ux=0.0, uy=0.0)
+    .load("pull", "plate.r", "traction", traction=[50.0, 0.0])
+    .probe("above", "plate", [5.0, 11.0])
+    .probe("below", "plate", [5.0, -5.0])
 )
 
+OUTSIDE = [[0.0, -30.0], [30.0, -30.0], [30.0, 30.0], [0.0, 30.0]]
+NARROW = [[0.0, 0.1], [10.0, 0.1], [10.0, -0.1], [0.0, -0.1]]
 SLIT = (
-    head("stress")
-    + material("steel", E=210e3, nu=0.3)
-    + body("plate", "steel")
-    + table(
-        "body.shape",
-        kind="polygon",
-        points=[
-            *[[0.0, -30.0], [30.0, -30.0], [30.0, 30.0], [0.0, 30.0]],
-            *[[0.0, 0.1], [10.0, 0.1], [10.0, -0.1], [0.0, -0.1]],
-        ],
-        names=["bottom", "right", "top", "upper", "face1", "root", "face2", "lower"],
-    )
-    + support("plate.bottom", ux=0.0, uy=0.0)
-    + load("pull", "plate.top", "traction", traction=[0.0, 50.0])
-    + item("probe", name="above", body="plate", point=[0.0, 0.1])
-    + item("probe", name="below", body="plate", point=[0.0, -0.1])
+    scene("stress")
+    .body("plate", "steel", polygon=(OUTSIDE + NARROW, "bottom right top upper face1 root face2 lower"))
+    .support("plate.bottom", ux=0.0, uy=0.0)
+    .load("pull", "plate.top", "traction", traction=[0.0, 50.0])
+    .probe("above", "plate", [0.0, 0.1])
+    .probe("below", "plate", [0.0, -0.1])
 )
-
-
-def solved(text: str, where: Path) -> Mapping[str, Any]:
-    case = where / "case.toml"
-    case.write_text(text)
-    return run(case, out=where / "run", console=Quiet())
 
 
 def stresses(summary: Mapping[str, Any]) -> Mapping[str, list[float]]:
@@ -105,14 +65,14 @@ def stresses(summary: Mapping[str, Any]) -> Mapping[str, list[float]]:
 
 def test_narrow_parts_have_nodes_across(tmp_path: Path) -> None:
     # Quadratic finite elements, 0.4 %; with the spacing of the rest of the ring it was 5 % less outside.
-    found = stresses(solved(ECCENTRIC, tmp_path))
+    found = stresses(done(ECCENTRIC, tmp_path / "run"))
     assert found["inside"][1] == pytest.approx(77.67, rel=0.01)
     assert found["outside"][1] == pytest.approx(89.80, rel=0.01)
 
 
 def test_stresses_round_a_hole_in_an_orthotropic_plate(tmp_path: Path) -> None:
     # Quadratic finite elements, 0.02 %; with the spacing of an isotropic plate they were 12 to 14 % less.
-    summary = solved(PLY, tmp_path)
+    summary = done(PLY, tmp_path / "run")
     found = stresses(summary)
     assert found["above"][0] == pytest.approx(141.76, rel=0.01)
     assert found["below"][0] == pytest.approx(137.77, rel=0.01)
@@ -138,9 +98,8 @@ def test_only_narrow_parts_are_finer() -> None:
 def test_a_thin_slit_opens_as_it_should(tmp_path: Path, degree: int) -> None:
     # Quadratic finite elements, 0.03 %. Where fits to corners so close to each other knew the fields of both
     # it opened by up to 31 % less (degree 2, 10 edges apart), with fewer nodes along its root by 4 to 8 %.
-    summary = solved(SLIT.replace("[model]", f"[mls]\ndegree = {degree}\n[model]"), tmp_path)
+    summary = done(SLIT, tmp_path / "run", f"mls.degree={degree}")
     above, below = (summary["probes"][name]["displacement"][1] for name in ("above", "below"))
-    assert summary["status"] == "done"
     assert above - below == pytest.approx(0.02487, rel=0.01)
 
 
@@ -149,20 +108,19 @@ def test_an_eye_on_a_shank_stays_in_line(tmp_path: Path) -> None:
     angles = np.linspace(np.arcsin(1.0 / 3.0), 2.0 * np.pi - np.arcsin(1.0 / 3.0), 41)
     around = np.round(18.0 * np.stack([np.cos(angles), np.sin(angles)], axis=1), 9).tolist()
     text = (
-        head("stress")
-        + material("steel", E=210e3, nu=0.3)
-        + body("eye", "steel", seed=2)
-        + table("body.shape", kind="outline")
-        + item("body.shape.sides", name="round", points=around)
-        + item("body.shape.sides", name="lower", to=[47.0, -6.0])
-        + item("body.shape.sides", name="end", to=[47.0, 6.001])  # no symmetric nodes
-        + item("body.shape.sides", name="upper")
-        + item("body.shape.holes", center=[0.0, 0.0], radius=10.0, name="bore")
-        + support("eye.bore", ux=0.0, uy=0.0)
-        + load("pull", "eye.end", "traction", traction=[60.0, 0.0])
-        + item("probe", name="tip", body="eye", point=[47.0, 0.0])
+        scene("stress")
+        .body("eye", "steel", seed=2)
+        .table("body.shape", kind="outline")
+        .item("body.shape.sides", name="round", points=around)
+        .item("body.shape.sides", name="lower", to=[47.0, -6.0])
+        .item("body.shape.sides", name="end", to=[47.0, 6.001])
+        .item("body.shape.sides", name="upper")
+        .item("body.shape.holes", center=[0.0, 0.0], radius=10.0, name="bore")
+        .support("eye.bore", ux=0.0, uy=0.0)
+        .load("pull", "eye.end", "traction", traction=[60.0, 0.0])
+        .probe("tip", "eye", [47.0, 0.0])
     )
-    along, aside = solved(text, tmp_path)["probes"]["tip"]["displacement"]
+    along, aside = done(text, tmp_path / "run")["probes"]["tip"]["displacement"]
     # With the spacing of the rest at both corners 1.56 % aside; with an eighth of it at most 0.2 %.
     assert along == pytest.approx(0.010299, rel=1e-3)
     assert aside == pytest.approx(0.0, abs=0.005 * along)
@@ -174,15 +132,13 @@ def test_surfaces_in_contact_have_finer_nodes_at_finite_strain() -> None:
     for strain, law in (("small", "linear"), ("finite", "neo-hookean")):
         text = (
             head("strain", strain=strain)
-            + material("rubber", E=1.0, nu=0.3, law=law)
-            + body("pad", "rubber", None, box([0.0, 2.0], [0.0, 1.0]))
-            + support("pad.bottom", ux=0.0, uy=0.0)
-            + contact("c", "pad.top", obstacle=disk([1.0, 2.0], 1.0))
-            + pushed("p", "c", uy=-0.1)
+            .material("rubber", E=1.0, nu=0.3, law=law)
+            .body("pad", "rubber", box=([0.0, 2.0], [0.0, 1.0]))
+            .support("pad.bottom", ux=0.0, uy=0.0)
+            .contact("c", "pad.top", disk=([1.0, 2.0], 1.0))
+            .pushed("p", "c", uy=-0.1)
         )
-        case = parse_case(text, Path("case.toml")).case
-        (cloud,) = clouds(case).values()
-        counts.append(len(cloud.surfaces["top"].index))
+        counts.append(len(clouds(parse(text).case)["pad"].surfaces["top"].index))
     small, finite = counts
     assert finite == pytest.approx(1.5 * small, abs=2)
 
@@ -190,10 +146,10 @@ def test_surfaces_in_contact_have_finer_nodes_at_finite_strain() -> None:
 def test_fits_know_both_corners_at_the_root_of_a_tooth() -> None:
     # With seven spacings between them at degree 4 they knew none, and the tooth was up to 13 % too stiff.
     tooth = [[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [14.0, 10.0], [11.0, 18.0], [9.0, 18.0], [6.0, 10.0]]
-    text = head("strain") + material("steel", E=210e3, nu=0.3) + body("rack", "steel")
-    text += table("body.shape", kind="polygon", points=[*tooth, [0.0, 10.0]])
-    text += support("rack.side1", ux=0.0, uy=0.0) + load("push", "rack.side5", "pressure", pressure=1.0)
-    cloud = clouds(parse_case(text, Path("case.toml")).case)["rack"]
+    text = scene("strain").body("rack", "steel")
+    text = text.table("body.shape", kind="polygon", points=[*tooth, [0.0, 10.0]])
+    text = text.support("rack.side1", ux=0.0, uy=0.0).load("push", "rack.side5", "pressure", pressure=1.0)
+    cloud = prepared(text).models["rack"].cloud
     known = enriched_tips(cloud.tips, isotropic(210e3, 0.3, "strain"), MlsSettings(4))
     assert known is not None
     assert len(known.place) == 2
@@ -202,15 +158,14 @@ def test_fits_know_both_corners_at_the_root_of_a_tooth() -> None:
 def test_a_post_pushed_aside_leans_as_it_is_clamped(tmp_path: Path) -> None:
     """Bodies in contact have finer nodes where they are clamped, too, if they stand out from there."""
     text = (
-        head("strain")
-        + material("steel", E=210e3, nu=0.3)
-        + body("post", "steel", None, box([-15.0, 15.0], [-45.0, 0.0]))
-        + support("post.bottom", ux=0.0, uy=0.0)
-        + contact("c", "post.right", obstacle=disk([35.0, -8.0], 20.0))
-        + pushed("side", "c", fx=-1000.0, uy=0.0)
-        + item("probe", name="top", body="post", point=[-15.0, 0.0])
+        scene("strain")
+        .body("post", "steel", box=([-15.0, 15.0], [-45.0, 0.0]))
+        .support("post.bottom", ux=0.0, uy=0.0)
+        .contact("c", "post.right", disk=([35.0, -8.0], 20.0))
+        .pushed("side", "c", fx=-1000.0, uy=0.0)
+        .probe("top", "post", [-15.0, 0.0])
     )
-    summary = solved(text, tmp_path)
+    summary = done(text, tmp_path / "run")
     # 1,218 nodes of degree 4, 0.02 long at both corners; 1,797 of degree 2 say 0.05957. Without finer nodes
     # it leaned by 0.7 % more.
     assert summary["probes"]["top"]["displacement"][0] == pytest.approx(-0.05952, rel=3e-3)
@@ -219,14 +174,13 @@ def test_a_post_pushed_aside_leans_as_it_is_clamped(tmp_path: Path) -> None:
 def test_pressures_beside_an_oblique_corner_on_a_plane(tmp_path: Path) -> None:
     corners = [[6.937, 0.0], [40.0, 0.0], [40.0, 50.0], [17.565, 50.0]]
     text = (
-        head("strain")
-        + material("steel", E=210e3, nu=0.3)
-        + body("jaw", "steel", None, polygon(corners, "foot wall top face"))
-        + support("jaw.wall", ux=0.0)
-        + contact("floor", "jaw.foot", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
-        + load("press", "jaw.top", "pressure", pressure=20.0, from_=[17.565, 50.0], to=[28.0, 50.0])
+        scene("strain")
+        .body("jaw", "steel", None, polygon(corners, "foot wall top face"))
+        .support("jaw.wall", ux=0.0)
+        .contact("floor", "jaw.foot", obstacle=FLOOR)
+        .load("press", "jaw.top", "pressure", pressure=20.0, from_=[17.565, 50.0], to=[28.0, 50.0])
     )
-    solved(text, tmp_path)
+    done(text, tmp_path / "run")
     floor = read_run(tmp_path / "run").contacts["floor"]
     found = np.interp([7.437, 8.0, 9.0, 10.0, 12.0], floor.points[:, 0], floor.pressure[-1])
     # Nodes 0.04 apart with pressures at nodes say 2.3, 3.04, 3.83, 4.38, 5.15; nodes 0.01 apart at the

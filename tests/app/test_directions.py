@@ -14,28 +14,13 @@ from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.solve.direction_updates import _seen
 from tests.app.scenes import solve
-from tests.case_text import (
-    body,
-    box,
-    contact,
-    disk,
-    head,
-    item,
-    load,
-    material,
-    pin,
-    polygon,
-    pushed,
-    support,
-)
+from tests.case_text import disk, polygon, scene
 
-STEEL = material("steel", E=210e3, nu=0.3)
 BEAM = (
-    head("stress")
-    + material("alloy", E=70e3, nu=0.33)
-    + body("beam", "alloy", shape=box([0.0, 20.0], [0.0, 2.0]))
-    + support("beam.left", ux=0.0, uy=0.0)
-    + pushed("press", "nose", uy=-0.3)
+    scene("stress", "alloy", E=70e3, nu=0.33)
+    .body("beam", "alloy", box=([0.0, 20.0], [0.0, 2.0]))
+    .support("beam.left", ux=0.0, uy=0.0)
+    .pushed("press", "nose", uy=-0.3)
 )
 ROUND = [[17.0 + 2.0 * np.cos(a), 4.0 + 2.0 * np.sin(a)] for a in np.linspace(np.pi, 2.0 * np.pi, 61)]
 SAMPLES = {"kind": "polyline", "points": ROUND}
@@ -46,18 +31,15 @@ def test_a_bent_beam_is_pressed_on_along_its_own_normal(tmp_path: Path) -> None:
     together with twice the force."""
     span, high, down = 100.0, 10.0, 0.5
     summary = solve(
-        head("stress")
-        + STEEL
-        + body("beam", "steel", shape=box([-55.0, 55.0], [0.0, high]))
-        + pin("beam", [0.0, high], ux=0.0)
-        + pushed("press", "top", uy=-down)
-        + contact("left", "beam.bottom", obstacle=disk([-0.5 * span, -5.0], 5.0))
-        + contact("right", "beam.bottom", obstacle=disk([0.5 * span, -5.0], 5.0))
-        + contact("top", "beam.top", obstacle=disk([0.0, high + 5.0], 5.0))
-        + "".join(
-            item("probe", name=name, body="beam", point=[x, 0.5 * high])
-            for name, x in (("out", -52.0), ("in", -48.0))
-        ),
+        scene("stress")
+        .body("beam", "steel", box=([-55.0, 55.0], [0.0, high]))
+        .pin("beam", [0.0, high], ux=0.0)
+        .pushed("press", "top", uy=-down)
+        .contact("left", "beam.bottom", disk=([-0.5 * span, -5.0], 5.0))
+        .contact("right", "beam.bottom", disk=([0.5 * span, -5.0], 5.0))
+        .contact("top", "beam.top", disk=([0.0, high + 5.0], 5.0))
+        .probe("out", "beam", [-52.0, 0.5 * high])
+        .probe("in", "beam", [-48.0, 0.5 * high]),
         tmp_path / "run",
     )
     moved = {name: np.array(probe["displacement"]) for name, probe in summary["probes"].items()}
@@ -72,28 +54,23 @@ def test_a_wedge_opens_a_fork(tmp_path: Path) -> None:
     """Its arms touch with round ends, which bend away; the wedge does not turn. Before, its fields found no
     place to end between the arms, and its normals turned with these: 4.8 % too much."""
     angle, round_, mouth = np.radians(15.0), 3.0, 60.0
-    fork = {
-        **polygon(
-            [[0, -30], [mouth, -30], [mouth, -10], [20, -10], [20, 10], [mouth, 10], [mouth, 30], [0, 30]],
-            "below rim1 low root up rim2 above back",
-        ),
-        "rounding": [0.0, 0.0, round_, 4.0, 4.0, round_, 0.0, 0.0],
-    }
+    points = [[0, -30], [mouth, -30], [mouth, -10], [20, -10], [20, 10], [mouth, 10], [mouth, 30], [0, 30]]
+    rounding = [0.0, 0.0, round_, 4.0, 4.0, round_, 0.0, 0.0]
+    fork = polygon(points, "below rim1 low root up rim2 above back", rounding=rounding)
     # Its face is tangent to the end of the lower arm, and so is the other one.
     on = np.array([mouth - round_, -10.0 - round_]) + round_ * np.array([np.sin(angle), np.cos(angle)])
     tip, end = on[0] - 12.0, on[0] + 23.0
     half = [-on[1] + (x - on[0]) * np.tan(angle) for x in (tip, end)]
     wedge = polygon([[tip, -half[0]], [end, -half[1]], [end, half[1]], [tip, half[0]]], "low end up tip")
     summary = solve(
-        head("strain")
-        + STEEL
-        + material("aluminium", E=70e3, nu=0.33)
-        + body("fork", "aluminium", shape=fork)
-        + body("wedge", "steel", shape=wedge)
-        + support("fork.back", ux=0.0, uy=0.0)
-        + load("push", "wedge.end", "platen", fx=-300.0, uy=0.0)
-        + contact("low", ["fork.corner3", "fork.low"], "wedge.low")
-        + contact("up", ["fork.corner6", "fork.up"], "wedge.up"),
+        scene("strain")
+        .material("aluminium", E=70e3, nu=0.33)
+        .body("fork", "aluminium", shape=fork)
+        .body("wedge", "steel", shape=wedge)
+        .support("fork.back", ux=0.0, uy=0.0)
+        .load("push", "wedge.end", "platen", fx=-300.0, uy=0.0)
+        .contact("low", ["fork.corner3", "fork.low"], "wedge.low", accuracy=0.01)
+        .contact("up", ["fork.corner6", "fork.up"], "wedge.up", accuracy=0.01),
         tmp_path / "run",
     )
     for name, sign in (("low", -1.0), ("up", 1.0)):
@@ -104,7 +81,7 @@ def test_a_wedge_opens_a_fork(tmp_path: Path) -> None:
 @pytest.mark.parametrize("nose", [disk([17.0, 4.0], 2.0), SAMPLES], ids=["disk", "samples"])
 def test_a_round_obstacle_presses_perpendicular_to_a_flat_body(nose: dict[str, Any], tmp_path: Path) -> None:
     """Along the obstacle's normals at the places drawn, it pressed to the side by half as much again."""
-    found = solve(BEAM + contact("nose", "beam.top", obstacle=nose), tmp_path / "run")
+    found = solve(BEAM.contact("nose", "beam.top", obstacle=nose), tmp_path / "run")
     across, along = found["contacts"]["nose"]["force"]
     # The slope of a cantilever under its load, with shear, which takes part of the deflection.
     shear = 0.3 * 70e3 / (70e3 / 2.66 * 5.0 / 6.0) * (2.0 / 17.0) ** 2 / 4.0 * 3.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import runpy
+import shlex
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,16 +13,18 @@ import h5py
 import pytest
 from click import Context
 
+from mlsanm_cli import __version__
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.case import load_case, resolved_mapping
+from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
-from tests.app.scenes import PATCH, Quiet
-from tests.app.test_run_directory import summary_of
+from tests.app.runs import summary_of
+from tests.app.scenes import PATCH, Quiet, done
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -30,6 +33,9 @@ RUN_DIRECTORY = (ROOT / "docs" / "run-directory.md").read_text()
 COMPARED = (ROOT / "docs" / "methods-compared.md").read_text()
 PICTURES = (ROOT / "docs" / "pictures.md").read_text()
 METHOD = (ROOT / "docs" / "method.md").read_text()
+TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
+TROUBLE = (ROOT / "docs" / "troubleshooting.md").read_text()
+GLOSSARY = (ROOT / "docs" / "glossary.md").read_text()
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -142,3 +148,75 @@ def test_comparisons_are_documented(tmp_path: Path) -> None:
         assert f"`{key}`" in section, key
     assert f"| {SAME_LAW_FACTOR:g} `solver.tolerance`" in COMPARED
     assert f"| {ETA_FACTOR:g} √eta + {STICK_FACTOR:g} `stick`" in COMPARED
+
+
+def test_every_command_of_the_tutorial_runs(
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    afterwards.chdir(tmp_path)
+    first, more = blocks(TUTORIAL, "toml")
+    (tmp_path / "clamp.toml").write_text(first)
+    (tmp_path / "pulled.toml").write_text(first + more)
+    lines = "".join(blocks(TUTORIAL, "sh")).splitlines()
+    assert {line.split()[1] for line in lines} >= {"check", "run", "plot", "probe", "sweep", "report"}
+    for line in lines:
+        program, *words = shlex.split(line)
+        assert program == "mlsanm"
+        if "pulled.toml" in words and "results/slipped" not in words:
+            # Nothing is said of the figures of these, and histories on finer grids take a multiple.
+            words += ["--set", "contact.foot.accuracy=0.05"]
+        assert main([*words, "--quiet"] if words[0] == "run" else words) == 0, line
+    # What the page says of the results.
+    names = ("clamp", "fine", "slipped", "pulled")
+    coarse, fine, slipped, pulled = (summary_of(Path("results") / name) for name in names)
+    peaks = [one["contacts"]["foot"]["peak_pressure"] for one in (coarse, fine)]
+    assert peaks[1] == pytest.approx(peaks[0], rel=1e-3)
+    assert coarse["error_estimate"]["pressure"]["foot"] is not None
+    assert slipped["stopped_at"] == pytest.approx(1.73, abs=0.01)
+    for picture in ("model.png", "depth.png", "traction.png", "work.png", "friction.png", "clamp.html"):
+        assert (tmp_path / picture).stat().st_size > 5000
+    assert coarse["warnings"] == pulled["warnings"] == []
+
+
+def test_messages_of_the_page_are_those_of_the_program() -> None:
+    sources = "\n".join(path.read_text() for path in (ROOT / "mlsanm_cli").rglob("*.py"))
+    messages = re.findall(r"^\| `([^`]+)` \|", TROUBLE, flags=re.MULTILINE)
+    assert len(messages) > 25
+    for message in messages:
+        for part in message.split(" ... "):
+            assert part.strip() in sources, message
+
+
+def test_pages_lead_to_places_that_are_there() -> None:
+    """Links of the documents: files, and headings in them."""
+
+    def names(path: Path) -> set[str]:
+        heads = re.findall(r"^#+ (.*)$", path.read_text(), flags=re.MULTILINE)
+        return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")):
+        for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+            if link.startswith("http"):
+                continue
+            file, _, head = link.partition("#")
+            target = (page.parent / file).resolve() if file else page
+            assert target.exists(), f"{page.name}: {link}"
+            assert not head or head in names(target), f"{page.name}: {link}"
+
+
+def test_the_glossary_is_in_order_and_the_citation_is_of_this_version() -> None:
+    words = [word.lower() for word in re.findall(r"^\| (\w[^|]*?) \|", GLOSSARY, flags=re.MULTILINE)][1:]
+    assert words == sorted(words, key=lambda word: word.replace("é", "e"))
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"version: {__version__}\n" in citation
+
+
+# "ironing" runs in test_finite_contact.py.
+@pytest.mark.parametrize("kind", sorted(set(kinds()) - {"ironing"}))
+def test_every_starter_runs(kind: str, tmp_path: Path) -> None:
+    summary = done(starter(kind), tmp_path / kind)
+    assert not summary["warnings"]
+    assert summary["nodes"] <= 7000
+    for contact in summary["contacts"].values():
+        if "reference" in contact:
+            assert contact["reference"]["pressure_error_l2"] <= 0.05

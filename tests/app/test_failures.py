@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,8 +22,8 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from mlsanm_cli.solve.stop_events import load_path
-from tests.app.scenes import ANM, BAR, NODAL, PATCH, hertz, solve
-from tests.app.test_friction import EXACT, SHEARED
+from tests.app.runs import events_of
+from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NODAL, PATCH, SHEARED, hertz, solve
 
 BAD = [1e3, float("nan")]
 ONCE = ("stage=[{press=1.0}, {shear=1.0}]", "output.at=[2.0]")
@@ -48,6 +47,10 @@ def altered(change: Change, saved: bool) -> Callable[[CondensedScene, Checkpoint
     return path
 
 
+def assert_failed(summary: Mapping[str, Any], words: str) -> None:
+    assert (summary["status"], words in summary["stop_reason"]) == ("failed", True), summary["stop_reason"]
+
+
 @pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("saved", [False, True])
 @pytest.mark.parametrize("bad", BAD)
@@ -55,7 +58,7 @@ def test_a_residual(bad: float, saved: bool, tmp_path: Path, afterwards: pytest.
     path = altered(lambda state: replace(state, residual=bad), saved)
     afterwards.setattr(run_module, "load_path", path)
     summary = solve(PATCH, tmp_path / "run")
-    assert (summary["status"], "residual" in summary["stop_reason"]) == ("failed", True)
+    assert_failed(summary, "residual")
     assert summary["hint"]
 
 
@@ -63,16 +66,16 @@ def test_a_residual(bad: float, saved: bool, tmp_path: Path, afterwards: pytest.
 def test_a_number_that_is_none(name: str, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, **{name: getattr(state, name) * np.nan}), False)
     afterwards.setattr(run_module, "load_path", path)
-    summary = solve(SHEARED, tmp_path / "run", EXACT, *ONCE)
-    assert (summary["status"], "not finite" in summary["stop_reason"]) == ("failed", True)
+    summary = solve(SHEARED, tmp_path / "run", EXACT_LAW, *ONCE)
+    assert_failed(summary, "not finite")
     assert len(summary["failure"]["worst_nodes"]) == 10
 
 
 def test_a_traction_beyond_its_limit(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, traction=1.2 * state.traction), False)
     afterwards.setattr(run_module, "load_path", path)
-    summary = solve(SHEARED, tmp_path / "run", EXACT, *ONCE)
-    assert (summary["status"], "friction limit" in summary["stop_reason"]) == ("failed", True)
+    summary = solve(SHEARED, tmp_path / "run", EXACT_LAW, *ONCE)
+    assert_failed(summary, "friction limit")
     nodes = summary["failure"]["worst_nodes"]
     assert max(node["cone_ratio"] for node in nodes) == pytest.approx(1.2)
     assert [node["residual"] for node in nodes] == sorted((node["residual"] for node in nodes), reverse=True)
@@ -85,8 +88,7 @@ def test_a_certificate(
     text: str, name: str, bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(certificate, name, lambda *arguments: bad)
-    summary = solve(text, tmp_path / "run")
-    assert (summary["status"], "stability" in summary["stop_reason"]) == ("failed", True)
+    assert_failed(solve(text, tmp_path / "run"), "stability")
     # Nothing was solved: the model is shown.
     mesh = meshio.read(tmp_path / "run" / "failure.vtu")
     assert {"normal", "partner", "spacing"} <= mesh.point_data.keys()
@@ -97,14 +99,10 @@ def test_a_search_for_contact_without_end_tells_of_the_certificate(tmp_path: Pat
     # It had pointed at a figure of `mlsanm check`, which has none.
     zones = [(0.0, 0.032, 0.07), (-0.05, 0.004, 0.004), (0.05, 0.004, 0.004)]
     refine = ", ".join(f"{{at=[{x}, 0.0], spacing={h}, radius={r}}}" for x, h, r in zones)
-    coarse = [
-        f"body.{body}.{key}"
-        for body in ("cylinder", "block")
-        for key in ("spacing=0.8", f"refine=[{refine}]")
-    ]
-    summary = solve(hertz(), tmp_path / "run", "mls.degree=6", *coarse)
-    assert (summary["status"], summary["hint"][:18]) == ("failed", "use mls.degree = 2")
-    assert "stability" in summary["stop_reason"]
+    coarse = [f"body.{body}.refine=[{refine}]" for body in ("cylinder", "block")]
+    summary = solve(hertz(), tmp_path / "run", "mls.degree=6", "body.*.spacing=0.8", *coarse)
+    assert_failed(summary, "stability")
+    assert summary["hint"].startswith("use mls.degree = 2")
     assert summary["stability"] < -1.0
 
 
@@ -119,55 +117,63 @@ def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyP
         return values + np.array([0.0, 0.0, 0.0, bad]) if len(values) == 4 else values
 
     monkeypatch.setattr(LinearMap, "__call__", call)
-    summary = solve(PATCH, tmp_path / "run")
-    assert (summary["status"], "force imbalance on body lower" in summary["stop_reason"]) == ("failed", True)
+    assert_failed(solve(PATCH, tmp_path / "run"), "force imbalance on body lower")
 
 
 @pytest.mark.usefixtures("by_nodes")
-@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("bad", [[1e3], [float("nan")], [float("nan"), 1e-12]])
 @pytest.mark.parametrize("fields", ["[]", '["displacement"]'])
-def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
-    kept = fields_of
+def test_a_linear_residual_of_any_state(
+    bad: list[float], fields: str, tmp_path: Path, afterwards: pytest.MonkeyPatch
+) -> None:
+    kept, values = fields_of, iter(bad)
 
     def found(*arguments: Any, **options: Any) -> Any:
-        return [(fields, bad) for fields, _ in kept(*arguments, **options)]
+        return [(fields, next(values, bad[-1])) for fields, _ in kept(*arguments, **options)]
 
     afterwards.setattr(recorder, "fields_of", found)
-    summary = solve(PATCH, tmp_path / "run", f"output.fields={fields}")
-    assert (summary["status"], "linear-solver error" in summary["stop_reason"]) == ("failed", True)
+    summary = solve(PATCH, tmp_path / "run", f"output.fields={fields}", "output.at=[0.5, 1.0]")
+    assert_failed(summary, "linear-solver error")
 
 
 @pytest.mark.usefixtures("by_nodes")
-def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
-    tmp_path: Path, afterwards: pytest.MonkeyPatch
-) -> None:
+def test_a_linear_residual_of_one_body(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     kept = Condensed.checked_displacements
-    bad = {"upper"}
 
     def displacement(self: Condensed, scene: Any, name: str, *state: Any) -> Any:
         found, residual = kept(self, scene, name, *state)
-        return found, np.full_like(residual, np.nan) if name in bad else residual
+        return found, np.full_like(residual, np.nan) if name == "upper" else residual
 
     afterwards.setattr(Condensed, "checked_displacements", displacement)
-    summary = solve(PATCH, tmp_path / "body")
-    assert (summary["status"], "linear-solver error" in summary["stop_reason"]) == ("failed", True)
-    bad.clear()
-    whole, calls = fields_of, iter([float("nan")])
-
-    def once(*arguments: Any, **options: Any) -> Any:
-        return [(fields, next(calls, 1e-12)) for fields, _ in whole(*arguments, **options)]
-
-    afterwards.setattr(recorder, "fields_of", once)
-    summary = solve(PATCH, tmp_path / "state", "output.at=[0.5, 1.0]")
-    assert (summary["status"], "linear-solver error" in summary["stop_reason"]) == ("failed", True)
+    assert_failed(solve(PATCH, tmp_path / "body"), "linear-solver error")
 
 
 @pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", [9.0, float("nan")])
 def test_a_ratio_of_spacings(bad: float, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     afterwards.setattr(judge, "spacing_ratio", lambda *arguments: bad)
-    summary = solve(PATCH, tmp_path / "run")
-    assert (summary["status"], "spacings" in summary["stop_reason"]) == ("failed", True)
+    assert_failed(solve(PATCH, tmp_path / "run"), "spacings")
+
+
+@pytest.mark.parametrize("text", [hertz(), NODAL])
+def test_slave_and_master_feel_the_same(tmp_path: Path, text: str) -> None:
+    summary = solve(text, tmp_path / "run", EXACT_LAW)
+    assert 0.0 <= summary["contacts"]["interface"]["force_mismatch"] <= 1e-6
+    assert summary["limits"]["force_mismatch"] == 0.1
+
+
+@pytest.mark.parametrize(
+    ("lost", "status", "warned"), [(0.02, "done", 0), (0.04, "done", 1), (0.2, "failed", 0)]
+)
+def test_a_contact_that_loses_force_is_told(
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, lost: float, status: str, warned: int
+) -> None:
+    afterwards.setattr(judge, "force_mismatch", lambda built, state: {"interface": lost})
+    summary = solve(hertz(), tmp_path / "run", EXACT_LAW, FAST)
+    message = f"the forces on slave and master differ by {100.0 * lost:.2g} %"
+    assert summary["status"] == status
+    assert sum(message in text for text in summary["warnings"]) == warned
+    assert (message in summary["stop_reason"]) == (status == "failed")
 
 
 def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
@@ -190,11 +196,6 @@ def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
         assert row["contact"] == "interface"
     # The smooth law is furthest from the exact one where nodes are about to touch.
     assert np.abs(mesh.points[ranked[0], 0]) > 0.5 * np.abs(table["x"][table["pressure"] > 1.0]).max()
-    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
-    assert events[-2] == {
-        "event": "failure",
-        "reason": summary["stop_reason"],
-        "hint": summary["hint"],
-        **failure,
-    }
-    assert events[-1]["event"] == "end"
+    event, end = events_of(tmp_path / "run")[-2:]
+    assert event == {"event": "failure", "reason": summary["stop_reason"], "hint": summary["hint"], **failure}
+    assert end["event"] == "end"

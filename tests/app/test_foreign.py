@@ -19,22 +19,26 @@ from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet
-from tests.case_text import body, head, load, material, pin, support, table
+from tests.case_text import Scene, scene
 
 DATA = Path(__file__).parents[1] / "data"
 
-PULLED = (
-    head("stress")
-    + material("steel", E=210e3, nu=0.3)
-    + body("plate", "steel")
-    + table("body.shape", kind="mesh", file="plate.msh")
-    + support("plate.left", ux=0.0)
-    + pin("plate", [-5.0, 0.0], uy=0.0)
-    + load("pull", "plate.right", "traction", traction=[100.0, 0.0])
-)
-CLOUD = PULLED.replace('"mesh"', '"points"').replace("plate.msh", "plate.csv")
-OUTLINE = PULLED.replace('material = "steel"\n[', 'material = "steel"\nspacing = 1.0\n[')
-OUTLINE = OUTLINE.replace('file = "plate.msh"', 'file = "plate.msh"\nuse = "outline"')
+
+def pulled(spacing: float | None = None, use: str | None = None, left: float = -5.0, **more: Any) -> Scene:
+    """A plate from a mesh, which ends at ``left``, held there and pulled at the other end."""
+    shape = {"kind": "mesh", "file": "plate.msh"} | ({"use": use} if use else {})
+    return (
+        scene("stress")
+        .body("plate", "steel", spacing, **more)
+        .table("body.shape", **shape)
+        .support("plate.left", ux=0.0)
+        .pin("plate", [left, 0.0], uy=0.0)
+        .load("pull", "plate.right", "traction", traction=[100.0, 0.0])
+    )
+
+
+PULLED = pulled()
+CLOUD = PULLED.changed('"mesh"', '"points"').changed("plate.msh", "plate.csv")
 
 
 def write(folder: Path, text: str) -> Path:
@@ -79,11 +83,8 @@ def write_gmsh(path: Path, points: FloatArray, quads: IntArray) -> None:
 def test_stress_concentration_of_a_mesh_used_both_ways(use: str, tmp_path: Path) -> None:
     # cases/kirsch.toml with this width, degree 6 and 300 nodes around the hole has 3.021.
     write_gmsh(tmp_path / "plate.msh", *polar_plate(96, 20.0))
-    text = PULLED.replace("-5.0", "-20.0")
-    if use == "outline":
-        text = OUTLINE.replace("-5.0", "-20.0").replace("spacing = 1.0", "spacing = 4.0")
-        refine = '[[body.refine]]\nalong = "edge3"\nspacing = 0.05\nradius = 0.0\ngrowth = 0.14\n'
-        text = text.replace("[[support]]", refine + "[[support]]", 1)
+    refine = {"along": "edge3", "spacing": 0.05, "radius": 0.0, "growth": 0.14}
+    text = pulled(4.0, "outline", -20.0, refine=[refine]) if use == "outline" else pulled(left=-20.0)
     case, out = write(tmp_path, text), tmp_path / "out"
     summary = run(case, overrides=("mls.degree=4",), out=out, console=Quiet())
     assert summary["status"] == "done"
@@ -96,14 +97,9 @@ def test_stress_concentration_of_a_mesh_used_both_ways(use: str, tmp_path: Path)
 
 
 def test_points_with_tags_are_a_body_and_pull_evenly(tmp_path: Path) -> None:
-    grid = np.stack(np.meshgrid(np.linspace(-5.0, 5.0, 11), np.linspace(-2.0, 2.0, 6)), axis=-1).reshape(
-        -1, 2
-    )
-    tag = np.select(
-        [grid[:, 0] == -5.0, grid[:, 0] == 5.0, grid[:, 1] == -2.0, grid[:, 1] == 2.0],
-        ["left", "right", "bottom", "top"],
-        "",
-    )
+    x, y = (one.ravel() for one in np.meshgrid(np.linspace(-5.0, 5.0, 11), np.linspace(-2.0, 2.0, 6)))
+    grid = np.stack([x, y], axis=1)
+    tag = np.select([x == -5.0, x == 5.0, y == -2.0, y == 2.0], ["left", "right", "bottom", "top"], "")
     rows = "".join(f"{x},{y},{name}\n" for (x, y), name in zip(grid, tag, strict=True))
     (tmp_path / "plate.csv").write_text("x,y,tag\n" + rows)
     summary = run(write(tmp_path, CLOUD), out=tmp_path / "out", console=Quiet())
@@ -140,10 +136,10 @@ def csv(rows: list[tuple[object, ...]], header: str = "x,y,tag") -> str:
     return "\n".join([header, *(",".join(map(str, row)) for row in rows), ""])
 
 
-def ring_case(text: str) -> str:
-    return re.sub(r"plate\.(left|right)", "plate.rim", text).split("[[load]]")[0] + (
-        '[[load]]\nname = "p"\nboundary = "plate.edge"\nkind = "pressure"\npressure = 1.0\n'
-    )
+def ring_case(text: Scene) -> Scene:
+    """A body of that kind held at its only boundary, rim."""
+    supported = Scene(re.sub(r"plate\.(left|right)", "plate.rim", text).partition("[[load]]")[0])
+    return supported.load("p", "plate.edge", "pressure", pressure=1.0)
 
 
 def mesh(text: str, words: tuple[str, ...], line: str, content: str = GOOD) -> tuple[Any, ...]:
@@ -160,17 +156,17 @@ BAD = {
     "broken mesh": mesh(PULLED, ("plate.msh: meshio cannot read it",), "file =", GOOD[: len(GOOD) // 2]),
     "empty mesh": mesh(PULLED, ("plate.msh",), "file =", ""),
     "missing group": mesh(
-        PULLED.replace("plate.right", "plate.rigth"),
+        PULLED.changed("plate.right", "plate.rigth"),
         ('no boundary "rigth"', "plate.right"),
         'boundary = "plate.rigth',
     ),
     "missing group of elements": mesh(
-        PULLED.replace('"plate.msh"', '"plate.msh"\ngroup = "steel"'),
+        PULLED.changed('"plate.msh"', '"plate.msh"\ngroup = "steel"'),
         ('no group of elements "steel"', "sheet"),
         "file =",
     ),
     "spacing of given nodes": mesh(
-        OUTLINE.replace('use = "outline"\n', ""),
+        pulled(1.0),
         ("body.plate.spacing", "does not apply", 'use = "outline"'),
         "spacing =",
     ),
@@ -214,12 +210,15 @@ def test_bad_files_end_with_one_clear_message(
 
 def test_a_reference_needs_radii_that_the_case_states(tmp_path: Path) -> None:
     (tmp_path / "plate.msh").write_text(GOOD)
-    block = '[[body]]\nname = "block"\nmaterial = "steel"\nspacing = 1.0\n[body.shape]\nkind = "rectangle"\n'
-    block += 'x = [5.0, 9.0]\ny = [-5.0, 5.0]\n[[support]]\nboundary = "block.right"\nux = 0.0\nuy = 0.0\n'
-    text = PULLED.replace('"plate.left"\nux = 0.0', '"plate.left"\nux = 0.0\nuy = 0.0')
-    text = text[: text.index("[[support]]\nbody")] + text[text.index("[[load]]") :]
-    text = text.replace("plate.right", "plate.top").replace("[[support]]", block + "[[support]]", 1)
-    text += '[[contact]]\nname = "c"\nslave = "plate.right"\nmaster = "block.left"\n'
-    case = write(tmp_path, text + '[reference]\nsolution = "uniform-pressure"\n')
+    text = (
+        scene("stress")
+        .body("plate", "steel", shape={"kind": "mesh", "file": "plate.msh"})
+        .body("block", "steel", 1.0, box=([5.0, 9.0], [-5.0, 5.0]))
+        .support("plate.left", ux=0.0, uy=0.0)
+        .support("block.right", ux=0.0, uy=0.0)
+        .load("pull", "plate.top", "traction", traction=[100.0, 0.0])
+        .contact("c", "plate.right", "block.left")
+        .table("reference", solution="uniform-pressure")
+    )
     with pytest.raises(CaseError, match=r"the case gives none for plate\.right"):
-        run(case, out=tmp_path / "out", console=Quiet())
+        run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())

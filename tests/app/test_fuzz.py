@@ -1,14 +1,18 @@
-"""A few of the broken cases and damaged runs that benchmarks/fuzz_cases.py makes by the thousand."""
+"""A few of the broken cases, damaged runs and random scenes that benchmarks make by the thousand."""
 
 from __future__ import annotations
 
 from copy import deepcopy
 from pathlib import Path
 
+import pytest
 import tomli_w
 
+from benchmarks import random_friction
 from benchmarks.forked import mlsanm, preload, run_all
 from benchmarks.fuzz_cases import CASES, Trial, broken_case, damaged_run, faults
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import solve
 
 BROKEN, DAMAGED = 30, 8
 
@@ -38,3 +42,13 @@ def test_supports_of_a_coarse_plate_that_leave_it_free(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(tomli_w.dumps(case))
     outcome = mlsanm(["run", "case.toml"], tmp_path)
     assert outcome.sound, outcome.err
+
+
+@pytest.mark.parametrize(("seed", "law"), [(28, "exact"), (56, "hyperbolic")])
+def test_random_scenes_with_friction_end_well_or_say_why(tmp_path: Path, seed: int, law: str) -> None:
+    options = ["output.vtu=false", "output.fields=[]"]
+    options += ["contact.interface.accuracy=0.1"] if law == "exact" else []
+    summary = solve(random_friction.scene(seed, law), tmp_path / "run", *options)
+    ends = ("end of the last stage", "the contact slides as a whole", "force imbalance on body")
+    assert summary["stop_reason"].startswith(ends)
+    assert random_friction.faults(summary, read_run(tmp_path / "run").contacts["interface"]) == []

@@ -19,52 +19,29 @@ Case = tuple[str, tuple[str, ...], str]
 """The text of a case, overrides, and what the message must name."""
 
 
-def changed(old: str, new: str) -> str:
-    """The sound case with one thing replaced."""
-    assert old in PATCH
-    return PATCH.replace(old, new, 1)
-
-
 NAMES = {"climbing": "../../x", "nul": "a\0b", "escape": "\x1b[2J", "long": "a" * 10_000}
+MESHES = "/dev/zero /proc/self/mem fifo folder binary.msh binary.h5 sparse.msh nothing"
 FILES = {
-    "mesh": (
-        "/dev/zero",
-        "/proc/self/mem",
-        "fifo",
-        "folder",
-        "binary.msh",
-        "binary.h5",
-        "sparse.msh",
-        "nothing",
-    ),
+    "mesh": tuple(MESHES.split()),
     "points": ("/dev/random", "sparse.csv", "many.csv", "a\0b", "x" * 5000),
     "table": ("/dev/zero", "fifo", "binary.csv", "sparse.csv", "many.csv", ""),
 }
 EXPRESSIONS = ("9**9**9", "2**2**2**2**2**2**2", "9" * 490, "(" * 240 + "x" + ")" * 240)
+WIDE, SPACING = "x = [0.0, 2.0], y = [1", "spacing = 0.25"
+POINT = "refine = [{ at = [0.0, 1.0], spacing = 1e-6, radius = 0.1 }]"
+EDGE = 'refine = [{ along = "top", spacing = 2e-8, radius = 0.0, growth = 1.0 }]'
 SIZES = {
-    "even": ("spacing = 0.25", "spacing = 1e-9", "body.upper.spacing"),
-    "smallest number": ("spacing = 0.25", "spacing = 5e-324", "body.upper.spacing"),
-    "long and thin": (
-        "x = [0.0, 2.0], y = [1",
-        "x = [0.0, 3e6], y = [1",
-        "body.upper.spacing: the scene needs",
-    ),
-    "endless": ("x = [0.0, 2.0], y = [1", "x = [0.0, 1e300], y = [1", "body.upper.shape.x.1"),
-    "far away": ("x = [0.0, 2.0], y = [1", "x = [1e15, 1.1e15], y = [1", "body.upper.spacing"),
+    "even": (SPACING, "spacing = 1e-9", "body.upper.spacing"),
+    "smallest number": (SPACING, "spacing = 5e-324", "body.upper.spacing"),
+    "long and thin": (WIDE, "x = [0.0, 3e6], y = [1", "body.upper.spacing: the scene needs"),
+    "endless": (WIDE, "x = [0.0, 1e300], y = [1", "body.upper.shape.x.1"),
+    "far away": (WIDE, "x = [1e15, 1.1e15], y = [1", "body.upper.spacing"),
     "stiff": ("E = 210e3", "E = 1e308", "material.steel.E"),
     "soft": ("E = 210e3", "E = 5e-324", "material.steel.E"),
     "whole number": ("fy = -200.0", f"fy = -{'9' * 400}", "load.press.fy"),
+    "at a point": (SPACING, f"{SPACING}\n{POINT}", "body.upper.refine.0.spacing: the scene needs"),
+    "along an edge": (SPACING, f"{SPACING}\n{EDGE}", "body.upper.refine.0.spacing: the scene needs"),
 }
-POINT = (
-    "spacing = 0.25",
-    "spacing = 0.25\nrefine = [{ at = [0.0, 1.0], spacing = 1e-6, radius = 0.1 }]",
-    "body.upper.refine.0.spacing: the scene needs",
-)
-EDGE = (
-    "spacing = 0.25",
-    'spacing = 0.25\nrefine = [{ along = "top", spacing = 2e-8, radius = 0.0, growth = 1.0 }]',
-    "body.upper.refine.0.spacing: the scene needs",
-)
 NUMBERS = {
     "mls.neighbors=1000000": "mls.neighbors",
     "body.upper.spacing=1e-5": "--set: body.upper.spacing: the scene needs",
@@ -99,7 +76,7 @@ def lots() -> dict[str, Case]:
         "some keys": ("".join(f"k{k} = 1\n" for k in range(5000)) + PATCH, (), "keys"),
         "tables": (PATCH + "".join(f"[t{k}]\n" for k in range(30_000)), (), "tables"),
         "loads": (PATCH + '[[load]]\nkind = "pressure"\npressure = 1.0\n' * 3000, (), "load"),
-        "corners": (changed(UPPER, shape), (), "body.upper.shape.points"),
+        "corners": (PATCH.changed(UPPER, shape, 1), (), "body.upper.shape.points"),
         "megabytes": (PATCH, (), "at most 16 MB"),
         "open brackets": (end + "[" * 100_000, (), "nested"),
         "brackets": (end + "[" * 100_000 + "]" * 100_000, (), "nested"),
@@ -119,21 +96,21 @@ def hostile() -> dict[str, Case]:
     cases: dict[str, Case] = {}
     for what, name in NAMES.items():
         text = json.dumps(name, ensure_ascii=False)
-        cases[f"load {what}"] = changed('"press"', text), (), ".name: a name "
+        cases[f"load {what}"] = PATCH.changed('"press"', text, 1), (), ".name: a name "
     cases["name in a stage"] = f'{PATCH}\n[[stage]]\n"a/b" = 1.0\n', (), "stage.0."
     table = '[[load]]\nname = "q"\nboundary = "upper.right"\nkind = "pressure"\n'
     for kind, files in FILES.items():
         for file in files:
             text = json.dumps(file)
             shape = f'shape = {{ kind = "{kind}", file = {text} }}'
-            case = (changed(SPACED, shape), (), "body.upper.shape.file")
+            case = (PATCH.changed(SPACED, shape, 1), (), "body.upper.shape.file")
             loaded = (f"{PATCH}\n{table}table = {text}\n", (), "load.q.table")
             cases[f"{kind} {file[:20]}"] = loaded if kind == "table" else case
     for text in EXPRESSIONS:
         quoted = json.dumps(text)
         cases[f"expression {text[:20]}"] = f"{PATCH}\n{table}pressure = {quoted}\n", (), "load.q.pressure"
-    for name, (old, new, told) in {**SIZES, "at a point": POINT, "along an edge": EDGE}.items():
-        cases[f"size {name}"] = changed(old, new), (), told
+    for name, (old, new, told) in SIZES.items():
+        cases[f"size {name}"] = PATCH.changed(old, new, 1), (), told
     for override, told in NUMBERS.items():
         cases[f"set {override[:40]}"] = PATCH, ("--set", override), told
     return cases | lots()

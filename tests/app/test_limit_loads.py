@@ -13,19 +13,17 @@ import pytest
 from mlsanm_cli.contact.laws.limit_load import limit_load
 from mlsanm_cli.contact.laws.set_search import UnbalancedError
 from mlsanm_cli.solve.stage_ends import check_slips
-from tests.app.scenes import solve
-from tests.case_text import body, box, contact, half_disk, head, item, load, material, plane, support
+from tests.app.scenes import EXACT_LAW, done, solve
+from tests.case_text import FLOOR, Scene, body, contact, scene
 from tests.contact.friction import half_planes
 
 BRICK = (
-    head("strain")
-    + material("stone", E=20e3, nu=0.2)
-    + body("brick", "stone", shape=box([0.0, 2.0], [0.0, 3.0]))
-    + item("load", name="weight", kind="body-force", body="brick", body_force=[0.0, -1.0])
-    + item("load", name="quake", kind="body-force", body="brick", body_force=[1.0, 0.0])
-    + contact("floor", "brick.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.9, accuracy=0.05)
-    + item("stage", weight=1.0)
-    + item("stage", quake=1.0)
+    scene("strain", "stone", E=20e3, nu=0.2)
+    .body("brick", "stone", box=([0.0, 2.0], [0.0, 3.0]))
+    .body_force("weight", "brick", [0.0, -1.0])
+    .body_force("quake", "brick", [1.0, 0.0])
+    .contact("floor", "brick.bottom", obstacle=FLOOR, friction=0.9, accuracy=0.05)
+    .stages("weight", "quake")
 )
 EXACT = 'contact.floor.regularization.law="exact"'
 UP = "load.quake.body-force=[0.0, 2.5]"
@@ -35,8 +33,8 @@ UP = "load.quake.body-force=[0.0, 2.5]"
     ("settings", "how", "position"),
     [
         ([], "tips over", 1.0 + 2.0 / 3.0),
-        ([EXACT, UP], "loses contact", 1.4),
-        ([EXACT, UP, "contact.floor.friction=0.0"], "loses contact", 1.4),
+        ([EXACT_LAW, UP], "loses contact", 1.4),
+        ([EXACT_LAW, UP, "contact.floor.friction=0.0"], "loses contact", 1.4),
     ],
 )
 def test_limit_loads_are_named(tmp_path: Path, settings: list[str], how: str, position: float) -> None:
@@ -49,38 +47,30 @@ def test_limit_loads_are_named(tmp_path: Path, settings: list[str], how: str, po
     hint = re.match(r"apply at most ([0-9.]+) % .*quake", summary["hint"])
     assert hint
     assert float(hint[1]) == pytest.approx(100.0 * (position - 1.0), rel=0.04)
-    if settings == [EXACT, UP, "contact.floor.friction=0.0"]:
+    if settings == [EXACT_LAW, UP, "contact.floor.friction=0.0"]:
         assert float(summary["position"]) == pytest.approx(position, rel=1e-3)
     if settings:
         less = f"stage=[{{weight=1.0}},{{quake={0.0097 * float(hint[1])!r}}}]"
-        assert solve(BRICK, tmp_path / "less", *settings, less)["status"] == "done"
+        done(BRICK, tmp_path / "less", *settings, less)
 
 
-FEET = (
-    head("strain")
-    + material("steel", E=210e3, nu=0.3)
-    + "".join(
-        body(name, "steel", shape=half_disk([x, 15.0], 15.0))
-        + contact(f"under-{name}", f"{name}.arc", "base.top")
-        for name, x in (("a", -20.0), ("b", 20.0))
-    )
-    + body("base", "steel", shape=box([-60.0, 60.0], [-40.0, 0.0]))
-    + support("base.bottom", ux=0.0, uy=0.0)
-    + load("plate", ["a.flat", "b.flat"], "platen", ux=0.0, fy=-500.0, hinge=[23.0, 15.0])
-)
+def feet(hinge: float, on_block: bool) -> Scene:
+    """A plate on two half-disks, on a block or on a rigid floor, pushed at its hinge."""
+    under = {"master": "base.top"} if on_block else {"obstacle": FLOOR}
+    plate = {"ux": 0.0, "fy": -500.0, "hinge": [hinge, 15.0]}
+    text = scene("strain").load("plate", ["a.flat", "b.flat"], "platen", **plate)
+    for name, x in (("a", -20.0), ("b", 20.0)):
+        text = text.body(name, "steel", half_disk=([x, 15.0], 15.0))
+        text = text.contact(f"under-{name}", f"{name}.arc", **under)
+    base = body("base", "steel", box=([-60.0, 60.0], [-40.0, 0.0])).support("base.bottom", ux=0.0, uy=0.0)
+    return text + base if on_block else text
 
 
-def test_a_plate_pressed_beside_its_feet_tips_over(tmp_path: Path) -> None:
-    """No stage has a state, though a coarse grid finds one."""
-    summary = solve(FEET, tmp_path / "run")
-    assert re.match("body a and body b .*tip over: ", summary["stop_reason"])
-
-
-def test_what_linear_equations_turn_too_far_tips_over(tmp_path: Path) -> None:
-    """On a rigid floor the plate would come to rest turned by half a radian."""
-    feet = FEET.replace('master = "base.top"', 'obstacle = {kind = "plane", point = [0, 0], normal = [0, 1]}')
-    start, end = feet.index('[[body]]\nname = "base"'), feet.index("[[load]]")
-    summary = solve(feet[:start] + feet[end:], tmp_path / "run", "load.plate.hinge=[27.5, 15.0]")
+@pytest.mark.parametrize(("hinge", "on_block"), [(23.0, True), (27.5, False)])
+def test_a_plate_pressed_beside_its_feet_tips_over(hinge: float, on_block: bool, tmp_path: Path) -> None:
+    """No stage has a state, though a coarse grid finds one; on a rigid floor the plate would come to rest
+    turned by half a radian."""
+    summary = solve(feet(hinge, on_block), tmp_path / "run")
     assert re.match("body a and body b .*tip over: ", summary["stop_reason"])
 
 
@@ -110,10 +100,10 @@ def test_loads_of_which_nothing_is_carried(loads: list[float], rubbed: float) ->
 
 def test_a_body_slides_until_a_wall_stops_it(tmp_path: Path) -> None:
     # All of the floor slips from the first load on, which was taken for a limit load.
-    wall = contact("wall", "brick.left", obstacle=plane([0.0, 0.0], [1.0, 0.0]))
+    wall = contact("wall", "brick.left", plane=([0.0, 0.0], [1.0, 0.0]))
     settings = ["contact.floor.friction=0.2", "load.quake.body-force=[-0.5, 0.0]"]
-    once = BRICK.partition("[[stage]]")[0] + item("stage", weight=1.0, quake=1.0)
-    contacts = solve(once + wall, tmp_path / "run", *settings)["contacts"]
+    once = "stage=[{weight=1.0, quake=1.0}]"
+    contacts = solve(BRICK + wall, tmp_path / "run", once, *settings)["contacts"]
     (along, down), (against, _) = (contacts[name]["force"] for name in ("floor", "wall"))
     assert down == pytest.approx(6.0, rel=1e-6)
     assert along + against == pytest.approx(3.0, rel=1e-6)
@@ -124,16 +114,14 @@ def test_a_body_slides_until_a_wall_stops_it(tmp_path: Path) -> None:
 def test_a_contact_that_stays_open_limits_nothing(tmp_path: Path, friction: float) -> None:
     # The smooth law has no scale then, and had refused to start.
     bar = (
-        head("strain")
-        + material("stone", E=20e3, nu=0.0)
-        + body("bar", "stone", shape=box([0.0, 2.0], [0.0, 1.0]))
-        + support("bar.top", ux=0.0, uy=0.0)
-        + item("load", name="weight", kind="body-force", body="bar", body_force=[0.0, -1.0])
-        + contact("floor", "bar.bottom", obstacle=plane([0.0, -0.1], [0.0, 1.0]), friction=friction)
-        + item("probe", name="end", body="bar", point=[1.0, 0.0])
+        scene("strain", "stone", E=20e3, nu=0.0)
+        .body("bar", "stone", box=([0.0, 2.0], [0.0, 1.0]))
+        .support("bar.top", ux=0.0, uy=0.0)
+        .body_force("weight", "bar", [0.0, -1.0])
+        .contact("floor", "bar.bottom", plane=([0.0, -0.1], [0.0, 1.0]), friction=friction)
+        .probe("end", "bar", [1.0, 0.0])
     )
-    summary = solve(bar, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(bar, tmp_path / "run")
     assert summary["probes"]["end"]["displacement"] == pytest.approx([0.0, -2.5e-5], abs=1e-9)
     assert any("no contact carries any pressure" in warning for warning in summary["warnings"])
 

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.run import run
-from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, PINS, WEIGHT, WOOD, Result, block, traction
-from tests.app.scenes import PATCH, Quiet, solve
+from tests.app.scenes import PATCH, Quiet, done, refused
+from tests.case_text import Scene, load, support
 
 
 def test_body_force_against_a_platen(tmp_path: Path) -> None:
     # Nothing but the platen resists the weight: it carries exactly that and what is applied to it.
-    text = block(
-        LEFT, '[[load]]\nname = "plate"\nboundary = "block.bottom"\nkind = "platen"\nuy = 0.01\n', WEIGHT
-    )
-    found = Result(text, tmp_path / "run")
+    plate = load("plate", "block.bottom", "platen", uy=0.01)
+    found = Result(block(LEFT, plate, WEIGHT), tmp_path / "run")
     np.testing.assert_allclose(found.forces["plate"], [0.0, 6.0], atol=1e-11)
 
 
 @pytest.mark.parametrize("scheme", ["least-squares", "ghost"])
 @pytest.mark.parametrize("stiffness", [0.1, 50.0, 1e7])
 def test_winkler_foundation(stiffness: float, scheme: str, tmp_path: Path) -> None:
-    foundation = f'[[support]]\nboundary = "block.bottom"\nspring = [0.0, {stiffness!r}]\n'
+    foundation = support("block.bottom", spring=[0.0, stiffness])
     text = block(LEFT, foundation, traction("top", 0.0, -8.0), plane="stress")
     found = Result(text, tmp_path / "run", f'mls.scheme="{scheme}"')
     x, y = found.points.T
@@ -42,13 +39,10 @@ def test_winkler_foundation(stiffness: float, scheme: str, tmp_path: Path) -> No
 @pytest.mark.parametrize("stiffness", [1e9, 50.0, 1.0])
 def test_a_beam_on_springs_at_its_end(stiffness: float, tmp_path: Path) -> None:
     # Springs far stiffer than the beam clamp it. Soft ones turn by M / (k I) and move by F / k beyond that.
-    springs = f'[[support]]\nboundary = "block.left"\nspring = [{stiffness!r}, {stiffness!r}]\n'
+    beam = block(traction("right", 0.0, -1.0), plane="stress", spacing=0.1, box=([0.0, 4.0], [0.0, 1.0]))
     tips = []
-    for number, support in enumerate((CLAMP, springs)):
-        text = block(support, traction("right", 0.0, -1.0), plane="stress").replace(
-            "[0.0, 2.0]", "[0.0, 4.0]"
-        )
-        found = Result(text, tmp_path / f"run{number}", "body.block.spacing=0.05")
+    for number, held in enumerate((CLAMP, support("block.left", spring=[stiffness, stiffness]))):
+        found = Result(beam + held, tmp_path / f"run{number}")
         at = np.isclose(found.points, [4.0, 1.0]).all(axis=1)
         tips.append(float(found.displacement[at, 1][0]))
         np.testing.assert_allclose(found.forces["block.left"], [0.0, 1.0], atol=0.01)
@@ -59,43 +53,27 @@ def test_a_beam_on_springs_at_its_end(stiffness: float, tmp_path: Path) -> None:
 
 def test_springs_share_a_force_with_a_platen(tmp_path: Path) -> None:
     # A rigid shift: the platen's force goes into the springs alone.
-    foundation = '[[support]]\nboundary = "block.bottom"\nspring = [4.0, 0.0]\n'
-    push = '[[load]]\nname = "push"\nboundary = "block.top"\nkind = "platen"\nfx = 2.4\n'
+    foundation = support("block.bottom", spring=[4.0, 0.0])
+    push = load("push", "block.top", "platen", fx=2.4)
     found = Result(block(BOTTOM, foundation, push, WEIGHT), tmp_path / "run")
     np.testing.assert_allclose(found.forces["push"], [2.4, 0.0], atol=1e-12)
     assert found.forces["block.bottom"][0] == pytest.approx(-2.4, abs=1e-9)
 
 
-def test_symmetry_is_a_support_in_one_direction(tmp_path: Path) -> None:
-    # Half of a block pulled on both sides; on the line of symmetry no shear arises.
-    whole = Result(block(PINS, traction("right", 6.0, 0.0), traction("left", -6.0, 0.0)), tmp_path / "whole")
-    half = block(LEFT, BOTTOM, traction("right", 6.0, 0.0)).replace("x = [0.0, 2.0]", "x = [1.0, 2.0]")
-    part = Result(half, tmp_path / "half")
-    shift = part.points[:, 0] - 1.0
-    right = whole.displacement[np.isclose(whole.points, [2.0, 0.0]).all(axis=1), 0][0]
-    np.testing.assert_allclose(part.displacement[:, 0], 0.5 * right * shift, atol=1e-10)
-    np.testing.assert_allclose(part.stress, np.tile([6.0, 0.0, 0.0], (len(shift), 1)), atol=1e-8)
-
-
 def test_tractions_by_expression_and_by_table(tmp_path: Path) -> None:
     # Pure bending: sigma_xx = 12 y - 6, quadratic displacements. The right side runs upward.
     (tmp_path / "bending.csv").write_text("s, tx, ty\n0.0, -6.0, 0.0\n1.0, 6.0, 0.0\n")
-    table = '[[load]]\nname = "right"\nboundary = "block.right"\nkind = "traction"\ntable = "bending.csv"\n'
-    pressure = '[[load]]\nname = "left"\nboundary = "block.left"\nkind = "pressure"\npressure = "6 - 12*y"\n'
+    table = load("right", "block.right", "traction", table="bending.csv")
+    pressure = load("left", "block.left", "pressure", pressure="6 - 12*y")
     found = Result(block(PINS, table, pressure, plane="stress"), tmp_path / "run")
     bending = 12.0 * found.points[:, 1] - 6.0
     assert np.abs(found.stress - np.outer(bending, [1.0, 0.0, 0.0])).max() <= 1e-8 * 6.0
     np.testing.assert_allclose(found.forces["right"], [0.0, 0.0], atol=1e-12)
-    again = Result((tmp_path / "run" / "resolved.toml").read_text(), tmp_path / "again")
-    assert (again.displacement == found.displacement).all()
 
 
 def test_a_displacement_in_one_direction_by_expression(tmp_path: Path) -> None:
-    pull = '[[load]]\nname = "pull"\nboundary = "block.right"\nkind = "displacement"\nux = "0.1*y"\n'
-    bottom = '[[support]]\nbody = "block"\nnear = [0.0, 0.0]\nuy = 0.0\n'
-    found = Result(
-        block(LEFT, bottom, pull, plane="stress", material="E = 200.0\nnu = 0.0"), tmp_path / "run"
-    )
+    parts = LEFT.pin("block", [0.0, 0.0], uy=0.0).load("pull", "block.right", "displacement", ux="0.1*y")
+    found = Result(block(parts, plane="stress", material={"E": 200.0, "nu": 0.0}), tmp_path / "run")
     # u_x = x y / 20, u_y = -x^2 / 40: bending, without Poisson's ratio.
     x, y = found.points.T
     expected = np.stack([0.05 * x * y, -0.025 * x**2], axis=1)
@@ -103,49 +81,43 @@ def test_a_displacement_in_one_direction_by_expression(tmp_path: Path) -> None:
 
 
 def test_all_kinds_survive_their_resolved_file(tmp_path: Path) -> None:
-    foundation = '[[support]]\nboundary = "block.bottom"\nspring = [1.0, 2.0]\n'
-    push = '[[load]]\nname = "push"\nboundary = "block.top"\nkind = "pressure"\npressure = "1 + x"\n'
-    text = block(foundation, push, WEIGHT, HEAT, material=WOOD)
+    (tmp_path / "sides.csv").write_text("s,pressure\n0.0, 1.0\n1.0, 2.0\n")
+    foundation = support("block.bottom", spring=[1.0, 2.0])
+    push = load("push", "block.top", "pressure", pressure="1 + x")
+    table = load("side", "block.right", "pressure", table="sides.csv")
+    text = block(foundation, push, table, WEIGHT, HEAT, material=WOOD)
     first = Result(text, tmp_path / "first")
     second = Result((tmp_path / "first" / "resolved.toml").read_text(), tmp_path / "second")
     assert (second.displacement == first.displacement).all()
-    assert (tmp_path / "second" / "resolved.toml").read_text() == (
-        tmp_path / "first" / "resolved.toml"
-    ).read_text()
+    one, other = ((tmp_path / name / "resolved.toml").read_text() for name in ("first", "second"))
+    assert one == other
     assert first.summary["force_balance"] <= 1e-3
 
 
-def push(keys: str) -> str:
-    place = '[[load]]\nname = "push"\nboundary = "block.top"\nkind = "pressure"\n'
-    return block(LEFT, BOTTOM, f"{place}{keys}\n")
+def push(**keys: Any) -> Scene:
+    return block(LEFT, BOTTOM).load("push", "block.top", "pressure", **keys)
 
 
 @pytest.mark.parametrize(
-    ("keys", "key", "words"),
+    ("keys", "words"),
     [
-        ('pressure = "1 / (x - 2)"', "pressure", "divides by zero at (2, 1)"),
-        ('pressure = "log(x)"', "pressure", "has no value at (0, 1)"),
-        ("table = [[0, 1], [1.9, 1]]", "table", "goes from 0 to 1.9, the boundary from 0 to 2"),
-        ("table = [[0.1, 1], [2, 1]]", "table", "goes from 0.1"),
+        ({"pressure": "1 / (x - 2)"}, "divides by zero at (2, 1)"),
+        ({"pressure": "log(x)"}, "has no value at (0, 1)"),
+        ({"table": [[0, 1], [1.9, 1]]}, "goes from 0 to 1.9, the boundary from 0 to 2"),
+        ({"table": [[0.1, 1], [2, 1]]}, "goes from 0.1"),
     ],
 )
-@pytest.mark.parametrize("command", [run, check])
-def test_values_that_the_boundary_does_not_have(
-    command: Callable[..., object], keys: str, key: str, words: str, tmp_path: Path
-) -> None:
-    case = tmp_path / "case.toml"
-    case.write_text(push(keys))
-    with pytest.raises(CaseError) as caught:
-        command(case, console=Quiet(), **({"out": tmp_path / "run"} if command is run else {}))
-    (problem,) = caught.value.problems
-    assert (problem.key, problem.source) == (f"load.push.{key}", str(case))
-    assert case.read_text().splitlines()[problem.line - 1] == keys
-    assert words in problem.message
+def test_values_that_the_boundary_does_not_have(keys: dict[str, Any], words: str, tmp_path: Path) -> None:
+    (key,) = keys
+    problem = refused(push(**keys), tmp_path / "run", f"load.push.{key}", words)
+    assert problem.source == str(tmp_path / "run.toml")
+    line = (tmp_path / "run.toml").read_text().splitlines()[problem.line - 1]
+    assert line.startswith(f"{key} = ")
 
 
 def test_tables_run_along_the_boundary_with_the_material_on_the_left(tmp_path: Path) -> None:
     # The top runs from x = 2 to x = 0.
-    text = push("table = [[0, 2], [2, 0]]")
+    text = push(table=[[0, 2], [2, 0]])
     found = Result(text, tmp_path / "run")
     np.testing.assert_allclose(found.forces["push"], [0.0, -2.0], atol=1e-12)
     top = found.points[:, 1] == 1.0
@@ -155,8 +127,7 @@ def test_tables_run_along_the_boundary_with_the_material_on_the_left(tmp_path: P
 
 def test_check_tells_what_acts_where(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
-    springs = '[[support]]\nboundary = "block.right"\nspring = [2.0, 0.0]\n'
-    case.write_text(push('pressure = "1 + x"').replace("[[load]]", f"{springs}[[load]]", 1) + WEIGHT + HEAT)
+    case.write_text(push(pressure="1 + x").support("block.right", spring=[2.0, 0.0]) + WEIGHT + HEAT)
     told = check(case, console=Quiet())["boundaries"]
     assert told["block.top"]["y"] == "pressure 1 + x (push)"
     assert told["block.right"] == {"x": "spring 2", "y": "free"}
@@ -166,16 +137,12 @@ def test_check_tells_what_acts_where(tmp_path: Path) -> None:
 def test_contact_under_weight_and_heat(tmp_path: Path) -> None:
     # Two blocks that fit between two walls, heated; then the weight of the upper one. Without Poisson's ratio
     # all is one-dimensional.
-    blocks = PATCH.replace("nu = 0.3", "nu = 0.0\nalpha = 1e-5").replace("fy = -200.0", "uy = 0.0")
-    heat = [
-        f'[[load]]\nname = "heat-{body}"\nbody = "{body}"\nkind = "temperature"\ntemperature = 100.0\n'
-        for body in ("upper", "lower")
-    ]
-    weight = '[[load]]\nname = "weight"\nbody = "upper"\nkind = "body-force"\nbody-force = [0.0, -3.0]\n'
-    stages = "[[stage]]\npress = 1.0\nheat-upper = 1.0\nheat-lower = 1.0\n[[stage]]\nweight = 1.0\n"
-    text = blocks.replace('[reference]\nsolution = "uniform-pressure"\n', "")
-    summary = solve(text + "".join(heat) + weight + stages, tmp_path / "run")
-    assert summary["status"] == "done", summary
+    blocks = PATCH.changed("nu = 0.3", "nu = 0.0\nalpha = 1e-5").changed("fy = -200.0", "uy = 0.0")
+    text = blocks.changed('[reference]\nsolution = "uniform-pressure"\n', "")
+    text = text.heat("heat-upper", "upper", 100.0).heat("heat-lower", "lower", 100.0)
+    text = text.body_force("weight", "upper", [0.0, -3.0])
+    text = text.stages("press heat-upper heat-lower", "weight")
+    summary = done(text, tmp_path / "run")
     assert summary["force_balance"] <= 1e-9
     data = read_run(tmp_path / "run")
     pressure = data.contacts["interface"].pressure

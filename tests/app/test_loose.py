@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,88 +10,64 @@ import pytest
 from scipy.spatial import Delaunay
 
 from mlsanm_cli.case import parse_case
-from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import Quiet, solve
-from tests.case_text import EXACT, body, box, contact, disk, head, load, material, plane, pushed, support
+from tests.app.scenes import MONOLITHIC, Quiet, done, refused, solve
+from tests.case_text import EXACT, FLOOR, Scene, body, contact, disk, head, plane, polygon, scene
 
 PRECISION: dict[str, Any] = {"regularization": EXACT, "accuracy": 0.03}
 DISK = (
-    head("strain")
-    + material("steel", E=1.0, nu=0.3)
-    + body("disk", "steel", 0.25, disk([0.0, 0.0], 1.0))
-    + pushed("press", "top", fy=-0.0022)
-    + contact("bottom", "disk.arc", obstacle=plane([0.0, -1.0], [0.0, 3.0]), **PRECISION)
-    + contact("top", "disk.arc", obstacle=plane([0.0, 1.0], [0.0, -1.0]), **PRECISION)
+    scene("strain", E=1.0)
+    .body("disk", "steel", 0.25, disk=([0.0, 0.0], 1.0))
+    .pushed("press", "top", fy=-0.0022)
+    .contact("bottom", "disk.arc", plane=([0.0, -1.0], [0.0, 3.0]), **PRECISION)
+    .contact("top", "disk.arc", plane=([0.0, 1.0], [0.0, -1.0]), **PRECISION)
 )
-SIDEWAYS = DISK.replace("fy = -0.0022", "force = [1e-4, -0.0022]")
-MONOLITHIC = ['solver.formulation="monolithic"']
+SIDEWAYS = DISK.changed("fy = -0.0022", "force = [1e-4, -0.0022]")
 LAW = ['contact.floor.regularization.law="hyperbolic"']
 FIT = ["contact.floor.interference=0.01"]
-FLOOR = "contact.floor.obstacle.point=[0.0, {}]"
+LEVEL = "contact.floor.obstacle.point=[0.0, {}]"
 SMOOTH = [f'contact.{name}.regularization.law="hyperbolic"' for name in ("bottom", "top")]
 ROUGH = [f"contact.{name}.friction=0.3" for name in ("bottom", "top")]
 APART = ["contact.top.obstacle.point=[0.0, 1.05]", "contact.bottom.obstacle.point=[0.0, -1.02]"]
 
 BLOCK = (
-    head("strain")
-    + material("steel", E=1.0, nu=0.3)
-    + body("block", "steel", 0.25, box([0.0, 1.0], [0.0, 1.0]))
-    + load("push", "block.top", "traction", traction=[0.0, -0.001])
-    + contact("floor", "block.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), regularization=EXACT)
+    scene("strain", E=1.0)
+    .body("block", "steel", 0.25, box=([0.0, 1.0], [0.0, 1.0]))
+    .load("push", "block.top", "traction", traction=[0.0, -0.001])
+    .contact("floor", "block.bottom", obstacle=FLOOR, regularization=EXACT)
 )
 
 
-Touching = Callable[[list[str]], tuple[Path, Quiet]]
-
-
-@pytest.fixture(scope="module")
-def touching(tmp_path_factory: pytest.TempPathFactory) -> Touching:
-    """Runs of the disk between plates that touch it from the start, each solved once."""
-
-    @cache
-    def made(*settings: str) -> tuple[Path, Quiet]:
-        directory, console = tmp_path_factory.mktemp("touching") / "run", Quiet()
-        assert solve(DISK, directory, *settings, console=console)["status"] == "done"
-        return directory, console
-
-    return lambda settings: made(*settings)
-
-
-def test_a_disk_between_plates_may_neither_turn_nor_drift(touching: Touching) -> None:
-    assert [note.partition(" (")[0] for note in touching([])[1].notes[:2]] == [
-        "body disk: rotation is fixed at 0",
-        "body disk: ux is fixed at 0",
-    ]
-    assert not [note for note in touching(ROUGH)[1].notes if "fixed at 0" in note]
-
-
 @pytest.mark.parametrize("settings", [[], SMOOTH, ROUGH])
-def test_a_gap_closes_before_the_force_grows(touching: Touching, tmp_path: Path, settings: list[str]) -> None:
-    summary = solve(DISK, tmp_path / "apart", *settings, *APART)
-    assert summary["status"] == "done"
-    pressed, apart = (
-        read_run(place).contacts["top"].pressure[-1] for place in (touching(settings)[0], tmp_path / "apart")
+def test_a_gap_closes_before_the_force_grows(tmp_path: Path, settings: list[str]) -> None:
+    """The disk between plates may neither turn nor drift, but for friction."""
+    console = Quiet()
+    done(DISK, tmp_path / "touching", *settings, console=console)
+    held = [note.partition(" (")[0] for note in console.notes if "fixed at 0" in note]
+    assert held == (
+        [] if settings == ROUGH else [f"body disk: {way} is fixed at 0" for way in ("rotation", "ux")]
     )
-    assert apart == pytest.approx(pressed, abs=2e-5 * pressed.max())
-    moved = read_run(tmp_path / "apart").path.displacements["press"][:, 1]
+    done(DISK, tmp_path / "apart", *settings, *APART)
+    touching, apart = (read_run(tmp_path / name) for name in ("touching", "apart"))
+    pressed = touching.contacts["top"].pressure[-1]
+    assert apart.contacts["top"].pressure[-1] == pytest.approx(pressed, abs=2e-5 * pressed.max())
     if settings == SMOOTH:
         # The law lets the plates float onto the disk before any load.
-        assert moved[0] == pytest.approx(-0.07, abs=0.002)
+        assert apart.path.displacements["press"][0, 1] == pytest.approx(-0.07, abs=0.002)
 
 
 def test_a_plate_that_moves_finds_the_disk_where_it_floats(tmp_path: Path) -> None:
-    moving = DISK.replace("fy = -0.0022", "uy = -0.075")
-    assert solve(moving, tmp_path / "smooth", *SMOOTH, *APART, "output.at=[0.3, 1.0]")["status"] == "done"
+    moving = DISK.changed("fy = -0.0022", "uy = -0.075")
+    done(moving, tmp_path / "smooth", *SMOOTH, *APART, "output.at=[0.3, 1.0]")
     summary = solve(moving, tmp_path / "exact", *APART, "output.at=[0.3, 1.0]")
     assert summary["status"] == "failed"
     assert "may be free there" in summary["hint"]
 
 
 def test_a_disk_with_friction_floats_where_it_is_drawn(tmp_path: Path) -> None:
-    near, apart = (DISK.replace("fy = -0.0022", f"uy = {way}") for way in (-0.005, -0.075))
-    assert solve(near, tmp_path / "near", *ROUGH)["status"] == "done"
-    assert solve(apart, tmp_path / "apart", *ROUGH, *APART, "output.at=[0.3, 1.0]")["status"] == "done"
+    near, apart = (DISK.changed("fy = -0.0022", f"uy = {way}") for way in (-0.005, -0.075))
+    done(near, tmp_path / "near", *ROUGH)
+    done(apart, tmp_path / "apart", *ROUGH, *APART, "output.at=[0.3, 1.0]")
     close, far = read_run(tmp_path / "near"), read_run(tmp_path / "apart")
     assert np.abs(far.states[0].bodies["disk"]["displacement"]).max() == 0.0
     for name in ("top", "bottom"):
@@ -113,17 +87,15 @@ def test_an_idle_roller_beside_a_pressed_one_stays(tmp_path: Path) -> None:
     )
     console = Quiet()
     rough = [*ROUGH, "contact.idle-low.friction=0.2", "contact.idle-high.friction=0.2"]
-    summary = solve(DISK + idle + "".join(beside), tmp_path / "run", *rough, console=console)
-    assert summary["status"] == "done"
+    summary = done(DISK + idle + "".join(beside), tmp_path / "run", *rough, console=console)
     assert any("no contact loads body idle" in note for note in console.notes)
     assert summary["error_estimate"]["displacement"] is not None
     assert np.abs(read_run(tmp_path / "run").states[-1].bodies["idle"]["displacement"]).max() == 0.0
 
 
 def test_a_rolling_disk_turns_with_the_plate(tmp_path: Path) -> None:
-    rolling = DISK + '[[load]]\nname = "roll"\nkind = "obstacle"\nobstacle = "top"\nux = 1e-3\n'
-    rolling += "[[stage]]\npress = 1.0\n[[stage]]\nroll = 1.0\n"
-    assert solve(rolling, tmp_path / "roll", *ROUGH, "output.at=[1.0, 2.0]")["status"] == "done"
+    rolling = DISK.pushed("roll", "top", ux=1e-3).stages("press", "roll")
+    done(rolling, tmp_path / "roll", *ROUGH, "output.at=[1.0, 2.0]")
     data = read_run(tmp_path / "roll")
     inner = np.hypot(*data.bodies["disk"].points.T) < 0.5
     before, after = (state.bodies["disk"]["displacement"][inner] for state in data.states)
@@ -138,128 +110,71 @@ def test_a_rolling_disk_turns_with_the_plate(tmp_path: Path) -> None:
         (SIDEWAYS, [], "load.press", "on the obstacle of contact top in ux"),
         (BLOCK, ["load.push.traction=[1e-4, -1e-3]"], "load.push", "on body block in ux"),
         (BLOCK, ['mls.scheme="ghost"'], "mls.scheme", "held by contact only"),
-        (BLOCK, [*MONOLITHIC, *LAW], "solver.formulation", "condensed formulation"),
-        (BLOCK, [*FIT, FLOOR.format(-0.1)], "contact.floor.interference", "press fit"),
-        (BLOCK, [*FIT, FLOOR.format(0.1)], "contact.floor.interference", "more than the interference"),
-        (BLOCK, [FLOOR.format(0.3)], "contact.floor", "declare it with interference"),
+        (BLOCK, [MONOLITHIC, *LAW], "solver.formulation", "condensed formulation"),
+        (BLOCK, [*FIT, LEVEL.format(-0.1)], "contact.floor.interference", "press fit"),
+        (BLOCK, [*FIT, LEVEL.format(0.1)], "contact.floor.interference", "more than the interference"),
+        (BLOCK, [LEVEL.format(0.3)], "contact.floor", "declare it with interference"),
         (BLOCK, ["contact.floor.obstacle.normal=[0.0, -1.0]"], "contact.floor", "faces the obstacle"),
     ],
 )
 def test_what_nothing_resists_is_refused(
     tmp_path: Path, text: str, settings: list[str], key: str, words: str
 ) -> None:
-    with pytest.raises(CaseError) as caught:
-        solve(text, tmp_path / "run", *settings)
-    found = [problem for problem in caught.value.problems if problem.key == key]
-    assert found, caught.value.problems
-    assert words in found[0].message + found[0].hint
-    assert found[0].line or found[0].source == "--set" or key.startswith(("mls", "solver"))
+    found = refused(text, tmp_path / "run", key, words, *settings)
+    assert found.line or found.source == "--set" or key.startswith(("mls", "solver"))
 
 
 def test_friction_resists_what_normals_do_not(tmp_path: Path) -> None:
     settings = ["load.push.traction=[1e-4, -1e-3]", "contact.floor.friction=0.5"]
-    summary = solve(BLOCK, tmp_path / "run", *settings)
-    assert summary["status"] == "done"
+    summary = done(BLOCK, tmp_path / "run", *settings)
     assert summary["contacts"]["floor"]["force"] == pytest.approx([-1e-4, 1e-3], abs=1e-12)
 
 
-BETWEEN = """
-format = 1
-[model]
-plane = "stress"
-[material.soft]
-E = 1083.0
-nu = 0.34
-[material.hard]
-E = 95464.0
-nu = 0.4
-[[body]]
-name = "base"
-material = "hard"
-shape = { kind = "rectangle", x = [-3.6, 3.6], y = [-4.4, 0.0] }
-[[body]]
-name = "disk"
-material = "soft"
-shape = { kind = "disk", center = [0.0, 2.2], radius = 2.2 }
-[[support]]
-boundary = "base.bottom"
-ux = 0.0
-uy = 0.0
-[[contact]]
-name = "floor"
-slave = "disk.arc"
-master = "base.top"
-friction = 0.3
-accuracy = 6e-3
-regularization = { law = "exact" }
-[[contact]]
-name = "lid"
-slave = "disk.arc"
-accuracy = 6e-3
-obstacle = { kind = "plane", point = [0.0, 4.4], normal = [0.0, -1.0] }
-regularization = { law = "exact" }
-[[load]]
-name = "press"
-kind = "obstacle"
-obstacle = "lid"
-fy = -15.5
-[[stop]]
-what = "force"
-of = "lid"
-above = 0.02
-"""
+ACCURATE = {**PRECISION, "accuracy": 6e-3}
+BETWEEN = (
+    scene("stress", "soft", E=1083.0, nu=0.34)
+    .material("hard", E=95464.0, nu=0.4)
+    .body("base", "hard", box=([-3.6, 3.6], [-4.4, 0.0]))
+    .body("disk", "soft", disk=([0.0, 2.2], 2.2))
+    .support("base.bottom", ux=0.0, uy=0.0)
+    .contact("floor", "disk.arc", "base.top", friction=0.3, **ACCURATE)
+    .contact("lid", "disk.arc", plane=([0.0, 4.4], [0.0, -1.0]), **ACCURATE)
+    .pushed("press", "lid", fy=-15.5)
+    .item("stop", what="force", of="lid", above=0.02)
+)
 
 
 def test_the_first_nodes_to_touch_hold_a_disk(tmp_path: Path) -> None:
     """One node on either side, exactly above each other, does not tell which way the disk would roll."""
-    summary = solve(BETWEEN, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(BETWEEN, tmp_path / "run")
     assert summary["contacts"]["floor"]["force"][1] == pytest.approx(0.02, rel=1e-6)
 
 
-HOLLOW = """
-format = 1
-[model]
-plane = "strain"
-[material.soft]
-E = 1221.0
-nu = 0.4
-[[body]]
-name = "foot"
-material = "soft"
-[body.shape]
-kind = "polygon"
-points = [[-1.5, 0.0], [1.5, 0.0], [1.5, 2.4], [-1.5, 2.4]]
-names = ["sole", "right", "head", "left"]
-corners = ["sole", "sole", "", ""]
-rounding = [0.3, 0.3, 0.3, 0.3]
-[[load]]
-name = "press"
-boundary = "foot.head"
-kind = "traction"
-traction = [0.0, -11.0]
-[[contact]]
-name = "hollow"
-slave = "foot.sole"
-accuracy = 0.02
-obstacle = { kind = "disk", center = [0.0, 28.0], radius = 28.0, inside = true }
-"""
+SHOE = polygon([[-1.5, 0.0], [1.5, 0.0], [1.5, 2.4], [-1.5, 2.4]], "sole right head left")
+SHOE |= {"corners": ["sole", "sole", "", ""], "rounding": [0.3, 0.3, 0.3, 0.3]}
+
+
+def foot(spacing: float | None, material: dict[str, Any], obstacle: dict[str, Any]) -> Scene:
+    """A foot with rounded edges that is pressed on an obstacle."""
+    return (
+        head("strain")
+        .material("soft", **material)
+        .body("foot", "soft", spacing, SHOE)
+        .load("press", "foot.head", "traction", traction=[0.0, -11.0])
+        .contact("hollow", "foot.sole", accuracy=0.02, obstacle=obstacle)
+    )
 
 
 def test_a_foot_drawn_into_a_hollow_floats_out_of_it(tmp_path: Path) -> None:
     """Its rounded edges overlap the hollow as drawn, and nothing but the contact holds it up."""
-    summary = solve(HOLLOW, tmp_path / "run")
-    assert summary["status"] == "done"
+    hollow = {**disk([0.0, 28.0], 28.0), "inside": True}
+    summary = done(foot(None, {"E": 1221.0, "nu": 0.4}, hollow), tmp_path / "run")
     assert summary["contacts"]["hollow"]["force"] == pytest.approx([0.0, 26.4], abs=1e-6)
 
 
 def test_an_eccentric_push_moves_the_pressure_below_it(tmp_path: Path) -> None:
-    wide = (
-        BLOCK
-        + '[[load]]\nname = "edge"\nboundary = "block.left"\nkind = "traction"\ntraction = [0.0, -2e-4]\n'
-    )
-    summary = solve(wide, tmp_path / "wide")
-    assert summary["status"] == "done"
+    wide = BLOCK.load("edge", "block.left", "traction", traction=[0.0, -2e-4])
+    summary = done(wide, tmp_path / "wide")
     contact = read_run(tmp_path / "wide").contacts["floor"]
     x, pressure = (
         values[np.argsort(contact.points[:, 0])] for values in (contact.points[:, 0], contact.pressure[-1])
@@ -272,15 +187,17 @@ def test_an_eccentric_push_moves_the_pressure_below_it(tmp_path: Path) -> None:
 
 
 def test_an_interference_moves_with_the_stages_that_name_it(tmp_path: Path) -> None:
-    fitted = BLOCK.replace('law = "exact" }', 'law = "exact" }\ninterference = 0.01') + support(
-        "block.top", uy=0.0
+    fitted = (
+        scene("strain", E=1.0)
+        .body("block", "steel", 0.25, box=([0.0, 1.0], [0.0, 1.0]))
+        .contact("floor", "block.bottom", obstacle=FLOOR, regularization=EXACT, interference=0.01)
+        .support("block.top", uy=0.0)
     )
-    fitted = fitted[: fitted.index("[[load]]")] + fitted[fitted.index("[[contact]]") :]
-    staged = fitted + "[[stage]]\nfloor = 0.5\n[[stage]]\nfloor = 1.0\n"
+    staged = fitted.stages("floor=0.5", "floor")
     stress = 0.01 / (1.0 - 0.3**2)
     for text, stages in ((fitted, [0.0, 1.0]), (staged, [0.0, 0.5, 1.0])):
         directory = tmp_path / str(len(stages))
-        assert solve(text, directory)["status"] == "done"
+        done(text, directory)
         data = read_run(directory)
         expected = np.asarray(data.path.factors["floor"])
         assert expected == pytest.approx(np.interp(data.path.position, range(len(stages)), stages))
@@ -291,20 +208,17 @@ def test_an_interference_moves_with_the_stages_that_name_it(tmp_path: Path) -> N
 
 def test_a_flat_pad_with_rounded_corners_stays_where_nothing_drives_it(tmp_path: Path) -> None:
     # Its roundings resist a motion along the block, but it is the flat face that touches at first.
-    pad: dict[str, Any] = {"kind": "polygon", "points": [[-4, 0], [4, 0], [4, 6], [-4, 6]]}
-    pad |= {"names": ["face", "right", "top", "left"], "rounding": [2.0, 2.0, 0.0, 0.0]}
+    pad = polygon([[-4, 0], [4, 0], [4, 6], [-4, 6]], "face right top left", rounding=[2.0, 2.0, 0.0, 0.0])
     text = (
-        head("strain")
-        + material("steel", E=210e3, nu=0.3)
-        + body("pad", "steel", shape=pad)
-        + body("block", "steel", shape=box([-20.0, 20.0], [-20.0, 0.0]))
-        + support("block.bottom", ux=0.0, uy=0.0)
-        + load("press", "pad.top", "platen", fy=-600.0)
-        + contact("face", "pad.face", "block.top")
+        scene("strain")
+        .body("pad", "steel", shape=pad)
+        .body("block", "steel", box=([-20.0, 20.0], [-20.0, 0.0]))
+        .support("block.bottom", ux=0.0, uy=0.0)
+        .load("press", "pad.top", "platen", fy=-600.0)
+        .contact("face", "pad.face", "block.top", accuracy=0.02)
     )
     console = Quiet()
-    summary = solve(text, tmp_path / "run", console=console)
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run", console=console)
     assert any("pad: ux is fixed at 0" in note for note in console.notes)
     assert summary["force_balance"] < 1e-6
     assert summary["contacts"]["face"]["force"] == pytest.approx([0.0, 600.0], abs=0.01)
@@ -313,31 +227,24 @@ def test_a_flat_pad_with_rounded_corners_stays_where_nothing_drives_it(tmp_path:
 def test_a_disk_as_far_from_its_hole_all_around_is_pushed_to_its_wall(tmp_path: Path) -> None:
     # No place of the gap is nearer than others, and closing all of it takes tension.
     text = (
-        head("strain")
-        + material("steel", E=1.0, nu=0.3)
-        + body("disk", "steel", 0.25, disk([0.0, 0.0], 1.0))
-        + load("push", None, "body-force", body="disk", body_force=[-2e-3, -1e-3])
-        + contact("hole", "disk.arc", obstacle={**disk([0.0, 0.0], 1.01), "inside": True}, **PRECISION)
+        scene("strain", E=1.0)
+        .body("disk", "steel", 0.25, disk=([0.0, 0.0], 1.0))
+        .body_force("push", "disk", [-2e-3, -1e-3])
+        .contact("hole", "disk.arc", obstacle={**disk([0.0, 0.0], 1.01), "inside": True}, **PRECISION)
     )
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     assert summary["contacts"]["hole"]["force"] == pytest.approx([2e-3 * np.pi, 1e-3 * np.pi], rel=1e-4)
 
 
 def test_a_smaller_disk_between_plates_stays_where_it_is_drawn(tmp_path: Path) -> None:
     # Nothing presses on it, and what presses on the others is in balance wherever it is.
-    text = (
-        head("strain")
-        + material("steel", E=1.0, nu=0.3)
-        + body("lid", "steel", 0.5, box([-1.5, 6.5], [2, 3]))
-    )
-    text += load("press", "lid.top", "platen", ux=0.0, fy=-0.006)
+    text = scene("strain", E=1.0).body("lid", "steel", 0.5, box=([-1.5, 6.5], [2, 3]))
+    text = text.load("press", "lid.top", "platen", ux=0.0, fy=-0.006)
     for name, x, radius in (("left", 0.0, 1.0), ("small", 2.5, 0.9), ("right", 5.0, 1.0)):
-        text += body(name, "steel", 0.5, disk([x, radius], radius))
-        text += contact(f"{name}-lid", f"{name}.arc", "lid.bottom", **PRECISION)
-        text += contact(f"{name}-floor", f"{name}.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), **PRECISION)
-    summary = solve(text, tmp_path / "run")
-    assert summary["status"] == "done"
+        text = text.body(name, "steel", 0.5, disk=([x, radius], radius))
+        text = text.contact(f"{name}-lid", f"{name}.arc", "lid.bottom", **PRECISION)
+        text = text.contact(f"{name}-floor", f"{name}.arc", obstacle=FLOOR, **PRECISION)
+    summary = done(text, tmp_path / "run")
     forces = {name: one["force"][1] for name, one in summary["contacts"].items()}
     assert forces["left-floor"] == pytest.approx(0.003, rel=1e-3)
     assert forces["right-lid"] == pytest.approx(-0.003, rel=1e-3)
@@ -348,23 +255,21 @@ def test_a_smaller_disk_between_plates_stays_where_it_is_drawn(tmp_path: Path) -
 
 def test_surfaces_that_overlap_as_drawn_are_told(tmp_path: Path) -> None:
     """Nothing is said where an overlap is given as one."""
-    held = BLOCK.replace('kind = "traction"\ntraction = [0.0, -0.001]', 'kind = "platen"\nuy = -0.001')
-    drawn = solve(held, tmp_path / "drawn", FLOOR.format(0.01))
+    held = BLOCK.changed('kind = "traction"\ntraction = [0.0, -0.001]', 'kind = "platen"\nuy = -0.001')
+    drawn = solve(held, tmp_path / "drawn", LEVEL.format(0.01))
     (warning,) = [text for text in drawn["warnings"] if "overlap as drawn" in text]
     assert "by 0.01 near" in warning
     assert "contact.floor.interference" in warning
-    fitted = solve(held, tmp_path / "fitted", FLOOR.format(0.01), *FIT)
+    fitted = solve(held, tmp_path / "fitted", LEVEL.format(0.01), *FIT)
     assert not [text for text in fitted["warnings"] if "overlap" in text]
     assert fitted["contacts"]["floor"]["force"] == pytest.approx(drawn["contacts"]["floor"]["force"])
 
 
 def test_a_body_that_may_slide_does_not_in_the_mean(tmp_path: Path) -> None:
     # Its grain, aslant, lets fields in closed form slide by 1.2e-3.
-    grain = "E1 = 1221.0\nE2 = 120.0\nE3 = 120.0\nG12 = 150.0\nangle = 30.0\n"
-    grain += "".join(f"nu{pair} = 0.3\n" for pair in (12, 13, 23))
-    text = HOLLOW[: HOLLOW.index("obstacle")].replace("E = 1221.0\nnu = 0.4\n", grain)
-    text += 'obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }\n'
-    assert solve(text, tmp_path / "run", "body.foot.spacing=0.15")["status"] == "done"
+    grain = {"E1": 1221.0, "E2": 120.0, "E3": 120.0, "G12": 150.0, "angle": 30.0}
+    grain |= dict.fromkeys(("nu12", "nu13", "nu23"), 0.3)
+    done(foot(0.15, grain, FLOOR), tmp_path / "run")
     run = read_run(tmp_path / "run")
     points, moved = run.bodies["foot"].points, run.states[-1].bodies["foot"]["displacement"]
     triangles = Delaunay(points).simplices

@@ -9,23 +9,20 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import BAR, solve
+from tests.app.scenes import BAR, done, solve
 from tests.app.vtk_files import area, listed, read
-from tests.case_text import EXACT, body, box, contact, disk, head, material, pushed, support, table
+from tests.case_text import EXACT, scene
 
 ROOT = Path(__file__).parents[2]
 NO_VTK = "the extra test-vtk is not installed"
 AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
 CYLINDER = (
-    head("strain")
-    + material("rubber", E=10.0, nu=0.3)
-    + body("pad", "rubber", 0.25, box([-2.0, 2.0], [-2.0, 0.0]))
-    + support("pad.bottom", ux=0.0, uy=0.0)
-    + pushed("down", "drum", uy=-0.02)
-    + contact(
-        "drum", "pad.top", accuracy=0.01, friction=0.3, obstacle=disk([0.0, 1.0], 1.0), regularization=EXACT
-    )
-    + table("output", at=[0.5, 1.0])
+    scene("strain", "rubber", E=10.0, nu=0.3)
+    .body("pad", "rubber", 0.25, box=([-2.0, 2.0], [-2.0, 0.0]))
+    .support("pad.bottom", ux=0.0, uy=0.0)
+    .pushed("down", "drum", uy=-0.02)
+    .contact("drum", "pad.top", accuracy=0.01, friction=0.3, disk=([0.0, 1.0], 1.0), regularization=EXACT)
+    .table("output", at=[0.5, 1.0])
 )
 
 
@@ -33,7 +30,7 @@ CYLINDER = (
 def drum(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A rigid disk pressed with friction on a pad."""
     directory = tmp_path_factory.mktemp("drum") / "run"
-    assert solve(CYLINDER, directory)["status"] == "done"
+    done(CYLINDER, directory)
     return directory
 
 
@@ -116,7 +113,7 @@ def test_vtk_shows_every_published_case(name: str, tmp_path: Path) -> None:
     """At the end: bodies filled and warped, with isolines, and contacts as lines."""
     vtk = pytest.importorskip("vtk", reason=NO_VTK)
     case = ROOT / "cases" / f"{name}.toml"
-    assert solve(case.read_text(), tmp_path / "run")["status"] == "done"
+    done(case.read_text(), tmp_path / "run")
     entries = listed(tmp_path / "run" / "fields.pvd")
     for entry in entries[-len(read_run(tmp_path / "run").bodies) :]:
         file = tmp_path / "run" / entry["file"]
@@ -163,11 +160,9 @@ def bands(vtk: Any, file: Path, scalar: str) -> tuple[int, int]:
 
 def test_strains_are_written_where_they_are_asked_for(tmp_path: Path) -> None:
     """A bar pulled, squeezed and warmed: (s - nu q) / E + a T along, and so on."""
-    text = BAR.replace("nu = 0.25", "nu = 0.25\nalpha = 1e-5")
-    heat = '[[load]]\nname = "heat"\nbody = "bar"\nkind = "temperature"\ntemperature = 20.0\n'
-    text = text.replace("[[stage]]", f"{heat}[[stage]]\nheat = 1.0", 1)
-    summary = solve(text, tmp_path / "run", 'output.fields=["displacement", "strain"]')
-    assert summary["status"] == "done"
+    text = BAR.changed("nu = 0.25", "nu = 0.25\nalpha = 1e-5").heat("heat", "bar", 20.0)
+    text = text.changed("pull = 1.0", "pull = 1.0\nheat = 1.0")
+    done(text, tmp_path / "run", 'output.fields=["displacement", "strain"]')
     run = read_run(tmp_path / "run")
     strain = run.states[-1].bodies["bar"]["strain"]
     along = (30.0 - 0.25 * -40.0) / 200e3 + 2e-4
@@ -179,10 +174,8 @@ def test_strains_are_written_where_they_are_asked_for(tmp_path: Path) -> None:
 
 
 def test_shear_strains_are_halves_of_angles(tmp_path: Path) -> None:
-    text = BAR.replace('kind = "traction"\ntraction = [30.0, 0.0]', 'kind = "displacement"\nuy = 0.01')
-    assert solve(
-        text, tmp_path / "run", 'output.fields=["displacement", "stress", "strain"]', "output.at=[1.0]"
-    )
+    text = BAR.changed('kind = "traction"\ntraction = [30.0, 0.0]', 'kind = "displacement"\nuy = 0.01')
+    solve(text, tmp_path / "run", 'output.fields=["displacement", "stress", "strain"]', "output.at=[1.0]")
     fields = read_run(tmp_path / "run").states[0].bodies["bar"]
     shear = 200e3 / (2.0 * 1.25)
     np.testing.assert_allclose(fields["strain"][:, 2], fields["stress"][:, 2] / (2.0 * shear), rtol=1e-9)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,6 @@ import scipy.sparse as sparse
 from benchmarks.formulas.kirsch import KirschHole
 from benchmarks.formulas.lekhnitskii import AnisotropicHole
 from mlsanm_cli.app.assessment.peaks import along_over_across, traction_error
-from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
@@ -19,22 +20,26 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import orthotropic
-from tests.app.scenes import Quiet
-from tests.app.test_foreign import PULLED, polar_plate, write, write_gmsh
-from tests.case_text import body, box, contact, disk, head, item, load, material, support
+from tests.app.scenes import done
+from tests.app.test_foreign import polar_plate, pulled, write_gmsh
+from tests.case_text import scene
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square
 
 EXACT = 302.1
 """Of cases/kirsch.toml with this width, degree 6 and 300 nodes around the hole."""
 
 
+def holed(around: int, degree: int, directory: Path) -> Mapping[str, Any]:
+    """The summary of a pulled plate with a hole, from a mesh with so many nodes around it."""
+    write_gmsh(directory / "plate.msh", *polar_plate(around, 20.0))
+    return done(pulled(left=-20.0), directory / "run", f"mls.degree={degree}")
+
+
 @pytest.mark.parametrize(("around", "degree"), [(24, 2), (24, 4), (32, 4), (40, 2)])
 def test_coarse_holes_of_a_mesh_are_warned_of(around: int, degree: int, tmp_path: Path) -> None:
     # At 2.3 to 6 % there had been no word of it.
-    write_gmsh(tmp_path / "plate.msh", *polar_plate(around, 20.0))
-    case = write(tmp_path, PULLED.replace("-5.0", "-20.0"))
-    summary = run(case, overrides=(f"mls.degree={degree}",), out=tmp_path / "out", console=Quiet())
-    told, state = summary["peak_stress"]["plate"], read_run(tmp_path / "out")
+    summary = holed(around, degree, tmp_path)
+    told, state = summary["peak_stress"]["plate"], read_run(tmp_path / "run")
     assert np.hypot(*told["place"]) == pytest.approx(1.0)
     points, stress = state.bodies["plate"].points, state.states[-1].bodies["plate"]["stress"]
     rim = np.hypot(*points.T) < 1.0 + 1e-6
@@ -50,40 +55,38 @@ def test_coarse_holes_of_a_mesh_are_warned_of(around: int, degree: int, tmp_path
 
 @pytest.mark.parametrize("degree", [2, 4])
 def test_fine_holes_are_not(degree: int, tmp_path: Path) -> None:
-    write_gmsh(tmp_path / "plate.msh", *polar_plate(96, 20.0))
-    case = write(tmp_path, PULLED.replace("-5.0", "-20.0"))
-    summary = run(case, overrides=(f"mls.degree={degree}",), out=tmp_path / "out", console=Quiet())
+    summary = holed(96, degree, tmp_path)
     assert not summary["warnings"]
     assert summary["peak_stress"]["plate"]["error"] < 0.01
 
 
 def test_what_grows_towards_a_clamped_corner_is_no_peak(tmp_path: Path) -> None:
-    text = head("stress") + material("steel", E=210e3, nu=0.3)
-    text += body("bar", "steel", 0.5, box([0.0, 8.0], [0.0, 2.0])) + support("bar.left", ux=0.0, uy=0.0)
-    text += load("push", "bar.top", "pressure", pressure=1.0)
-    summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
+    bar = scene("stress").body("bar", "steel", 0.5, box=([0.0, 8.0], [0.0, 2.0]))
+    text = bar.support("bar.left", ux=0.0, uy=0.0).load("push", "bar.top", "pressure", pressure=1.0)
+    summary = done(text, tmp_path / "run")
     peak = summary["peak_stress"].get("bar")
     assert peak is None or peak["place"][0] > 0.25 * 2.0
 
 
 def test_where_a_load_ends_no_stress_meets_both_sides(tmp_path: Path) -> None:
     # Half of the jump had been warned of, 7 % here, and inside a load what its field leaves was its size.
-    text = head("strain") + material("steel", E=210e3, nu=0.3)
-    text += body("beam", "steel", 0.4, box([-10.0, 10.0], [0.0, 2.0]))
-    text += support("beam.left", ux=0.0, uy=0.0) + support("beam.right", ux=0.0, uy=0.0)
-    text += load("push", "beam.top", "pressure", pressure=20.0) + "from = [-0.5, 2.0]\nto = [0.5, 2.0]\n"
-    summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
+    text = (
+        scene("strain")
+        .body("beam", "steel", 0.4, box=([-10.0, 10.0], [0.0, 2.0]))
+        .support(["beam.left", "beam.right"], ux=0.0, uy=0.0)
+        .load("push", "beam.top", "pressure", pressure=20.0, from_=[-0.5, 2.0], to=[0.5, 2.0])
+    )
+    summary = done(text, tmp_path / "run")
     assert not any("peak stress" in warning for warning in summary["warnings"])
     assert summary["peak_stress"]["beam"]["error"] < 0.03
 
 
 def test_peaks_on_planes_of_symmetry_count(tmp_path: Path) -> None:
-    text = head("stress") + material("steel", E=210e3, nu=0.3)
     quarter = {"kind": "sector", "center": [0.0, 0.0], "radii": [1.0, 4.0], "angles": [0.0, 90.0]}
-    text += body("plate", "steel", 0.3, quarter)
-    text += support("plate.start", uy=0.0) + support("plate.end", ux=0.0)
-    text += load("pull", "plate.outer", "traction", traction=["x/4", 0.0])
-    summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
+    text = scene("stress").body("plate", "steel", 0.3, quarter)
+    text = text.support("plate.start", uy=0.0).support("plate.end", ux=0.0)
+    text = text.load("pull", "plate.outer", "traction", traction=["x/4", 0.0])
+    summary = done(text, tmp_path / "run")
     assert summary["peak_stress"]["plate"]["place"] == pytest.approx((0.0, 1.0), abs=1e-9)
 
 
@@ -129,15 +132,17 @@ def test_errors_along_fibres_are_larger_than_those_of_tractions(angle: float) ->
 def test_round_off_has_no_peak(tmp_path: Path) -> None:
     # Rollers that nothing presses had been said to be 170 % off at stresses of 1e-17; grids of contacts that
     # nothing presses shrank to a point, and the run was refused for what nodal pressures made of the others.
-    text = head("stress") + material("steel", E=210e3, nu=0.3)
-    text += body("base", "steel", 0.5, box([-3.0, 3.0], [-2.0, 0.0])) + support("base.bottom", ux=0.0, uy=0.0)
-    text += body("left", "steel", 0.3, disk([-1.5, 1.0], 1.0)) + body(
-        "right", "steel", 0.3, disk([1.5, 1.0], 1.0)
+    text = (
+        scene("stress")
+        .body("base", "steel", 0.5, box=([-3.0, 3.0], [-2.0, 0.0]))
+        .support("base.bottom", ux=0.0, uy=0.0)
+        .body("left", "steel", 0.3, disk=([-1.5, 1.0], 1.0))
+        .body("right", "steel", 0.3, disk=([1.5, 1.0], 1.0))
+        .contact("pressed", "left.arc", "base.top")
+        .contact("idle", "right.arc", "base.top")
+        .body_force("weight", "left", [0.0, -1.0])
     )
-    text += contact("pressed", "left.arc", "base.top") + contact("idle", "right.arc", "base.top")
-    text += item("load", name="weight", kind="body-force", body="left", body_force=[0.0, -1.0])
-    summary = run(write(tmp_path, text), out=tmp_path / "out", console=Quiet())
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     assert "right" not in summary["peak_stress"]
     hertz = np.sqrt(np.pi * 0.5 * 210e3 / np.pi)
     assert summary["contacts"]["pressed"]["peak_pressure"] == pytest.approx(hertz, rel=1e-3)

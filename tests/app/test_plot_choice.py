@@ -21,7 +21,7 @@ from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+from tests.app.scenes import BAR, PATCH, Quiet, done, hertz, solve
 from tests.app.test_paraview import CYLINDER
 
 FFMPEG = """
@@ -97,8 +97,8 @@ def test_units_are_labels_and_change_nothing(tmp_path: Path, monkeypatch: pytest
     kept: list[tuple[Any, ...]] = []
     monkeypatch.setattr(plot_module, "plot_pressure", lambda *given, **words: kept.append((*given, words)))
     monkeypatch.setattr(overlay, "plot_curves", lambda *given: kept.append(given))
-    units = '[units]\nlength = "mm"\nstress = "MPa"\nforce = "N/mm"\n'
-    plain, named = solve(PATCH, tmp_path / "a"), solve(PATCH + units, tmp_path / "b")
+    units = PATCH.table("units", length="mm", stress="MPa", force="N/mm")
+    plain, named = solve(PATCH, tmp_path / "a"), solve(units, tmp_path / "b")
     assert plain["contacts"] == named["contacts"]
     plot(tmp_path / "b", choice=Choice(what=("pressure", "force")))
     (*_, along, words), force = kept
@@ -155,8 +155,7 @@ def test_runs_are_drawn_over_each_other(
 
 
 def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
-    rough = solve(CYLINDER, tmp_path / "run")
-    assert rough["status"] == "done"
+    done(CYLINDER, tmp_path / "run")
     files = plot(tmp_path / "run", choice=Choice(what=("hysteresis", "loop")))
     assert {file.name for file in files} == {"plot_hysteresis_drum.png", "plot_loop_drum.png"}
     kept: list[tuple[Any, ...]] = []
@@ -207,9 +206,7 @@ def test_mp4_by_ffmpeg(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_arrows_point_as_their_factors_say_and_go_with_the_bodies(tmp_path: Path) -> None:
-    text = BAR.replace("squeeze = 1.0", "squeeze = 1.0\npull = -1.0")
-    assert "pull = -1.0" in text
-    solve(text, tmp_path / "run")
+    solve(BAR.changed("squeeze = 1.0", "squeeze = 1.0\npull = -1.0"), tmp_path / "run")
     run = read_run(tmp_path / "run")
     case = stored_case(run.case_resolved)
     first, _, last = (marks_at(run, case, state, 100.0).arrows for state in run.states)
@@ -226,11 +223,9 @@ def test_arrows_point_as_their_factors_say_and_go_with_the_bodies(tmp_path: Path
 
 def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plot_module, "FRAMES", 2)
-    case = tmp_path / "bar.toml"
-    case.write_text(BAR)
-    run_case(case, out=tmp_path / "run", console=Quiet())
+    solve(BAR, tmp_path / "run")
     (file,) = plot(tmp_path / "run", choice=Choice(animate=True))
-    run_case(case, out=tmp_path / "run", force=True, console=Quiet())
+    run_case(tmp_path / "run.toml", out=tmp_path / "run", force=True, console=Quiet())
     assert not file.exists()
 
 

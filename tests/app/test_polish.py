@@ -14,8 +14,7 @@ from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve.state import Polish
-from tests.app.scenes import BAR, FAST, NODAL, PATCH, Quiet, hertz, solve
-from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
+from tests.app.scenes import BAR, EXACT_LAW, FAST, HOLONOMIC, NODAL, PATCH, SHEARED, Quiet, hertz, solve
 
 POLISH, SMOOTH = "solver.polish=true", "solver.polish=false"
 COARSE = "contact.interface.regularization.eta=1e-3"
@@ -30,7 +29,7 @@ def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> No
     solve(text, tmp_path / "smooth", levels, COARSE, SMOOTH, *rough)
     polished = solve(text, tmp_path / "polished", levels, COARSE, POLISH, *rough)
     # The exact law of friction is given grids five times as fine.
-    exact_law = solve(text, tmp_path / "exact", levels, EXACT, FAST)
+    exact_law = solve(text, tmp_path / "exact", levels, EXACT_LAW, FAST)
     if "friction" in text:
         assert polished["polish"]["factorizations"] == exact_law["factorizations"]
     runs = {name: read_run(tmp_path / name) for name in ("smooth", "polished", "exact")}

@@ -11,9 +11,10 @@ import pytest
 from mlsanm_cli.app.results import probe
 from mlsanm_cli.app.results.path_lookup import SERIES, level_at
 from mlsanm_cli.case.starters import starter
-from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import AS_SERIES, BAR, PATCH, hertz, solve
+from tests.app.scenes import AS_SERIES, BAR, PATCH, SMOOTH_LAW, done, hertz, refused, solve
+from tests.case_text import probe as probe_text
 
 LOAD = -226.0
 PROBES = (
@@ -27,7 +28,7 @@ POINT = (0.003, -0.05)
 def hertz_probes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Hyperbolic law as it is, fields saved as in hertz_run: what is saved tells how fine grids are."""
     directory = tmp_path_factory.mktemp("probe") / "hertz"
-    assert solve(hertz(), directory, PROBES, "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)["status"] == "done"
+    done(hertz(), directory, PROBES, "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
     return directory
 
 
@@ -35,11 +36,9 @@ def hertz_probes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def friction_nodes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Smooth law with friction, pressed and sheared."""
     directory = tmp_path_factory.mktemp("probe") / "rubbing"
-    law = 'contact.interface.regularization.law="hyperbolic"'
-    coarse = ["contact.interface.accuracy=0.03"]
     probes = 'probe=[{name="p", body="block", point=[0.02, -0.05]}]'
-    settings = (law, probes, *coarse, "stage=[{press=1.0},{shear=1.0}]", "output.at=[1.4, 2.0]")
-    assert solve(starter("friction"), directory, *settings)["status"] == "done"
+    history = ("contact.interface.accuracy=0.03", "stage=[{press=1.0},{shear=1.0}]", "output.at=[1.4, 2.0]")
+    done(starter("friction"), directory, SMOOTH_LAW, probes, *history)
     return directory
 
 
@@ -49,8 +48,7 @@ def values(row: dict[str, Any]) -> Any:
 
 def test_linear_fields_are_exact(tmp_path: Path) -> None:
     """Uniaxial stress: E = 200e3, nu = 0.25, pulled by 30, then squeezed by 40."""
-    probes = 'probe=[{name="p", body="bar", point=[1.3, 0.7]}]'
-    summary = solve(BAR, tmp_path / "bar", probes)
+    summary = solve(BAR.probe("p", "bar", [1.3, 0.7]), tmp_path / "bar")
     for position, pull, squeeze in ((0.0, 0.0, 0.0), (0.3, 9.0, 0.0), (1.0, 30.0, 0.0), (1.6, 30.0, -24.0)):
         strain = (pull - 0.25 * squeeze) / 200e3, (squeeze - 0.25 * pull) / 200e3
         mises = np.sqrt(pull**2 - pull * squeeze + squeeze**2)
@@ -68,8 +66,8 @@ def test_linear_fields_are_exact(tmp_path: Path) -> None:
 def test_heat_and_grain(tmp_path: Path) -> None:
     """Wood pulled and sheared along axes turned by 30 degrees, then heated: strains even, stress stays."""
     case = (Path(__file__).parents[2] / "cases" / "orthotropic.toml").read_text()
-    settings = ("body.board.spacing=0.25", 'probe=[{name="p", body="board", point=[1.3, 0.7]}]')
-    solve(case, tmp_path / "run", *settings)
+    case += probe_text("p", "board", [1.3, 0.7])
+    solve(case, tmp_path / "run", "body.board.spacing=0.25")
     c, s = np.sqrt(0.75), 0.5
     own = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
     give = [[1 / 12e3, -0.4 / 12e3, 0.0], [-0.4 / 12e3, 1 / 0.9e3, 0.0], [0.0, 0.0, 1 / 0.7e3]]
@@ -165,7 +163,7 @@ def test_a_stage_that_moves_nothing_is_known_all_along(tmp_path: Path) -> None:
 
 
 def test_the_ghost_scheme_knows_points_by_probes_only(tmp_path: Path) -> None:
-    solve(BAR, tmp_path / "bar", 'mls.scheme="ghost"', 'probe=[{name="p", body="bar", point=[1.3, 1.0]}]')
+    solve(BAR.probe("p", "bar", [1.3, 1.0]), tmp_path / "bar", "mls.scheme=ghost")
     (row,) = probe.probe_named(tmp_path / "bar", [2.0], "p")
     assert (row["xx"], row["yy"]) == pytest.approx((30.0, -40.0), abs=1e-8)
     with pytest.raises(RunError, match="are not stored"):
@@ -216,25 +214,21 @@ def test_what_cannot_be_told_is_an_error(call: Any, words: str, hertz_probes: Pa
 
 def test_what_there_is_to_probe(hertz_probes: Path) -> None:
     found = probe.contents(hertz_probes)
-    assert found["path"] == [0.0, 1.0]
-    assert found["contacts"] == ["interface"]
+    expected = {"path": [0.0, 1.0], "contacts": ["interface"], "probes": ["below", "top"]}
+    assert {key: found[key] for key in expected} == expected
     assert "interface" in found["forces"]
-    assert found["probes"] == ["below", "top"]
     assert found["fields_at"] == [0.3, 0.7, 1.0]
 
 
+INSIDE = BAR.probe("p", "bar", [1.0, 0.5])
+
+
 @pytest.mark.parametrize(
-    ("setting", "key", "words"),
+    ("text", "key", "words"),
     [
-        ('probe=[{name="p", body="bar", point=[2.1, 0.5]}]', "probe.p.point", "outside body"),
-        (
-            'probe=[{name="p", body="bar", point=[1.0, 0.5]}, {name="p", body="bar", point=[1.0, 0.5]}]',
-            "probe.p.name",
-            "another probe",
-        ),
+        (BAR.probe("p", "bar", [2.1, 0.5]), "probe.p.point", "outside body"),
+        (INSIDE.probe("p", "bar", [1.0, 0.5]), "probe.p.name", "another probe"),
     ],
 )
-def test_wrong_probes(setting: str, key: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(CaseError) as error:
-        solve(BAR, tmp_path / "bar", setting)
-    assert any(p.key == key and words in p.message for p in error.value.problems), error.value.problems
+def test_wrong_probes(text: str, key: str, words: str, tmp_path: Path) -> None:
+    refused(text, tmp_path / "bar", key, words)

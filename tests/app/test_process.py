@@ -1,63 +1,51 @@
-"""Runs as processes of their own: signals and locks."""
+"""Runs as processes: signals, which end them in order, at once only when asked twice, and locks."""
 
 from __future__ import annotations
 
-import json
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
+import pytest
+
+from mlsanm_cli.app.context import Stopper
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.resume import resume
+from mlsanm_cli.app.sweep.point import SweepPoint, solve_point
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.runs import resumed_differences
-from tests.app.scenes import Quiet, hertz, solve
-from tests.app.test_friction import SHEARED
-
-ROOT = Path(__file__).parents[2]
-PATIENCE = 120.0
-
-
-QUICK = hertz().replace("accuracy = 0.01", "accuracy = 0.1")
+from mlsanm_cli.system import STOPPING
+from tests.app.processes import CLI, ENVIRONMENT, LONG, PATIENCE, wait_for_steps
+from tests.app.runs import resumed_differences, summary_of
+from tests.app.scenes import SHEARED, Quiet, solve
 
 
 def start(
-    directory: Path, text: str, *arguments: str, program: tuple[str, ...] = ("-m", "mlsanm_cli.cli")
+    directory: Path, text: str, *arguments: str, program: tuple[str, ...] = CLI
 ) -> subprocess.Popen[str]:
     (directory / "case.toml").write_text(text)
     return subprocess.Popen(
         [sys.executable, *program, "run", "case.toml", "--out", "run", *arguments],
         cwd=directory,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env=ENVIRONMENT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
 
 
-def wait_for_steps(directory: Path, steps: int, process: subprocess.Popen[str]) -> None:
-    events = directory / "run" / "events.jsonl"
-    end = time.monotonic() + PATIENCE
-    while not events.is_file() or events.read_text().count('"step"') < steps:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def test_a_second_run_is_refused_and_a_signal_leaves_a_readable_one(tmp_path: Path) -> None:
-    # Thousands of saved states: the run would continue for a minute.
-    positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
-    text = QUICK + f"\n[output]\nvtu = false\nat = [{positions}]\n"
-    process = start(tmp_path, text)
-    wait_for_steps(tmp_path, 5, process)
+    process = start(tmp_path, LONG)
+    wait_for_steps(tmp_path / "run", 5, lambda: process.poll() is None)
     told = info(tmp_path / "run")
     assert (told["status"], f"process {process.pid} on" in told["stop_reason"]) == ("running", True)
-    other = start(tmp_path, text, "--force")
+    other = start(tmp_path, LONG, "--force")
     _, err = other.communicate(timeout=PATIENCE)
     assert other.returncode == 2
     assert f"run is being written by process {process.pid}" in err
@@ -65,7 +53,7 @@ def test_a_second_run_is_refused_and_a_signal_leaves_a_readable_one(tmp_path: Pa
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, "SIGTERM" in out) == (75, True)
     assert "Traceback" not in err
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    summary = summary_of(tmp_path / "run")
     assert summary["status"] == "stopped"
     assert "signal" in summary["stop_reason"]
     run = read_run(tmp_path / "run")
@@ -83,13 +71,81 @@ def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
     # Files of a run as short as this one would be written at its beginning and its end only.
     always = "run_file.SAVE_INTERVAL = run_file.MIN_INTERVAL_RATIO = 0.0; "
     eager = "import sys; from mlsanm_cli.io import run_file; " + always
-    process = start(
-        tmp_path, SHEARED, "--quiet", program=("-c", eager + "from mlsanm_cli.cli import main; main()")
-    )
-    wait_for_steps(tmp_path, 20, process)
+    program = ("-c", eager + "from mlsanm_cli.cli import main; main()")
+    process = start(tmp_path, SHEARED, "--quiet", program=program)
+    wait_for_steps(tmp_path / "run", 20, lambda: process.poll() is None)
     process.kill()
     process.communicate()
     assert read_run(tmp_path / "run").path.rows >= 19
     assert "killed" in info(tmp_path / "run")["stop_reason"]
     assert resume(tmp_path / "run", console=Quiet())["status"] == "done"
     assert resumed_differences(tmp_path / "case", tmp_path / "run") == []
+
+
+def test_a_process_of_a_pool_ends_at_once(tmp_path: Path) -> None:
+    """Its pool terminates it and waits: an orderly end would leave it waiting for points for good."""
+    case, run = tmp_path / "case.toml", tmp_path / "run"
+    case.write_text(LONG)
+    point = SweepPoint(case, (), run, "run", threads=1, memory=1, argv=(), done=False)
+    process = multiprocessing.get_context("spawn").Process(target=solve_point, args=(point,))
+    process.start()
+    wait_for_steps(run, 3, process.is_alive)
+    process.terminate()
+    process.join(PATIENCE)
+    assert process.exitcode == -signal.SIGTERM
+    # What was done since run.h5 was last written is lost; the file is whole.
+    read_run(run)
+
+
+@pytest.mark.parametrize("number", STOPPING)
+def test_the_first_signal_waits_and_the_second_does_not(number: signal.Signals) -> None:
+    with Stopper() as stopper:
+        stopper.gentle = True
+        stopper.check()
+        os.kill(os.getpid(), number)
+        assert number.name in stopper.reason
+        with pytest.raises(KeyboardInterrupt):
+            stopper.check()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), number)
+
+
+def test_an_ungentle_one_is_raised_and_remembered() -> None:
+    before = [signal.getsignal(number) for number in STOPPING]
+    with Stopper() as stopper:
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            stopper.check()
+    assert [signal.getsignal(number) for number in STOPPING] == before
+
+
+def test_the_wall_time_comes_as_a_signal() -> None:
+    with Stopper(max_wall=0.05) as stopper:
+        stopper.gentle = True
+        stopper.check()
+        time.sleep(0.1)
+        assert "wall time" in stopper.reason
+        with pytest.raises(KeyboardInterrupt, match=r"wall time of 0\.05 s is over"):
+            stopper.check()
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    with Stopper(max_wall=0.05), pytest.raises(KeyboardInterrupt, match="wall time"):
+        time.sleep(1.0)
+
+
+def test_the_wall_time_holds_in_a_thread() -> None:
+    found = []
+
+    def wait() -> None:
+        with Stopper(max_wall=0.05) as stopper:
+            stopper.check()
+            time.sleep(0.1)
+            try:
+                stopper.check()
+            except KeyboardInterrupt as stop:
+                found.append(str(stop))
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    thread.join()
+    assert found == ["the wall time of 0.05 s is over"]

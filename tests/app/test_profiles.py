@@ -1,36 +1,134 @@
-"""Rigid profiles from tables: waves that touch in one place, small summits between nodes of grids."""
+"""Gaps given as expressions, profiles and outlines through points, against closed formulas."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
+from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import Quiet, solve
-from tests.case_text import body, box, contact, head, material, pushed, support
+from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.io.run_reader import ContactData, read_run
+from mlsanm_cli.reference.hertz import HertzLine
+from tests.app.scenes import EXACT_LAW, Quiet, done, prepared, refused, solve
+from tests.case_text import EXACT, FLOOR, Scene, body, contact, load, polyline, scene, support
+
+E, NU = 1000.0, 0.3
+HEAD = scene("strain", "stuff", E=E)
+CLAMP = support("lower.bottom", uy=0.0)
+
+
+def between_rollers(name: str, y: tuple[float, float]) -> Scene:
+    sides = support([f"{name}.left", f"{name}.right"], ux=0.0)
+    return body(name, "stuff", box=((0.0, 1.0), y)) + sides
+
+
+UPPER, LOWER = between_rollers("upper", (0.0, 1.0)), between_rollers("lower", (-1.0, 0.0))
+
+
+def press(force: float) -> Scene:
+    return load("press", "upper.top", "platen", fy=force)
+
+
+def on_plane(gap: str | float) -> Scene:
+    return contact("c", "upper.bottom", obstacle=FLOOR, gap=gap)
+
+
+def westergaard(x: FloatArray, length: float, load: float, full: float) -> FloatArray:
+    """Pressures of a wave of this ``length`` and its deepest contact at x = 0 under a mean pressure ``load``,
+    which ``full`` flattens (Johnson, Contact Mechanics, 1985, section 13.2)."""
+    phase, edge = np.sin(np.pi * x / length) ** 2, load / full
+    root = np.sqrt(np.maximum(edge - phase, 0.0))
+    return 2.0 * load * np.abs(np.cos(np.pi * x / length)) / edge * root
+
+
+def contact_of(text: str, directory: Path, *overrides: str) -> ContactData:
+    done(text, directory, *overrides)
+    return read_run(directory).contacts["c"]
+
+
+@pytest.mark.parametrize(("below", "waves"), [("plane", 2), ("swapped", 1)])
+def test_a_wavy_gap_on_flat_faces(below: str, waves: int, tmp_path: Path) -> None:
+    length, height = 1.0 / waves, 1e-4
+    modulus = E / (1.0 - NU**2) / (1.0 if below == "plane" else 2.0)
+    full = np.pi * modulus * height / length
+    mean = 0.3 * full
+    gap = f"{height}*(1 - cos(2*pi*(x - {0.5 * length})*{waves}))"
+    text = HEAD + UPPER + press(-mean)
+    pair = LOWER + CLAMP + contact("c", "lower.top", "upper.bottom", gap=gap)
+    text += on_plane(gap) if below == "plane" else pair
+    found = contact_of(text, tmp_path / "run", EXACT_LAW, "contact.c.accuracy=5e-3")
+    pressure, x, lengths = found.pressure[-1], found.points[:, 0], found.weight
+    expected = westergaard(x - 0.5 * length, length, mean, full)
+    error = np.sqrt((lengths @ (pressure - expected) ** 2) / (lengths @ expected**2))
+    assert error <= 5e-3
+    assert pressure.max() == pytest.approx(expected.max(), rel=5e-3)
+
+
+@pytest.mark.usefixtures("by_nodes")
+def test_nodes_know_the_gap_as_grids_do(tmp_path: Path) -> None:
+    modulus, height = E / (1.0 - NU**2) / 2.0, 1e-3
+    full = np.pi * modulus * height
+    text = HEAD + CLAMP + press(-0.5 * full)
+    for part, edge in ((UPPER, "bottom"), (LOWER, "top")):
+        fine = f"refine = [{{ along = '{edge}', spacing = 0.08, radius = 0.0 }}]\nshape"
+        text += part.changed("shape", fine)
+    text += contact("c", "upper.bottom", "lower.top", gap=f"{height}*(1 - cos(2*pi*x - pi))")
+    found = contact_of(text, tmp_path / "run", EXACT_LAW)
+    pressure, x = found.pressure[-1], found.points[:, 0]
+    expected = westergaard(x - 0.5, 1.0, 0.5 * full, full)
+    assert np.sqrt(((pressure - expected) ** 2).sum() / (expected**2).sum()) <= 0.08
+
+
+def test_a_crowned_gap_is_hertz_contact(tmp_path: Path) -> None:
+    radius, force = 10.0, 2.0
+    modulus = E / (1.0 - NU**2) / 2.0
+    text = HEAD.body("upper", "stuff", box=((-2.0, 2.0), (0.0, 2.0)))
+    text = text.body("lower", "stuff", box=((-2.0, 2.0), (-2.0, 0.0))) + CLAMP + press(-force)
+    text = text.pin("lower", [0.0, -2.0], ux=0.0).pin("upper", [0.0, 2.0], ux=0.0)
+    text = text.contact("c", "upper.bottom", "lower.top", gap=f"x**2/{2.0 * radius}")
+    found = contact_of(text, tmp_path / "run")
+    half = np.sqrt(4.0 * force * radius / (np.pi * modulus))
+    peak = np.sqrt(force * modulus / (np.pi * radius))
+    assert found.pressure[-1].max() == pytest.approx(peak, rel=5e-3)
+    loaded = found.points[found.pressure[-1] > 1e-3 * peak, 0]
+    assert np.abs(loaded).max() == pytest.approx(half, rel=2e-2)
+
+
+def test_a_constant_gap_is_as_if_drawn(tmp_path: Path) -> None:
+    text = HEAD + UPPER + load("press", "upper.top", "platen", uy=-0.01) + on_plane(0.004)
+    found = contact_of(text, tmp_path / "run")
+    stiff = E * (1.0 - NU) / ((1.0 + NU) * (1.0 - 2.0 * NU))
+    np.testing.assert_allclose(found.pressure[-1], 0.006 * stiff, rtol=1e-6)
+
+
+def test_a_gap_without_a_value_is_told_by_its_key(tmp_path: Path) -> None:
+    text = HEAD + UPPER + press(-1.0) + on_plane("sqrt(x - 0.5)")
+    refused(text, tmp_path / "run", "contact.c.gap", "has no value")
+
 
 MODULUS = 70e3 / 0.91
 
 
-def pressed(
+def under_profile(
     points: FloatArray, force: float, directory: Path, accuracy: float
 ) -> tuple[FloatArray, FloatArray]:
     """Places along x and pressures, in order, at the end of a run without warnings."""
-    console, profile = Quiet(), {"kind": "polyline", "points": points.tolist()}
+    console = Quiet()
     text = (
-        head("strain")
-        + material("alloy", E=70e3, nu=0.3)
-        + body("block", "alloy", shape=box([0.0, points[-1, 0]], [-2.0, 0.0]))
-        + support("block.bottom", uy=0.0)
-        + support("block.left", ux=0.0)
-        + support("block.right", ux=0.0)
-        + contact("face", "block.top", obstacle=profile, accuracy=accuracy)
-        + pushed("press", "face", fy=-force)
+        scene("strain", "alloy", E=70e3)
+        .body("block", "alloy", box=([0.0, points[-1, 0]], [-2.0, 0.0]))
+        .support("block.bottom", uy=0.0)
+        .support("block.left", ux=0.0)
+        .support("block.right", ux=0.0)
+        .contact("face", "block.top", obstacle=polyline(*points.tolist()), accuracy=accuracy)
+        .pushed("press", "face", fy=-force)
     )
-    summary = solve(text, directory, console=console)
-    assert summary["status"] == "done", summary["stop_reason"]
+    done(text, directory, console=console)
     assert not console.warnings
     found = read_run(directory).contacts["face"]
     x = found.points[:, 0]
@@ -43,7 +141,7 @@ def test_a_wave_from_a_table_is_a_smooth_wave(tmp_path: Path) -> None:
     height, mean = 0.003, 30.0
     x = np.linspace(0.0, 1.0, 49)
     wave = np.column_stack([x, 0.5 * height * (1.0 + np.cos(2.0 * np.pi * x))])
-    _, pressure = pressed(wave, mean, tmp_path, 0.01)
+    _, pressure = under_profile(wave, mean, tmp_path, 0.01)
     full = 0.5 * np.pi * MODULUS * height
     assert abs(pressure.max() / (2.0 * np.sqrt(mean * full)) - 1.0) < 2e-3
 
@@ -57,5 +155,91 @@ def test_a_small_summit_apart_from_the_others_touches(tmp_path: Path) -> None:
     gap = 0.5 * wide**2 / radius * (ratio * np.sqrt(ratio**2 - 1.0) - np.arccosh(ratio))
     summit = (gap + 1e-4) * np.exp(-(((x - at) / 0.02) ** 4))
     profile = np.column_stack([x, 0.5 * (x - 0.6) ** 2 / radius - summit])
-    place, pressure = pressed(profile, force, tmp_path, 0.05)
+    place, pressure = under_profile(profile, force, tmp_path, 0.05)
     assert pressure[np.abs(place - at) < 0.02].max(initial=0.0) > 0.0
+
+
+def test_a_wavy_surface_has_westergaards_pressures(tmp_path: Path) -> None:
+    """A block with waves of length 1 between rollers under a rigid plane (Johnson, Contact Mechanics, 1985,
+    section 13.2)."""
+    waves, height, mean = 3, 1e-3, 0.2
+    x = np.linspace(0.0, waves, 16 * waves + 1)
+    profile = np.column_stack([x, -height * np.cos(2.0 * np.pi * x)])
+    np.savetxt(tmp_path / "profile.csv", profile, delimiter=",", header="x,y", comments="", fmt="%.17g")
+    full = np.pi * E / 0.91 * height
+    sides = [{"name": "top", "file": "profile.csv"}, {"name": "right", "to": [float(waves), -1.5]}]
+    sides += [{"name": "bottom", "to": [0.0, -1.5]}, {"name": "left"}]
+    text = (
+        scene("strain", E=E)
+        .body("block", "steel", shape={"kind": "outline", "sides": sides})
+        .support("block.bottom", uy=0.0)
+        .support(["block.left", "block.right"], ux=0.0)
+        .pushed("press", "lid", fy=-mean * full * waves)
+        .contact("lid", "block.top", accuracy=0.01, regularization=EXACT, plane=([0.0, height], [0.0, -1.0]))
+    )
+    assert solve(text, tmp_path / "wavy")["nodes"] < 500
+    found = read_run(tmp_path / "wavy").contacts["lid"]
+    points, pressure = found.points, found.pressure[-1]
+    for wave in range(waves):
+        here = (points[:, 0] >= wave) & (points[:, 0] < wave + 1)
+        assert pressure[here].max() == pytest.approx(2.0 * full * np.sqrt(mean), rel=0.01)
+        half = np.arcsin(np.sqrt(mean)) / np.pi
+        away = np.abs(points[here, 0] - wave - 0.5)
+        assert away[pressure[here] > 0.0].max() == pytest.approx(half, rel=0.05)
+
+
+def test_shallow_waves_need_no_fine_nodes_and_tight_turns_do() -> None:
+    def finest(x: FloatArray, y: FloatArray, far: float) -> float:
+        spline = SplinePart(NodeSpline(np.stack([x, y], axis=1), False), 0, len(x) - 1)
+        return min([far, *(zone.spacing for zone in arc_zones(Outline(("a",), (spline,)), far))])
+
+    x = np.linspace(0.0, 20.0, 801)
+    assert finest(x, 0.01 * np.cos(2.0 * np.pi * x), 1.0) == 1.0
+    assert finest(x, 0.1 * np.cos(2.0 * np.pi * x), 1.0) < 0.2
+    angle = np.linspace(0.0, np.pi, 41)
+    # As along arcs: a fifth of the radius, in hollows a fourteenth.
+    x, y = -0.5 * np.cos(angle), -0.5 * np.sin(angle)
+    assert 0.06 <= finest(x, y, 0.5) <= 0.1
+    assert 0.03 <= finest(x[::-1], y[::-1], 0.5) <= 0.05
+
+
+def test_last_bits_of_flat_surfaces_are_no_places_of_contact() -> None:
+    noise = 1e-16 * np.random.default_rng(1).normal(size=200)
+    assert len(valleys(noise, 1e-9)) == 1
+    x = np.linspace(0.0, 5.0, 401)
+    found = valleys(-1e-3 * np.cos(2.0 * np.pi * (x - 0.5)) + noise[0], 1e-9)
+    assert x[found] == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5], abs=0.02)
+
+
+def flanks(first: tuple[float, float], second: tuple[float, float], spacing: Any, **press: float) -> Scene:
+    """Two teeth with involutes of two base and curvature radii, that touch at the pitch point."""
+
+    def flank(base: float, radius: float, sign: float) -> list[list[float]]:
+        a = np.linspace(-0.3, 0.25, 21)
+        ahead, across = np.stack([np.cos(a), np.sin(a)], axis=1), np.stack([-np.sin(a), np.cos(a)], axis=1)
+        points = np.array([-base, -radius]) + base * ahead + (radius - base * a)[:, None] * across
+        return [[float(sign * x), float(sign * y)] for x, y in points]
+
+    text = scene("strain", E=E)
+    for name, sign, points in (("one", 1.0, flank(*first, 1.0)), ("two", -1.0, flank(*second, -1.0))):
+        ends = {"to": [points[-1][0], -sign]}, {"name": "base", "to": [points[0][0], -sign]}
+        sides = [{"name": "flank", "points": points}, *ends, {}]
+        text = text.body(name, "steel", spacing, {"kind": "outline", "sides": sides})
+    text = text.support("one.base", ux=0.0, uy=0.0).load("press", "two.base", "platen", **press)
+    return text.contact("mesh", "two.flank", "one.flank", regularization=EXACT)
+
+
+def test_flanks_of_gears_from_points(tmp_path: Path) -> None:
+    """Two involutes touch as circles of their radii of curvature do."""
+    force = 0.3
+    text = flanks((3.0, 1.0), (4.0, 1.5), None, ux=0.0, fy=-force)
+    found = solve(text, tmp_path / "gears")["contacts"]["mesh"]
+    hertz = HertzLine(force, 1.0 / (1.0 + 1.0 / 1.5), 0.5 * E / 0.91)
+    assert found["peak_pressure"] == pytest.approx(hertz.peak_pressure, rel=5e-3)
+
+
+def test_which_of_two_equal_flanks_gives_directions_does_not_depend_on_nodes() -> None:
+    """Curvatures are compared where the flanks touch, not at the nodes next to that place: what resists their
+    motion along each other is curvature alone, and varied by 1 to 2 %."""
+    texts = (flanks((3.0, 1.0), (3.0, 1.0), spacing, fy=-3.0) for spacing in (0.1, 0.083, 0.07))
+    assert len({prepared(text).ranges["mesh"].facing.slave_first for text in texts}) == 1

@@ -16,7 +16,7 @@ from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
 from tests.app.scenes import ANM, BAR, FAST, Quiet, hertz, solve
-from tests.case_text import body, box, head, load, material, support
+from tests.case_text import scene
 
 VOID = {"meta", "img", "br", "link"}
 
@@ -89,21 +89,13 @@ def test_two_runs_in_one_small_file(punches_run: Path, bar_run: Path, tmp_path: 
         data = base64.b64decode((image["src"] or "").partition(",")[2])
         assert data.startswith(b"\x89PNG")
     text = " ".join(page.text)
-    for words in (
-        "2 runs",
-        "side by side",
-        "Provenance",
-        "under-left: peak pressure",
-        "strain energy",
-        "passes",
-        "[[load]]",
-    ):
+    provenance = ("side by side", "Provenance", "under-left: peak pressure", "strain energy", "passes")
+    for words in ("2 runs", "[[load]]", *provenance):
         assert words in text
 
 
 def test_a_run_has_its_report_beside_it_and_loses_it_with_force(tmp_path: Path) -> None:
-    units = '[units]\nstress = "MPa"\n'
-    solve(hertz() + units, tmp_path / "run", FAST)
+    solve(hertz().table("units", stress="MPa"), tmp_path / "run", FAST)
     path = report([tmp_path / "run"])
     assert path == tmp_path / "run" / "report.html"
     page = read(path)
@@ -117,7 +109,7 @@ def test_a_run_has_its_report_beside_it_and_loses_it_with_force(tmp_path: Path) 
 
 
 def test_what_stands_in_a_case_is_no_html(tmp_path: Path) -> None:
-    text = BAR.replace("format = 1", 'format = 1\ntitle = "<b onclick=alert(1)>&amp;</b>"', 1)
+    text = BAR.changed("format = 1", 'format = 1\ntitle = "<b onclick=alert(1)>&amp;</b>"', 1)
     solve(text, tmp_path / "run")
     page = read(report([tmp_path / "run"]))
     assert not page.of("b")
@@ -156,8 +148,8 @@ def test_the_command(bar_run: Path, tmp_path: Path, afterwards: pytest.MonkeyPat
 
 def test_forces_balance_in_the_table() -> None:
     """Two loads that displace one boundary have its force together; contacts have a table of their own."""
-    moving = body("bar", "steel", 0.25, box([0.0, 2.0], [0.0, 1.0])) + support("bar.bottom", ux=0.0, uy=0.0)
-    moving += load("down", "bar.top", "displacement", uy=-0.1) + load("on", "bar.top", "displacement", ux=0.1)
-    case = stored_case(head("strain") + material("steel", E=1.0, nu=0.3) + moving)
+    bar = scene("strain", E=1.0).body("bar", "steel", 0.25, box=([0.0, 2.0], [0.0, 1.0]))
+    down = bar.support("bar.bottom", ux=0.0, uy=0.0).load("down", "bar.top", "displacement", uy=-0.1)
+    case = stored_case(down.load("on", "bar.top", "displacement", ux=0.1))
     forces = {"down": [1.0, -2.0], "on": [1.0, -2.0], "bar.bottom": [-1.0, 2e-12], "contact a": [0.0, 1.0]}
     assert _joined_forces(forces, case) == [("down, on", ["1", "-2"]), ("bar.bottom", ["-1", "0"])]

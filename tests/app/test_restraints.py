@@ -7,69 +7,42 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene.assemble import SceneModel, prepare
-from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.free_motions import free_motions
-from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.mechanics.rigid import ROTATION
-from tests.app.scenes import solve
-from tests.case_text import (
-    EXACT,
-    annulus,
-    body,
-    box,
-    contact,
-    disk,
-    head,
-    item,
-    load,
-    material,
-    pin,
-    plane,
-    polygon,
-    pushed,
-    support,
-)
+from tests.app.scenes import done, prepared, solve
+from tests.case_text import EXACT, FLOOR, Scene, body_force, polygon, scene
 
 SQUEEZED = (
-    head("strain")
-    + material("rubber", E=50.0, nu=0.45)
-    + body("base", "rubber", shape=box([-9.549841954259321, 9.549841954259321], [0.0, 2.657353613610373]))
-    + body("disk", "rubber", shape=disk([0.0, 4.9096456071428705], 2.2522919935324976))
-    + body("lid", "rubber", shape=box([-4.9, 4.9], [7.161937600675368, 11.299480446932417]))
-    + support("base.bottom", ux=0.0, uy=0.0)
-    + load("press", "lid.top", "platen", fy=-2.0, ux=0.0)
-    + contact("lower", "base.top", "disk.arc")
-    + contact("upper", "disk.arc", "lid.bottom")
+    scene("strain", "rubber", E=50.0, nu=0.45)
+    .body("base", "rubber", box=([-9.549841954259321, 9.549841954259321], [0.0, 2.657353613610373]))
+    .body("disk", "rubber", disk=([0.0, 4.9096456071428705], 2.2522919935324976))
+    .body("lid", "rubber", box=([-4.9, 4.9], [7.161937600675368, 11.299480446932417]))
+    .support("base.bottom", ux=0.0, uy=0.0)
+    .load("press", "lid.top", "platen", fy=-2.0, ux=0.0)
+    .contact("lower", "base.top", "disk.arc")
+    .contact("upper", "disk.arc", "lid.bottom")
 )
 FIT = (
-    head("strain")
-    + material("steel", E=210e3, nu=0.3)
-    + body("ring", "steel", 0.4, annulus([0.0, 0.0], [1.0, 2.0]))
-    + body("shaft", "steel", 0.4, disk([0.0, 0.0], 1.0))
-    + contact("fit", "shaft.arc", "ring.inner", interference=0.001)
+    scene("strain")
+    .body("ring", "steel", 0.4, annulus=([0.0, 0.0], [1.0, 2.0]))
+    .body("shaft", "steel", 0.4, disk=([0.0, 0.0], 1.0))
+    .contact("fit", "shaft.arc", "ring.inner", interference=0.001)
 )
 PINS = (
-    head("strain")
-    + material("cast", E=110e3, nu=0.25)
-    + body("plate", "cast", shape=box([-20.0, 20.0], [0.0, 8.0]))
-    + load("push", "plate.top", "pressure", pressure=50.0)
-    + contact("left", "plate.bottom", obstacle=disk([-14.0, -5.0], 5.0), regularization=EXACT, accuracy=0.01)
-    + contact("right", "plate.bottom", obstacle=disk([16.0, -5.0], 5.0), regularization=EXACT, accuracy=0.01)
+    scene("strain", "cast", E=110e3, nu=0.25)
+    .body("plate", "cast", box=([-20.0, 20.0], [0.0, 8.0]))
+    .load("push", "plate.top", "pressure", pressure=50.0)
+    .contact("left", "plate.bottom", disk=([-14.0, -5.0], 5.0), regularization=EXACT, accuracy=0.01)
+    .contact("right", "plate.bottom", disk=([16.0, -5.0], 5.0), regularization=EXACT, accuracy=0.01)
 )
 
 
-def weight(of: str, value: float) -> str:
-    return item("load", name="weight", kind="body-force", body=of, body_force=[0.0, value])
+def weight(of: str, value: float) -> Scene:
+    return body_force("weight", of, [0.0, value])
 
 
-def prepared(text: str) -> SceneModel:
-    case = parse_case(text, Path("case.toml")).case
-    return prepare(case, clouds(case))
-
-
-def seal(unit: float = 1.0, modulus: float = 8.0, turned: bool = False) -> str:
+def seal(unit: float = 1.0, modulus: float = 8.0, turned: bool = False) -> Scene:
     """A seal squeezed into a groove that it fills only then; ``turned`` by 90 degrees."""
 
     def place(x: float, y: float) -> list[float]:
@@ -79,12 +52,11 @@ def seal(unit: float = 1.0, modulus: float = 8.0, turned: bool = False) -> str:
     law = {"regularization": EXACT, "accuracy": 0.03}
     groove = {"kind": "polyline", "points": [place(*one) for one in walls]}
     return (
-        head("strain")
-        + material("rubber", E=modulus, nu=0.45)
-        + body("seal", "rubber", shape=disk(place(0.0, 3.0), 3.0 * unit))
-        + pushed("close", "lid", displacement=place(0.0, -0.6))
-        + contact("groove", "seal.arc", obstacle=groove, **law)
-        + contact("lid", "seal.arc", obstacle=plane(place(0.0, 6.0), place(0.0, -1.0)), **law)
+        scene("strain", "rubber", E=modulus, nu=0.45)
+        .body("seal", "rubber", disk=(place(0.0, 3.0), 3.0 * unit))
+        .pushed("close", "lid", displacement=place(0.0, -0.6))
+        .contact("groove", "seal.arc", obstacle=groove, **law)
+        .contact("lid", "seal.arc", plane=(place(0.0, 6.0), place(0.0, -1.0)), **law)
     )
 
 
@@ -115,37 +87,34 @@ def test_a_motion_of_two_bodies_names_both() -> None:
 
 
 BORE = (
-    head("stress")
-    + material("steel", E=210e3, nu=0.3)
-    + body("inner", "steel", shape=annulus([3.0, 1.0], [10.0, 20.0]))
-    + body("outer", "steel", shape=annulus([3.0, 1.0], [20.0, 30.0]))
-    + load("oil", "inner.inner", "pressure", pressure=30.0)
-    + contact("fit", "inner.outer", "outer.inner", interference=0.01)
+    scene("stress")
+    .body("inner", "steel", annulus=([3.0, 1.0], [10.0, 20.0]))
+    .body("outer", "steel", annulus=([3.0, 1.0], [20.0, 30.0]))
+    .load("oil", "inner.inner", "pressure", pressure=30.0)
+    .contact("fit", "inner.outer", "outer.inner", interference=0.01)
 )
 
 
 def test_forces_that_all_point_at_the_centre_drive_no_rotation() -> None:
     """Their moment is round-off, and so are its parts; that of a slight shear is not."""
     assert any(note.startswith("body inner: rotation is fixed at 0") for note in prepared(BORE).notes)
-    spin = item("load", name="spin", kind="body-force", body="outer", body_force=["0.03*(x-3)", "0.03*(y-1)"])
+    spin = body_force("spin", "outer", ["0.03*(x-3)", "0.03*(y-1)"])
     assert prepared(BORE + spin).notes
-    drag = item("load", name="drag", kind="traction", boundary="outer.outer")
-    turning = drag + 'traction = ["1e-3*(1-y)/30", "1e-3*(x-3)/30"]\n'
+    drag = ["1e-3*(1-y)/30", "1e-3*(x-3)/30"]
     with pytest.raises(CaseError, match="nothing resists its force"):
-        prepared(BORE + turning)
+        prepared(BORE.load("drag", "outer.outer", "traction", traction=drag))
 
 
-def pendulum(way: tuple[float, float]) -> str:
+def pendulum(way: tuple[float, float]) -> Scene:
     """A disk held at its top, towards which a plane pushes it."""
     up = np.array(way)
     top, below, moved = ((size * up).tolist() for size in (10.0, -10.0, 0.01))
     return (
-        head("strain")
-        + material("steel", E=210e3, nu=0.3)
-        + body("disk", "steel", shape=disk([0.0, 0.0], 10.0))
-        + pin("disk", top, ux=0.0, uy=0.0)
-        + contact("floor", "disk.arc", obstacle=plane(below, list(way)))
-        + pushed("press", "floor", displacement=moved)
+        scene("strain")
+        .body("disk", "steel", disk=([0.0, 0.0], 10.0))
+        .pin("disk", top, ux=0.0, uy=0.0)
+        .contact("floor", "disk.arc", plane=(below, list(way)))
+        .pushed("press", "floor", displacement=moved)
     )
 
 
@@ -157,9 +126,7 @@ def test_a_disk_held_at_its_top_may_turn_about_it(way: tuple[float, float]) -> N
     assert found.weak[0].warning.startswith("body disk: rotation is hardly resisted")
     assert found.weak[0].idle == ("disk", ROTATION)
     aside = [way[1], -way[0]]
-    driven = prepared(
-        pendulum(way) + item("load", name="wind", kind="body-force", body="disk", body_force=aside)
-    )
+    driven = prepared(pendulum(way).body_force("wind", "disk", aside))
     assert driven.weak[0].idle is None
 
 
@@ -169,12 +136,11 @@ def test_a_plate_pressed_on_an_oblique_plane_does_not_slip(away: tuple[float, fl
     turn = np.array([[away[1], -away[0]], away])
     corners = (np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]) @ turn).tolist()
     text = (
-        head("stress")
-        + material("cork", E=100.0, nu=0.0)
-        + body("block", "cork", 0.4, polygon(corners, "foot right top left"))
-        + contact("floor", "block.foot", obstacle=plane([0.0, 0.0], list(away)))
-        + load("press", "block.top", "platen", force=[-4.0 * part for part in away])
-        + item("probe", name="middle", body="block", point=(np.array([2.0, 1.0]) @ turn).tolist())
+        scene("stress", "cork", E=100.0, nu=0.0)
+        .body("block", "cork", 0.4, polygon(corners, "foot right top left"))
+        .contact("floor", "block.foot", plane=([0.0, 0.0], list(away)))
+        .load("press", "block.top", "platen", force=[-4.0 * part for part in away])
+        .probe("middle", "block", (np.array([2.0, 1.0]) @ turn).tolist())
     )
     summary = solve(text, tmp_path / "run")
     middle = 1.0 * (4.0 / 4.0) / 100.0
@@ -209,19 +175,19 @@ def test_a_hold_that_would_carry_much_is_told(tmp_path: Path) -> None:
 
 def test_a_seal_fills_its_groove_in_all_directions_and_units(tmp_path: Path) -> None:
     one = solve(seal(), tmp_path / "one")
-    other = solve(seal(turned=True, unit=1e3, modulus=8e-6), tmp_path / "other")
-    assert other["status"] == "done", other["stop_reason"]
+    other = done(seal(turned=True, unit=1e3, modulus=8e-6), tmp_path / "other")
     for name, found in one["contacts"].items():
         peak = 1e-6 * found["peak_pressure"]
         assert other["contacts"][name]["peak_pressure"] == pytest.approx(peak, rel=1e-6)
     assert other["stability"] == pytest.approx(one["stability"], rel=1e-6)
 
 
+ROLLING = SQUEEZED.changed('boundary = "base.bottom"\nux = 0.0\n', 'boundary = "base.bottom"\n')
+
+
 @pytest.mark.parametrize("point", [[0.0, 0.0], [3.0, 1.0], [9.549841954259321, 2.0]])
 def test_a_support_holds_the_point_that_it_names(point: list[float]) -> None:
-    pinned = f'[[support]]\nbody = "base"\nnear = {point}\nux = 0.0\n'
-    text = SQUEEZED.replace('boundary = "base.bottom"\nux = 0.0\n', 'boundary = "base.bottom"\n')
-    found = prepared(text + pinned)
+    found = prepared(ROLLING.pin("base", point, ux=0.0))
     ((node, component),) = found.held_nodes["base"]
     assert component == 0
     assert np.hypot(*(found.models["base"].cloud.points[node] - point)) <= 1e-12
@@ -229,17 +195,15 @@ def test_a_support_holds_the_point_that_it_names(point: list[float]) -> None:
 
 
 def test_a_support_beside_all_nodes_tells_where_it_is() -> None:
-    pinned = '[[support]]\nbody = "base"\nnear = [0.0, 2.64]\nux = 0.0\n'
-    text = SQUEEZED.replace('boundary = "base.bottom"\nux = 0.0\n', 'boundary = "base.bottom"\n')
-    (told,) = (note for note in prepared(text + pinned).notes if "fixes the node" in note)
+    notes = prepared(ROLLING.pin("base", [0.0, 2.64], ux=0.0)).notes
+    (told,) = (note for note in notes if "fixes the node" in note)
     assert told.startswith("the support of base near (0, 2.64) fixes the node at (")
     assert told.endswith("0.0174 away")
 
 
 def test_a_support_far_from_its_body_is_refused() -> None:
-    pinned = '[[support]]\nbody = "base"\nnear = [0.0, 40.0]\nux = 0.0\n'
     with pytest.raises(CaseError) as error:
-        prepared(SQUEEZED + pinned)
+        prepared(SQUEEZED.pin("base", [0.0, 40.0], ux=0.0))
     (problem,) = error.value.problems
     assert "lies outside body" in problem.message
     assert problem.key == f"support.{SQUEEZED.count('[[support]]')}.near"
@@ -253,18 +217,17 @@ def test_disks_lean_by_their_displaced_centres(tmp_path: Path) -> None:
     """
     rise = float(np.sqrt(100.0 - 49.0))
     text = (
-        head("strain")
-        + material("steel", E=210e3, nu=0.3)
-        + body("low", "steel", 1.0, disk([5.0, 5.0], 5.0))
-        + body("high", "steel", 1.0, disk([12.0, 5.0 + rise], 5.0))
-        + contact("floor", "low.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
-        + contact("left", "low.arc", obstacle=plane([0.0, 0.0], [1.0, 0.0]))
-        + contact("right", "high.arc", obstacle=plane([17.0, 0.0], [-1.0, 0.0]))
-        + contact("pair", "low.arc", "high.arc")
-        + weight("high", -8.0)
+        scene("strain")
+        .body("low", "steel", 1.0, disk=([5.0, 5.0], 5.0))
+        .body("high", "steel", 1.0, disk=([12.0, 5.0 + rise], 5.0))
+        .contact("floor", "low.arc", obstacle=FLOOR)
+        .contact("left", "low.arc", plane=([0.0, 0.0], [1.0, 0.0]))
+        .contact("right", "high.arc", plane=([17.0, 0.0], [-1.0, 0.0]))
+        .contact("pair", "low.arc", "high.arc")
+        .add(weight("high", -8.0))
     )
-    text += item("probe", name="low", body="low", point=[5.0, 5.0])
-    text += item("probe", name="high", body="high", point=[12.0, 5.0 + rise])
+    text = text.probe("low", "low", [5.0, 5.0])
+    text = text.probe("high", "high", [12.0, 5.0 + rise])
     assert [note.split(":")[0] for note in prepared(text).notes if "rotation" in note] == [
         "body low",
         "body high",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,12 @@ import pytest
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
-from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.vtu import StateWriter
-from tests.app.runs import resumed_differences
-from tests.app.scenes import ANM, BAR, FAST, Quiet, hertz, solve
-from tests.app.test_friction import EXACT, SHEARED
+from tests.app.runs import events_of, resumed_differences
+from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, SHEARED, Quiet, hertz, solve
 
 
 class Killed(BaseException):
@@ -48,11 +46,10 @@ class Deadly(Quiet):
 # What every kind of path needs to be taken up again is tried in test_checkpoint.py.
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
 # A softer law takes half the steps.
-COARSE = hertz().replace("accuracy = 0.01", "accuracy = 0.1\nregularization.eta = 1e-3")
+COARSE = hertz().changed("accuracy = 0.01", "accuracy = 0.1\nregularization.eta = 1e-3")
 PATHS = {
     "linear": (BAR, ()),
-    "series": (COARSE, (INSIDE,)),
-    "exact friction": (SHEARED, (EXACT, FAST)),
+    "exact friction": (SHEARED, (EXACT_LAW, FAST)),
     "adapted": (BAR, ("adapt.passes=1",)),
 }
 
@@ -165,47 +162,28 @@ def test_a_model_that_does_not_come_out_again_is_told(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(COARSE)
     with pytest.raises(Killed):
         run(tmp_path / "case.toml", out=cut, console=Deadly(9))
-    with h5py.File(cut / "run.h5", "r+") as file:
+
+    def refused_after(change: Callable[[Any], object], words: str) -> None:
+        with h5py.File(cut / "run.h5", "r+") as file:
+            change(file)
+        with pytest.raises(RunError, match=words):
+            resume(cut, console=Quiet())
+
+    def heavier(file: Any) -> None:
         file["contacts/interface/weight"][3] *= 1.001
-    with pytest.raises(RunError, match="contacts/interface/weight is not reproduced"):
-        resume(cut, console=Quiet())
-    assert read_run(cut).path.rows == 10
-    with h5py.File(cut / "run.h5", "r+") as file:
-        file.move("checkpoint/path/state/pressure", "checkpoint/path/state/stress")
-    with pytest.raises(RunError, match="checkpoint of the run cannot be read"):
-        resume(cut, console=Quiet())
-    with h5py.File(cut / "run.h5", "r+") as file:
-        del file["checkpoint"]
-    with pytest.raises(RunError, match="checkpoint of the run cannot be read"):
-        resume(cut, console=Quiet())
-    with h5py.File(cut / "run.h5", "r+") as file:
+
+    def loaded_otherwise(file: Any) -> None:
         resolved = file["case/resolved"].asstr()[()]
         del file["case/resolved"]
         file["case/resolved"] = resolved.replace("-226.0", "-227.0")
-    with pytest.raises(RunError, match="is not the one of the run"):
-        resume(cut, console=Quiet())
-    with h5py.File(cut / "run.h5", "r+") as file:
-        del file["case/resolved"]
-    with pytest.raises(RunError, match="before its first step"):
-        resume(cut, console=Quiet())
 
-
-def test_a_file_of_the_case_that_changed_is_told(tmp_path: Path) -> None:
-    ring = 'shape = { kind = "points", file = "bar.csv" }'
-    points = [(x, y) for x in np.linspace(0.0, 2.0, 13).tolist() for y in np.linspace(0.0, 1.0, 7).tolist()]
-    rows = ["x,y,tag"]
-    for x, y in points:
-        tag = {0.0: "left", 2.0: "right"}.get(x) or {0.0: "bottom", 1.0: "top"}.get(y, "")
-        rows.append(f"{x!r},{y!r},{tag}")
-    (tmp_path / "bar.csv").write_text("\n".join(rows) + "\n")
-    text = BAR.replace('shape = { kind = "rectangle", x = [0.0, 2.0], y = [0.0, 1.0] }', ring)
-    text = text.replace("spacing = 0.25\n", "")
-    (tmp_path / "case.toml").write_text(text)
-    with pytest.raises(Killed):
-        run(tmp_path / "case.toml", out=tmp_path / "cut", console=Deadly(1))
-    (tmp_path / "bar.csv").write_text("\n".join(rows) + "\n\n")
-    with pytest.raises(CaseError, match="has changed since"):
-        resume(tmp_path / "cut", console=Quiet())
+    refused_after(heavier, "contacts/interface/weight is not reproduced")
+    assert read_run(cut).path.rows == 10
+    state, damaged = "checkpoint/path/state", "checkpoint of the run cannot be read"
+    refused_after(lambda file: file.move(f"{state}/pressure", f"{state}/stress"), damaged)
+    refused_after(lambda file: file.pop("checkpoint"), damaged)
+    refused_after(loaded_otherwise, "is not the one of the run")
+    refused_after(lambda file: file.pop("case/resolved"), "before its first step")
 
 
 def test_events_are_complete(tmp_path: Path) -> None:
@@ -217,11 +195,10 @@ def test_events_are_complete(tmp_path: Path) -> None:
     last = log.read_text().splitlines(keepends=True)[-1]
     log.write_text(f"{log.read_text()}{last.replace('9', '10', 1)}{last[:20]}")
     resume(tmp_path / "cut", console=Quiet())
-    events = [json.loads(line) for line in log.read_text().splitlines()]
     rows = read_run(tmp_path / "cut").path.rows
-    assert [event["index"] for event in events if event["event"] == "step"] == list(range(rows))
-    others = [event["event"] for event in events if event["event"] not in {"step", "warning"}]
-    assert others == ["start", "resume", "end"]
+    assert [one["index"] for one in events_of(tmp_path / "cut", "step")] == list(range(rows))
+    others = events_of(tmp_path / "cut", "start", "resume", "end", "failure")
+    assert [one["event"] for one in others] == ["start", "resume", "end"]
 
 
 def test_a_kill_loses_what_was_not_written_yet(

@@ -13,23 +13,19 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.solve.direction_updates import STRAIGHTNESS, _seen
-from tests.app.scenes import solve
-from tests.case_text import body, contact, disk, half_disk, head, item, material, plane
-
-FLOOR = plane([0.0, 0.0], [0.0, 1.0])
+from tests.app.scenes import done, solve
+from tests.case_text import EXACT, FLOOR, Scene, disk, half_disk, scene
 
 
-def weighed(shape: dict[str, Any], along: float) -> str:
+def weighed(shape: dict[str, Any], along: float) -> Scene:
     """A body of one material and weight on a rough floor, pushed along it."""
     return (
-        head("strain")
-        + material("soft", E=1e3, nu=0.3)
-        + body("round", "soft", shape=shape)
-        + item("load", name="weight", kind="body-force", body="round", body_force=[0.0, -0.05])
-        + item("load", name="push", kind="body-force", body="round", body_force=[along * 0.05, 0.0])
-        + contact("floor", "round.arc", obstacle=FLOOR, friction=0.3, accuracy=0.1)
-        + item("stage", weight=1.0)
-        + item("stage", push=1.0)
+        scene("strain", "soft", E=1e3, nu=0.3)
+        .body("round", "soft", shape=shape)
+        .body_force("weight", "round", [0.0, -0.05])
+        .body_force("push", "round", [along * 0.05, 0.0])
+        .contact("floor", "round.arc", obstacle=FLOOR, friction=0.3, accuracy=0.1)
+        .stages("weight", "push")
     )
 
 
@@ -43,8 +39,7 @@ def test_a_disk_on_a_floor_is_rolled_by_any_push(tmp_path: Path, along: float, r
 
 def test_how_far_a_rocker_turns_is_told(tmp_path: Path) -> None:
     """A half-disk turns back by its weight at the radius less the height of its middle, not at the radius."""
-    summary = solve(weighed(half_disk([0.0, 5.0], 5.0), 0.02), tmp_path / "run")
-    assert summary["status"] == "done"
+    summary = done(weighed(half_disk([0.0, 5.0], 5.0), 0.02), tmp_path / "run")
     told = re.search(r"would rotate ([0-9.]+) times as far", " ".join(summary["warnings"]))
     assert told
     assert float(told[1]) == pytest.approx(3.0 * np.pi / 4.0, rel=0.05)
@@ -55,30 +50,18 @@ def test_a_disk_settles_and_turns_in_a_rough_groove(tmp_path: Path, mu: float) -
     """As it settles all nodes slip on both sides, which counted as sliding as a whole. A moment turns it from
     mu W R sqrt(2)/(1 + mu^2) on; at small strain contacts stay where they were, which carries more."""
     moment = 1.4
-    bodies = (
-        head("strain")
-        + material("soft", E=300.0, nu=0.3)
-        + body("round", "soft", shape=disk([0.0, 1.0], 1.0))
+    turn = 2.0 * moment / np.pi
+    text = (
+        scene("strain", "soft", E=300.0)
+        .body("round", "soft", disk=([0.0, 1.0], 1.0))
+        .body_force("weight", "round", [0.0, -1.0])
+        .body_force("turn", "round", [f"{turn}*(1 - y)", f"{turn}*x"])
+        .stages("weight", "turn")
     )
-    loads = item("load", name="weight", kind="body-force", body="round", body_force=[0.0, -1.0]) + item(
-        "load",
-        name="turn",
-        kind="body-force",
-        body="round",
-        body_force=[f"{2.0 * moment / np.pi}*(1 - y)", f"{2.0 * moment / np.pi}*x"],
-    )
-    walls = "".join(
-        contact(
-            name,
-            "round.arc",
-            obstacle=plane([0.0, 1.0 - np.sqrt(2.0)], [side, 1.0]),
-            friction=mu,
-            accuracy=0.1,
-        )
-        for name, side in (("left", 1.0), ("right", -1.0))
-    )
-    stages = item("stage", weight=1.0) + item("stage", turn=1.0)
-    summary = solve(bodies + loads + walls + stages, tmp_path / "run")
+    for name, side in (("left", 1.0), ("right", -1.0)):
+        wall = ([0.0, 1.0 - np.sqrt(2.0)], [side, 1.0])
+        text = text.contact(name, "round.arc", plane=wall, friction=mu, accuracy=0.1)
+    summary = solve(text, tmp_path / "run")
     assert summary["status"] == "failed"
     limit = mu * np.pi * np.sqrt(2.0) / (1.0 + mu**2) / moment
     excess = (summary["position"] - 1.0) / limit - 1.0
@@ -103,3 +86,22 @@ def test_a_straight_side_has_one_normal_in_any_frame(noise: float) -> None:
     grid: Any = SimpleNamespace(first=-0.5, last=0.5, facing=facing)
     _, (round_, flat) = _seen(grid, 0.2, np.linspace(0.1, 0.3, 3), np.ones(3))
     assert flat <= STRAIGHTNESS * round_
+
+
+def test_dragging_at_small_strain_is_warned_of(tmp_path: Path) -> None:
+    """Half a disk dragged by its radius leaves its pressure behind."""
+    text = (
+        scene("strain")
+        .body("disk", "steel", half_disk=([0.0, 1.0], 1.0))
+        .body("block", "steel", box=([-2.0, 2.0], [-2.0, 0.0]))
+        .support("block.bottom", ux=0.0, uy=0.0)
+        .load("press", "disk.flat", "displacement", displacement=[0.0, -0.03])
+        .load("drag", "disk.flat", "displacement", displacement=[0.8, 0.0])
+        .contact("touch", "disk.arc", "block.top", regularization=EXACT, accuracy=0.1)
+        .stages("press", "drag")
+    )
+    (told,) = [one for one in solve(text, tmp_path / "run")["warnings"] if "slide along each other" in one]
+    assert "contact touch" in told
+    assert 'strain = "finite"' in told
+    still = solve(text, tmp_path / "still", "load.drag.displacement=[0.01, 0.0]")
+    assert not any("slide along" in one for one in still["warnings"])

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import csv
-import json
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import h5py
 import meshio
@@ -17,7 +15,9 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.memo import Memo
-from tests.app.scenes import BAR, FAST, NODAL, Quiet, assert_same_results, hertz, solve
+from tests.app.runs import assert_same_results, stored, summary_of
+from tests.app.scenes import BAR, FAST, NODAL, Quiet, done, hertz, solve
+from tests.case_text import pin
 
 SUMMARY_KEYS = {
     "status", "stop_reason", "position", "steps", "factorizations", "solves", "nodes", "unknowns",
@@ -34,23 +34,9 @@ SECONDS_KEYS = {
 PATH = {"position", "step_length", "residual", "order", "factorizations", "solves", "seconds"}
 
 
-def summary_of(directory: Path) -> dict[str, Any]:
-    content = json.loads((directory / "summary.json").read_text())
-    assert isinstance(content, dict)
-    return content
-
-
 def numbers(directory: Path) -> dict[str, np.ndarray]:
     """Every numeric dataset of run.h5 but the times."""
-    found: dict[str, np.ndarray] = {}
-
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and name != "path/seconds":
-            found[name] = item[...]
-
-    with h5py.File(directory / "run.h5", "r") as file:
-        file.visititems(visit)
-    return found
+    return {name: one for name, one in stored(directory).items() if np.asarray(one).dtype.kind in "fiu"}
 
 
 def test_summary(hertz_run: Path) -> None:
@@ -254,11 +240,10 @@ def test_output_is_as_asked_for(tmp_path: Path) -> None:
 
 def test_console_is_told(tmp_path: Path) -> None:
     """A platen whose horizontal force is zero and that nothing resists is held, and the run says so."""
-    text = NODAL.replace("fy = -226.0", "force = [0.0, -226.0]")
-    text = text.replace('[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n', "")
+    text = NODAL.changed("fy = -226.0", "force = [0.0, -226.0]")
+    text = text.changed(pin("cylinder", [0.0, 1.0], ux=0.0), "")
     console = Quiet()
-    summary = solve(text, tmp_path / "run", "body.cylinder.refine.0.growth=0.31", console=console)
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run", "body.cylinder.refine.0.growth=0.31", console=console)
     assert console.phases[0].startswith("placing nodes")
     assert console.steps[0] == 0.0
     assert console.steps[-1] == 1.0

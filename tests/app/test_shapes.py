@@ -15,27 +15,26 @@ from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet
-from tests.case_text import body, head, item, load, material, pin, support, table
+from tests.case_text import scene
 
 BRACKET = (
-    head("stress")
-    + material("steel", E=210e3, nu=0.3)
-    + body("bracket", "steel", 0.15)
-    + table(
+    scene("stress")
+    .body("bracket", "steel", 0.15)
+    .table(
         "body.shape",
         kind="polygon",
         points=[[0.0, 0.0], [4.0, 0.0], [4.0, 0.98], [3.0, 1.0], [4.0, 1.02], [4.0, 2.0], [0.0, 2.0]],
         names=["bottom", "low", "slit_low", "slit_up", "high", "top", "wall"],
         rounding=[0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0],
     )
-    + item("body.shape.holes", center=[1.0, 1.0], radius=0.3)
-    + item("body.refine", at=[3.0, 1.0], spacing=0.05, radius=0.1)
-    + item("body.refine", along="hole1", spacing=0.03, radius=0.0)
-    + support("bracket.wall", ux=0.0)
-    + pin("bracket", [0.0, 1.0], uy=0.0)
-    + load("pull", "bracket.low", "traction", traction=[10.0, 0.0])
-    + load("more", "bracket.high", "traction", traction=[10.0, 0.0])
-    + table("mls", degree=4)
+    .item("body.shape.holes", center=[1.0, 1.0], radius=0.3)
+    .item("body.refine", at=[3.0, 1.0], spacing=0.05, radius=0.1)
+    .item("body.refine", along="hole1", spacing=0.03, radius=0.0)
+    .support("bracket.wall", ux=0.0)
+    .pin("bracket", [0.0, 1.0], uy=0.0)
+    .load("pull", "bracket.low", "traction", traction=[10.0, 0.0])
+    .load("more", "bracket.high", "traction", traction=[10.0, 0.0])
+    .table("mls", degree=4)
 )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import multiprocessing
 import os
 import signal
@@ -25,15 +24,16 @@ from mlsanm_cli.cli import main
 from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.mechanics.body_model import BodyModel
-from tests.app.scenes import ANM, BAR, Quiet, assert_same_results, hertz
-from tests.case_text import item, table
+from tests.app.runs import assert_same_results, summary_of
+from tests.app.scenes import ANM, BAR, Quiet, hertz
+from tests.case_text import item, probe
 
 ETA = "contact.interface.regularization.eta"
-PRESSED = hertz().replace("accuracy = 0.01", "accuracy = 0.1") + table("output", vtu=False, fields=[])
-PROBE = item("probe", name="tip", body="block", point=[0.0, -0.5])
-ROUGH = PRESSED.replace("accuracy", "friction = 0.3\nregularization.law = 'exact'\naccuracy") + PROBE
+PRESSED = hertz().changed("accuracy = 0.01", "accuracy = 0.1").table("output", vtu=False, fields=[])
+PROBE = probe("tip", "block", [0.0, -0.5])
+ROUGH = PRESSED.changed("accuracy", "friction = 0.3\nregularization.law = 'exact'\naccuracy") + PROBE
 
-SEEN = ROUGH.replace("fields = []", "fields = ['von_mises']")
+SEEN = ROUGH.changed("fields = []", "fields = ['von_mises']")
 
 
 @pytest.fixture(autouse=True)
@@ -105,7 +105,7 @@ def test_points_are_the_runs_that_they_stand_for(
 @pytest.mark.parametrize(
     ("text", "varied"),
     [
-        (BAR + PROBE.replace("block", "bar"), ("body.bar.seed=0,1", "probe.tip.point=[0.5, 0.5],[1.0, 0.5]")),
+        (BAR + PROBE.changed("block", "bar"), ("body.bar.seed=0,1", "probe.tip.point=[0.5, 0.5],[1.0, 0.5]")),
         (ROUGH, ("probe.tip.point=[0.0, -0.5],[0.5, -0.5]", "contact.interface.friction=0.3,0.0")),
         # The points that fields are written at are kept for what touches over the same intervals.
         (SEEN, ("load.press.fy=-226.0,-40.0", "contact.interface.friction=0.3,0.6")),
@@ -138,17 +138,14 @@ def test_contact_grids_begin_with_those_of_the_point_before(
 
     monkeypatch.setattr(condensation, "_condensed", counted)
     case = tmp_path / "case.toml"
-    case.write_text(ROUGH.replace("accuracy = 0.1", "accuracy = 0.01"))
+    case.write_text(ROUGH.changed("accuracy = 0.1", "accuracy = 0.01"))
     key = "contact.interface.friction"
     run(case, overrides=(f"{key}=0.4",), out=tmp_path / "one", console=Quiet())
     alone = len(made)
     swept(case, tmp_path / "all", f"{key}=0.3,0.4")
     again = len(made) - 2 * alone
     assert again < 0.4 * alone
-    one, other = (
-        json.loads((path / "summary.json").read_text())
-        for path in (tmp_path / "one", tmp_path / "all" / point_name([f"{key}=0.4"]))
-    )
+    one, other = map(summary_of, (tmp_path / "one", tmp_path / "all" / point_name([f"{key}=0.4"])))
     for name in ("peak_pressure", "half_width", "dissipated_work"):
         assert other["contacts"]["interface"][name] == pytest.approx(
             one["contacts"]["interface"][name], rel=0.01
@@ -165,7 +162,7 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, bar: Path) -> None:
     # A run that was cut short is done again, whatever is left of it.
     (out / point_name([f"{key}=2"]) / "summary.json").unlink()
     assert counts(swept(bar, out, f"{key}=2,3")) == [1, 1, 0, 0]
-    bar.write_text(BAR.replace("30.0", "20.0"))
+    bar.write_text(BAR.changed("30.0", "20.0"))
     with pytest.raises(RunError, match="another case"):
         swept(bar, out, f"{key}=2")
 
@@ -257,7 +254,7 @@ def test_collect_has_a_row_for_every_directory(
     assert "title" not in rows[0]
     assert "killed" in rows[1]["stop_reason"]
     assert "run.h5" in rows[2]["stop_reason"]
-    summary = json.loads((tmp_path / "all" / "solver.order=12" / "summary.json").read_text())
+    summary = summary_of(tmp_path / "all" / "solver.order=12")
     force = summary["contacts"]["interface"]["force"]
     assert [float(rows[0][f"contacts.interface.force_{axis}"]) for axis in "xy"] == force
     assert [float(rows[0][f"forces.press_{axis}"]) for axis in "xy"] == summary["forces"]["press"]
@@ -270,9 +267,8 @@ def test_warnings_are_told(tmp_path: Path) -> None:
     # Points that were done with warnings had looked like all others.
     case, console = tmp_path / "bar.toml", Quiet()
     refined = item("body.refine", at=[0.0, 0.0], spacing=0.05, radius=0.1)
-    case.write_text(BAR.replace("[[support]]", f"{refined}[[support]]", 1))
-    varied = ["body.bar.refine.0.growth=0.08,0.4"]
-    result = sweep(case, varied, SweepOptions(), out=tmp_path / "all", console=console)
+    case.write_text(BAR.changed("[[support]]", f"{refined}[[support]]", 1))
+    result = swept(case, tmp_path / "all", "body.bar.refine.0.growth=0.08,0.4", console=console)
     assert (result["done"], result["with_warnings"]) == (2, 1)
     assert ["done, " in note for note in console.notes] == [False, True]
     rows = collect([tmp_path / "all" / f"body.bar.refine.0.growth={growth}" for growth in (0.08, 0.4)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import resource
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,9 +12,8 @@ import pytest
 from mlsanm_cli import system
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.aot import kept
+from tests.app.processes import LONG, mlsanm
 from tests.app.scenes import BAR
-
-ROOT = Path(__file__).parents[2]
 
 WITHOUT = """
 import os, platform, signal, sys, types
@@ -40,31 +38,20 @@ WINDOWS = (
 """Of these macOS lacks posix_fallocate."""
 
 
-def mlsanm(directory: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", WITHOUT, WINDOWS, *arguments],
-        cwd=directory,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+PROGRAM = ("-c", WITHOUT, WINDOWS)
 
 
 def test_a_run_without_what_other_systems_lack(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(BAR)
     for arguments in (["run", "case.toml", "--out", "run", "--max-wall", "100"], ["info", "run"]):
-        done = mlsanm(tmp_path, *arguments)
+        done = mlsanm(tmp_path, *arguments, program=PROGRAM)
         assert (done.returncode, "bug" in done.stderr) == (0, False), done.stderr
     assert read_run(tmp_path / "run").status == "done"
 
 
 def test_a_wall_time_without_timers_of_the_system(tmp_path: Path) -> None:
-    positions = ", ".join(str(0.0002 * k) for k in range(1, 4001))
-    (tmp_path / "case.toml").write_text(
-        BAR.partition("[output]")[0] + f"\n[output]\nvtu = false\nat = [{positions}]\n"
-    )
-    done = mlsanm(tmp_path, "run", "case.toml", "--max-wall", "0.5")
+    (tmp_path / "case.toml").write_text(LONG)
+    done = mlsanm(tmp_path, "run", "case.toml", "--max-wall", "0.5", program=PROGRAM)
     assert done.returncode == 75, done.stderr
     assert "the wall time of 0.5 s is over" in done.stdout + done.stderr
 

@@ -13,6 +13,7 @@ import sys
 import termios
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,11 +22,9 @@ from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import RunError
+from tests.app.processes import CLI, ENVIRONMENT, PATIENCE, mlsanm
 from tests.app.runs import resumed_differences
 from tests.app.scenes import BAR, Quiet, hertz, solve
-
-ROOT = Path(__file__).parents[2]
-PATIENCE = 120.0
 
 
 def in_terminal(columns: int, directory: Path, *arguments: str, **environment: str) -> tuple[int, str, str]:
@@ -33,9 +32,9 @@ def in_terminal(columns: int, directory: Path, *arguments: str, **environment: s
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     process = subprocess.Popen(
-        [sys.executable, "-m", "mlsanm_cli.cli", *arguments],
+        [sys.executable, *CLI, *arguments],
         cwd=directory,
-        env={"TERM": "xterm", **os.environ, "PYTHONPATH": str(ROOT), **environment},
+        env={"TERM": "xterm", **ENVIRONMENT, **environment},
         stdin=slave,
         stdout=subprocess.PIPE,
         stderr=slave,
@@ -67,7 +66,7 @@ def screen(shown: str) -> list[str]:
 def test_progress_fits_the_terminal(tmp_path: Path) -> None:
     columns = 30
     # Not symmetric, which would be noted.
-    (tmp_path / "case.toml").write_text(hertz().replace("x = [-2.0, 2.0]", "x = [-2.0, 2.1]"))
+    (tmp_path / "case.toml").write_text(hertz().changed("x = [-2.0, 2.0]", "x = [-2.0, 2.1]"))
     code, out, shown = in_terminal(columns, tmp_path, "run", "case.toml", "--out", "run", NO_COLOR="")
     assert code == 0
     assert out.startswith("done: ")
@@ -98,12 +97,11 @@ def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, afterwards: pyt
 
 def test_a_log_whose_reader_left_does_not_end_the_run(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(BAR)
-    command = [sys.executable, "-m", "mlsanm_cli.cli", "run", "case.toml", "--out", "run"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, *CLI, "run", "case.toml", "--out", "run"]
     reader, writer = os.pipe()
     os.close(reader)
     with (tmp_path / "out.txt").open("wb") as out:
-        done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=out, stderr=writer, check=False)
+        done = subprocess.run(command, cwd=tmp_path, env=ENVIRONMENT, stdout=out, stderr=writer, check=False)
     os.close(writer)
     assert done.returncode == 0
     assert info(tmp_path / "run")["status"] == "done"
@@ -111,23 +109,11 @@ def test_a_log_whose_reader_left_does_not_end_the_run(tmp_path: Path) -> None:
 
 
 def test_shell_completion(tmp_path: Path) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_MLSANM_COMPLETE": "bash_complete"}
-    words = {"COMP_WORDS": "mlsanm res", "COMP_CWORD": "1"}
-    done = subprocess.run(
-        [sys.executable, "-m", "mlsanm_cli.cli"],
-        env={**environment, **words},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = mlsanm(tmp_path, _MLSANM_COMPLETE="bash_complete", COMP_WORDS="mlsanm res", COMP_CWORD="1")
     assert done.stdout.split() == ["plain,resume"]
     assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_the_line_for_the_shell_is_printed_and_nothing_else() -> None:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_MLSANM_COMPLETE": "zsh_source"}
-    command = [sys.executable, "-m", "mlsanm_cli.cli"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    # The line for the shell is printed and nothing else.
+    done = mlsanm(tmp_path, _MLSANM_COMPLETE="zsh_source")
     assert (done.returncode, done.stderr) == (0, "")
     assert "mlsanm" in done.stdout
 
@@ -154,10 +140,8 @@ def test_streams_do_not_change_the_exit_code(
     """A failed run stays failed, and one that is done is done, whoever reads what it says."""
     (tmp_path / "run.py").write_text(FAKE)
     command = f"sleep 0.1; {sys.executable} run.py {status} {err} {out}; echo ${{PIPESTATUS[0]}} > code"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        ["bash", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
+    options: dict[str, Any] = {"cwd": tmp_path, "env": ENVIRONMENT, "capture_output": True, "text": True}
+    done = subprocess.run(["bash", "-c", command], check=False, **options)
     assert int((tmp_path / "code").read_text()) == code
     assert done.stderr.strip() == words
 
@@ -187,14 +171,7 @@ def test_a_full_disk_ends_a_run_that_can_be_resumed(tmp_path: Path) -> None:
     solve(hertz(), tmp_path / "case", "output.vtu=false")
     limit = int(0.8 * (tmp_path / "case" / "run.h5").stat().st_size)
     arguments = ["run", "case.toml", "--out", "run", "--set", "output.vtu=false"]
-    done = subprocess.run(
-        [sys.executable, "-c", FULL, str(limit), *arguments],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = mlsanm(tmp_path, *arguments, program=("-c", FULL, str(limit)))
     assert done.returncode == 3
     assert "cannot write run/run.h5: File too large" in done.stderr
     assert "hint: make room, then: mlsanm resume run" in done.stderr

@@ -3,31 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import solve
-from tests.case_text import (
-    EXACT,
-    annulus,
-    body,
-    box,
-    contact,
-    disk,
-    head,
-    item,
-    load,
-    material,
-    plane,
-    polygon,
-    pushed,
-    support,
-)
-
-STEEL = material("steel", E=210e3, nu=0.3)
+from tests.app.scenes import done, solve
+from tests.case_text import EXACT, FLOOR, Scene, polygon, scene
 
 
 def test_a_lever_that_turns_presses_along_the_normal_of_a_rigid_plane(tmp_path: Path) -> None:
@@ -36,30 +18,21 @@ def test_a_lever_that_turns_presses_along_the_normal_of_a_rigid_plane(tmp_path: 
     friction, force = 0.4, 60.0
     slope = float(np.arctan(8.0 / 13.0))
     radius = 3.0 / (1.0 / float(np.sin(slope)) - 1.0)  # so that the nose ends at y = 0
-    corners = [
-        [0.0, 10.0],
-        [42.0, 10.0],
-        [50.0, -3.0],
-        [58.0, 10.0],
-        [120.0, 10.0],
-        [120.0, 22.0],
-        [0.0, 22.0],
-    ]
-    shape = {
-        **polygon(corners, "low down up beyond right top left"),
+    low, nose = [[0.0, 10.0], [42.0, 10.0]], [50.0, -3.0]
+    corners = [*low, nose, [58.0, 10.0], [120.0, 10.0], [120.0, 22.0], [0.0, 22.0]]
+    rounded = {
         "rounding": [0.0, 2.0, radius, 2.0, 0.0, 0.0, 0.0],
         "corners": ["", "", "nose", "", "", "", ""],
     }
+    shape = polygon(corners, "low down up beyond right top left", **rounded)
     summary = solve(
-        head("stress")
-        + STEEL
-        + body("lever", "steel", shape=shape)
-        + load("hinge", "lever.left", "platen", ux=0.0, uy=0.0, hinge=[0.0, 16.0])
-        + load("press", "lever.top", "pressure", pressure=6.0, from_=[100.0, 22.0], to=[110.0, 22.0])
-        + pushed("turn", "drum", ux=-0.1, uy=0.0)
-        + contact("drum", "lever.nose", obstacle=plane([50.0, 0.0], [0.0, 1.0]), friction=friction)
-        + item("stage", press=1.0, hinge=1.0)
-        + item("stage", turn=1.0),
+        scene("stress")
+        .body("lever", "steel", shape=shape)
+        .load("hinge", "lever.left", "platen", ux=0.0, uy=0.0, hinge=[0.0, 16.0])
+        .load("press", "lever.top", "pressure", pressure=6.0, from_=[100.0, 22.0], to=[110.0, 22.0])
+        .pushed("turn", "drum", ux=-0.1, uy=0.0)
+        .contact("drum", "lever.nose", plane=([50.0, 0.0], [0.0, 1.0]), friction=friction)
+        .stages("press hinge", "turn"),
         tmp_path / "run",
     )
     along, across = summary["contacts"]["drum"]["force"]
@@ -78,15 +51,14 @@ def test_a_body_in_a_bowl_stays_where_it_is_whatever_the_axes(tmp_path: Path) ->
             return [float(v) for v in np.array([x, y]) @ turn]
 
         corners = [at(-4.0, 0.0), at(4.0, 0.0), at(4.0, 4.0), at(-4.0, 4.0)]
-        shape = {**polygon(corners, "foot right head left"), "rounding": [0.7] * 4}
+        shape = polygon(corners, "foot right head left", rounding=[0.7] * 4)
         bowl = {"kind": "disk", "center": at(0.0, 60.0), "radius": 60.0, "inside": True}
         case = (
-            head("stress")
-            + material("soft", E=100.0, nu=0.15)
-            + body("pad", "soft", shape=shape)
-            + load("press", "pad.head", "traction", traction=at(0.0, -1.0))
-            + contact("bowl", "pad.foot", obstacle=bowl, accuracy=0.02)
-            + item("probe", name="aside", body="pad", point=at(0.0, 4.0))
+            scene("stress", "soft", E=100.0, nu=0.15)
+            .body("pad", "soft", shape=shape)
+            .load("press", "pad.head", "traction", traction=at(0.0, -1.0))
+            .contact("bowl", "pad.foot", obstacle=bowl, accuracy=0.02)
+            .probe("aside", "pad", at(0.0, 4.0))
         )
         summary = solve(case, tmp_path / f"turned by {angle}")
         return np.asarray(turn @ summary["probes"]["aside"]["displacement"])
@@ -95,28 +67,25 @@ def test_a_body_in_a_bowl_stays_where_it_is_whatever_the_axes(tmp_path: Path) ->
     assert moved(0.5) == pytest.approx(upright, abs=0.01 * float(np.abs(upright).max()))
 
 
-def slider(spring: float, **more: Any) -> str:
+def slider(spring: float) -> Scene:
     return (
-        head("strain")
-        + STEEL
-        + body("block", "steel", shape=box([0.0, 20.0], [0.0, 10.0]))
-        + body("base", "steel", shape=box([-20.0, 40.0], [-20.0, 0.0]))
-        + support("base.bottom", ux=0.0, uy=0.0)
-        + support("block.left", spring=[spring, 0.0])
-        + load("press", "block.top", "pressure", pressure=5.0)
-        + load("push", "block.left", "pressure", pressure=9.0)
-        + contact("slide", "block.bottom", "base.top", friction=0.3, **more)
-        + item("probe", name="middle", body="block", point=[10.0, 5.0])
-        + item("stage", press=1.0)
-        + item("stage", push=1.0)
-        + item("stage", push=0.0)
+        scene("strain")
+        .body("block", "steel", box=([0.0, 20.0], [0.0, 10.0]))
+        .body("base", "steel", box=([-20.0, 40.0], [-20.0, 0.0]))
+        .support("base.bottom", ux=0.0, uy=0.0)
+        .support("block.left", spring=[spring, 0.0])
+        .load("press", "block.top", "pressure", pressure=5.0)
+        .load("push", "block.left", "pressure", pressure=9.0)
+        .contact("slide", "block.bottom", "base.top", friction=0.3, accuracy=0.02)
+        .probe("middle", "block", [10.0, 5.0])
+        .stages("press", "push", "push=0")
     )
 
 
 def test_a_block_slides_against_a_spring_and_half_of_the_way_back(tmp_path: Path) -> None:
     """Jenkins' element, whose spring is soft. Corners beside springs had no fields, and the contact was
     refused as one that does not resist pressures from node to node."""
-    summary = solve(slider(300.0, accuracy=0.02), tmp_path / "run")
+    summary = solve(slider(300.0), tmp_path / "run")
     assert not summary["warnings"]
     # 90 - 30 = 60 strain the spring; unloaded it pulls the block back until 30 are left.
     assert summary["contacts"]["slide"]["force"] == pytest.approx([30.0, 100.0], rel=1e-3)
@@ -125,7 +94,7 @@ def test_a_block_slides_against_a_spring_and_half_of_the_way_back(tmp_path: Path
 
 def test_a_stiff_spring_leaves_the_corner_beside_it_free(tmp_path: Path) -> None:
     """Pressures were those of nodes, 20 % off; -3.807 is the force with a quarter of the spacing."""
-    summary = solve(slider(30e3, accuracy=0.02), tmp_path / "run")
+    summary = solve(slider(30e3), tmp_path / "run")
     assert not summary["warnings"]
     assert summary["contacts"]["slide"]["force"] == pytest.approx([-3.807, 100.0], rel=0.01)
 
@@ -140,18 +109,16 @@ def test_a_wedge_that_locks_keeps_its_forces(tmp_path: Path) -> None:
     key = [[-30.0, 0.0], [30.0, 0.0], [30.0, high(30.0)], [-30.0, high(-30.0)]]
     hub = [[-15.0, high(-15.0)], [15.0, high(15.0)], [15.0, 35.0], [-15.0, 35.0]]
     case = (
-        head("strain")
-        + STEEL
-        + body("key", "steel", shape=polygon(key, "low tip high back"))
-        + body("hub", "steel", shape=polygon(hub, "face right top left"))
-        + body("base", "steel", shape=box([-50.0, 50.0], [-30.0, 0.0]))
-        + support("hub.top", ux=0.0, uy=0.0)
-        + support("base.bottom", ux=0.0, uy=0.0)
-        + load("drive", "key.back", "pressure", pressure=force / high(-30.0))
-        + contact("above", "hub.face", "key.high", friction=friction, accuracy=0.01)
-        + contact("below", "key.low", "base.top", friction=friction, accuracy=0.01)
-        + item("stage", drive=1.0)
-        + item("stage", drive=0.0)
+        scene("strain")
+        .body("key", "steel", shape=polygon(key, "low tip high back"))
+        .body("hub", "steel", shape=polygon(hub, "face right top left"))
+        .body("base", "steel", box=([-50.0, 50.0], [-30.0, 0.0]))
+        .support("hub.top", ux=0.0, uy=0.0)
+        .support("base.bottom", ux=0.0, uy=0.0)
+        .load("drive", "key.back", "pressure", pressure=force / high(-30.0))
+        .contact("above", "hub.face", "key.high", friction=friction, accuracy=0.01)
+        .contact("below", "key.low", "base.top", friction=friction, accuracy=0.01)
+        .stages("drive", "drive=0")
     )
     directory = tmp_path / "run"
     summary = solve(case, directory)
@@ -172,27 +139,15 @@ def test_a_wedge_that_locks_keeps_its_forces(tmp_path: Path) -> None:
 def test_a_band_on_a_drum_is_pulled_at_both_ends(tmp_path: Path) -> None:
     """All of it slips from its middle to its ends. No state was found from sets that slip as a whole; it
     gives way from one that sticks."""
-    middle, radius, thick, pull = {"center": [0.0, 0.0]}, 50.0, 1.0, 2.0
-    summary = solve(
-        head("stress")
-        + material("steel", E=1e4, nu=0.3)
-        + body(
-            "band",
-            "steel",
-            0.5,
-            {"kind": "sector", **middle, "radii": [radius, radius + thick], "angles": [0.0, 180.0]},
-        )
-        + load("pull", ["band.start", "band.end"], "traction", traction=[0.0, -pull])
-        + contact(
-            "wrap",
-            "band.inner",
-            obstacle={"kind": "disk", **middle, "radius": radius},
-            friction=0.3,
-            accuracy=0.1,
-        ),
-        tmp_path / "run",
+    radius, thick, pull = 50.0, 1.0, 2.0
+    half = {"kind": "sector", "center": [0.0, 0.0], "radii": [radius, radius + thick], "angles": [0.0, 180.0]}
+    text = (
+        scene("stress", E=1e4)
+        .body("band", "steel", 0.5, half)
+        .load("pull", ["band.start", "band.end"], "traction", traction=[0.0, -pull])
+        .contact("wrap", "band.inner", disk=([0.0, 0.0], radius), friction=0.3, accuracy=0.1)
     )
-    assert summary["status"] == "done"
+    summary = done(text, tmp_path / "run")
     assert summary["contacts"]["wrap"]["force"] == pytest.approx([0.0, 2.0 * pull * thick], abs=1e-6)
 
 
@@ -200,28 +155,18 @@ def test_a_shaft_in_a_v_block_settles_and_is_twisted_until_it_slides(tmp_path: P
     """While it settles all of both contacts slips, and it may turn as well: that was said to slide as a whole
     at a quarter of the weight. What presses says nothing of the plate's rotation, which was refused."""
     friction, radius, weight, more = 0.25, 20.0, 400.0, 1.5
-    places = {"left": -1.0, "right": 1.0}
     limit = friction * radius * weight * np.sqrt(2.0) / (1.0 + friction**2)
-    summary = solve(
-        head("strain")
-        + STEEL
-        + body("shaft", "steel", shape={"kind": "annulus", "center": [0.0, 0.0], "radii": [8.0, radius]})
-        + load("press", "shaft.inner", "platen", fx=0.0, fy=-weight)
-        + load("twist", "shaft.inner", "platen", hinge=[0.0, 0.0], moment=more * float(limit))
-        + "".join(
-            contact(
-                name,
-                "shaft.outer",
-                obstacle=plane([side * radius / 2.0**0.5, -radius / 2.0**0.5], [-side, 1.0]),
-                friction=friction,
-                accuracy=0.02,
-            )
-            for name, side in places.items()
-        )
-        + item("stage", press=1.0)
-        + item("stage", twist=1.0),
-        tmp_path / "run",
+    text = (
+        scene("strain")
+        .body("shaft", "steel", annulus=([0.0, 0.0], [8.0, radius]))
+        .load("press", "shaft.inner", "platen", fx=0.0, fy=-weight)
+        .load("twist", "shaft.inner", "platen", hinge=[0.0, 0.0], moment=more * float(limit))
+        .stages("press", "twist")
     )
+    for name, side in (("left", -1.0), ("right", 1.0)):
+        wall = ([side * radius / 2.0**0.5, -radius / 2.0**0.5], [-side, 1.0])
+        text = text.contact(name, "shaft.outer", plane=wall, friction=friction, accuracy=0.02)
+    summary = solve(text, tmp_path / "run")
     assert "slide" in summary["stop_reason"]
     assert float(summary["position"]) - 1.0 == pytest.approx(1.0 / more, rel=5e-3)
 
@@ -231,12 +176,11 @@ def test_a_rubber_ring_is_twisted_by_tractions_that_add_up_to_no_force(tmp_path:
     as free faces of nearly incompressible rings have at degree 4."""
     shear, inner, outer = 0.01, 8.0, 14.0
     summary = solve(
-        head("strain")
-        + material("rubber", E=2.9, nu=0.45)
-        + body("ring", "rubber", shape=annulus([0.0, 0.0], [inner, outer]))
-        + support("ring.outer", ux=0.0, uy=0.0)
-        + load("twist", "ring.inner", "traction", traction=[f"-{shear}*y/{inner}", f"{shear}*x/{inner}"])
-        + item("probe", name="middle", body="ring", point=[11.0, 0.0]),
+        scene("strain", "rubber", E=2.9, nu=0.45)
+        .body("ring", "rubber", annulus=([0.0, 0.0], [inner, outer]))
+        .support("ring.outer", ux=0.0, uy=0.0)
+        .load("twist", "ring.inner", "traction", traction=[f"-{shear}*y/{inner}", f"{shear}*x/{inner}"])
+        .probe("middle", "ring", [11.0, 0.0]),
         tmp_path / "run",
     )
     turned = 0.5 * shear * inner**2 * (1.0 / 11.0 - 11.0 / outer**2)
@@ -249,12 +193,11 @@ def test_a_tilted_punch_is_as_wide_as_it_touches(tmp_path: Path) -> None:
     modulus, tilt, width = 1000.0 / 0.91, 0.004, 1.5
     punch = {"kind": "polyline", "points": [[-10.0, 8.0], [-10.0, 10.0 * tilt], [0.0, 0.0], [0.0, 8.0]]}
     summary = solve(
-        head("strain")
-        + material("block", E=1000.0, nu=0.3)
-        + body("block", "block", shape=box([-60.0, 60.0], [-60.0, 0.0]))
-        + support("block.bottom", ux=0.0, uy=0.0)
-        + contact("punch", "block.top", obstacle=punch, accuracy=0.02, regularization=EXACT)
-        + pushed("press", "punch", ux=0.0, fy=-0.25 * np.pi * modulus * tilt * width),
+        scene("strain", "block", E=1000.0, nu=0.3)
+        .body("block", "block", box=([-60.0, 60.0], [-60.0, 0.0]))
+        .support("block.bottom", ux=0.0, uy=0.0)
+        .contact("punch", "block.top", obstacle=punch, accuracy=0.02, regularization=EXACT)
+        .pushed("press", "punch", ux=0.0, fy=-0.25 * np.pi * modulus * tilt * width),
         tmp_path / "run",
     )
     assert 2.0 * summary["contacts"]["punch"]["half_width"] == pytest.approx(width, rel=0.02)
@@ -267,11 +210,10 @@ def test_a_curve_through_points_of_an_arc_is_one_for_contacts(tmp_path: Path) ->
     angles = np.linspace(0.0, np.pi, 31)
     groove = {"kind": "polyline", "points": [[8.0 * np.cos(a), -8.0 * np.sin(a)] for a in angles.tolist()]}
     summary = solve(
-        head("strain")
-        + material("wood", E=10e3, nu=0.35)
-        + body("pin", "wood", shape=disk([0.0, 0.0], 8.0))
-        + contact("groove", "pin.arc", obstacle=groove, accuracy=0.1)
-        + item("load", name="push", kind="body-force", body="pin", body_force=[0.5, -0.3]),
+        scene("strain", "wood", E=10e3, nu=0.35)
+        .body("pin", "wood", disk=([0.0, 0.0], 8.0))
+        .contact("groove", "pin.arc", obstacle=groove, accuracy=0.1)
+        .body_force("push", "pin", [0.5, -0.3]),
         tmp_path / "run",
     )
     area = 64.0 * np.pi
@@ -280,18 +222,16 @@ def test_a_curve_through_points_of_an_arc_is_one_for_contacts(tmp_path: Path) ->
 
 def test_a_corner_inside_an_obstacle_is_told_by_the_side_that_faces_it(tmp_path: Path) -> None:
     summary = solve(
-        head("strain")
-        + material("pad", E=200.0, nu=0.25)
-        + material("steel", E=210e3, nu=0.3)
-        + body("pad", "pad", 2.0, box([0.0, 40.0], [0.0, 10.0]))
-        + body("plate", "steel", 1.2, box([0.0, 40.0], [10.0, 15.0]))
-        + contact("rotor", "pad.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.4, accuracy=0.1)
-        + contact("abutment", "plate.right", obstacle=plane([40.0, 0.0], [-1.0, 0.0]), accuracy=0.1)
-        + contact("glue", "pad.top", "plate.bottom", friction="bonded")
-        + load("press", "plate.top", "pressure", pressure=5.0)
-        + pushed("run", "rotor", ux=1.0, uy=0.0)
-        + item("stage", press=1.0)
-        + item("stage", run=1.0),
+        scene("strain", "pad", E=200.0, nu=0.25)
+        .material("steel", E=210e3, nu=0.3)
+        .body("pad", "pad", 2.0, box=([0.0, 40.0], [0.0, 10.0]))
+        .body("plate", "steel", 1.2, box=([0.0, 40.0], [10.0, 15.0]))
+        .contact("rotor", "pad.bottom", obstacle=FLOOR, friction=0.4, accuracy=0.1)
+        .contact("abutment", "plate.right", plane=([40.0, 0.0], [-1.0, 0.0]), accuracy=0.1)
+        .contact("glue", "pad.top", "plate.bottom", friction="bonded")
+        .load("press", "plate.top", "pressure", pressure=5.0)
+        .pushed("run", "rotor", ux=1.0, uy=0.0)
+        .stages("press", "run"),
         tmp_path / "run",
     )
     assert summary["status"] == "failed"

@@ -13,27 +13,18 @@ from scipy.spatial import cKDTree
 
 from benchmarks.formulas.lame import LameRing
 from benchmarks.peers.scenes import REFERENCE, Profile, difference, read_profile
-from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.io.run_reader import RunData, read_run
+from mlsanm_cli.io.run_reader import RunData
 from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import build_stencils
-from tests.app.scenes import Quiet
+from tests.app.scenes import EXACT_LAW, SMOOTH_LAW
+from tests.cases.test_published import solve
 
-CASES = Path(__file__).parents[2] / "cases"
-EXACT = 'contact.interface.regularization.law="exact"'
-SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
 FINE = "contact.interface.accuracy=5e-5"
 FACTOR = 3.0
 NEARBY = 0.25
 """Displacements nearer to the contact are not interpolated from nodes: their fields are in closed form."""
-
-
-def solve(name: str, directory: Path, *overrides: str) -> tuple[Mapping[str, Any], RunData]:
-    summary = run(CASES / f"{name}.toml", overrides=overrides, out=directory, console=Quiet())
-    assert summary["status"] == "done", summary
-    return summary, read_run(directory)
 
 
 @dataclass(frozen=True)
@@ -71,7 +62,7 @@ def norm(values: FloatArray) -> float:
 
 def over_refined(name: str, directory: Path, spacings: Mapping[str, float]) -> Truth:
     sizes = [f"body.{body}.spacing={spacing!r}" for body, spacing in spacings.items()]
-    return Truth(solve(name, directory, EXACT, "mls.degree=4", FINE, *sizes)[1])
+    return Truth(solve(name, directory, EXACT_LAW, "mls.degree=4", FINE, *sizes)[1])
 
 
 @pytest.fixture(scope="module")
@@ -102,14 +93,14 @@ def test_the_over_refined_pressure_is_that_of_finite_elements(hertz: Truth) -> N
     "overrides",
     [
         [],
-        [SMOOTH],
+        [SMOOTH_LAW],
         ["mls.degree=2", "body.cylinder.spacing=0.3", "body.block.spacing=0.4"],
         ["contact.interface.accuracy=1e-2"],
     ],
     ids=["published", "hyperbolic", "coarser", "coarser grid"],
 )
 def test_hertz(tmp_path: Path, hertz: Truth, overrides: list[str]) -> None:
-    summary, data = solve("hertz", tmp_path / "run", EXACT, *overrides)
+    summary, data = solve("hertz", tmp_path / "run", EXACT_LAW, *overrides)
     check(summary, data, hertz)
     accuracy = {(): 1e-3, ("contact.interface.accuracy=1e-2",): 1e-2}.get(tuple(overrides))
     if accuracy is not None:
@@ -153,12 +144,12 @@ TURNED = ("stage=[{press=1.0},{shear=1.0},{shear=0.0}]", "output.at=[3.0]")
 @pytest.fixture(scope="module")
 def turned_back(tmp_path_factory: pytest.TempPathFactory) -> Truth:
     sizes = ("body.cylinder.spacing=0.06", "body.block.spacing=0.1", *TURNED)
-    return Truth(solve("cattaneo_mindlin", tmp_path_factory.mktemp("t") / "turned", EXACT, *sizes)[1])
+    return Truth(solve("cattaneo_mindlin", tmp_path_factory.mktemp("t") / "turned", EXACT_LAW, *sizes)[1])
 
 
 def test_friction_whose_loads_have_turned_back(tmp_path: Path, turned_back: Truth) -> None:
     sizes = ("body.cylinder.spacing=0.12", "body.block.spacing=0.2", *TURNED)
-    summary, data = solve("cattaneo_mindlin", tmp_path / "run", EXACT, *sizes)
+    summary, data = solve("cattaneo_mindlin", tmp_path / "run", EXACT_LAW, *sizes)
     true, told = turned_back.errors(data)[0], summary["error_estimate"]["displacement"]
     # Between the two runs lie 0.2 %, of which a part is what histories on unlike grids differ by.
     assert true / 5.0 <= told <= true * FACTOR

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.peers.scenes import REFERENCE, read_profile
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.io.run_reader import ContactData, RunData
-from tests.cases.test_published import solve
+from mlsanm_cli.io.run_reader import ContactData
+from tests.app.scenes import SMOOTH_LAW
+from tests.cases.test_published import Run, solve
 
 FRICTION = 0.3
-SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
 COARSE = "contact.interface.accuracy=1e-2"
-Run = tuple[Mapping[str, Any], RunData]
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +26,7 @@ def exact(tmp_path_factory: pytest.TempPathFactory) -> Run:
 @pytest.fixture(scope="module")
 def smooth(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """The same history by the smooth law, on a coarser grid."""
-    return solve("cattaneo_mindlin", tmp_path_factory.mktemp("friction") / "smooth", SMOOTH, COARSE)
+    return solve("cattaneo_mindlin", tmp_path_factory.mktemp("friction") / "smooth", SMOOTH_LAW, COARSE)
 
 
 def contact_of(run: Run) -> ContactData:
@@ -154,7 +151,7 @@ def test_cattaneo_and_mindlin(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("law", ["exact", "hyperbolic"])
 def test_shear_patch(tmp_path: Path, law: str) -> None:
-    summary, data = solve("shear_patch", tmp_path / law, f'contact.interface.regularization.law="{law}"')
+    summary, data = solve("shear_patch", tmp_path / law, f"contact.*.regularization.law={law}")
     contact = data.contacts["interface"]
     # Shear to +x on the upper block is held by friction to -x.
     bar = 1e-11 if law == "exact" else 2e-3
@@ -167,10 +164,8 @@ def test_shear_patch(tmp_path: Path, law: str) -> None:
         assert summary["error_estimate"]["displacement"] <= 1e-10
         assert summary["error_estimate"]["pressure"]["interface"] <= 1e-7
         for body in data.states[-1].bodies.values():
-            assert (
-                np.abs(body["stress"][:, 2] / -20.0 - np.sign(body["stress"][:, 2].mean()) * -1.0).max()
-                <= 1e-6
-            )
+            shear = body["stress"][:, 2]
+            assert np.abs(shear / -20.0 + np.sign(shear.mean())).max() <= 1e-6
     assert summary["force_balance"] <= 1e-6
 
 
@@ -185,9 +180,7 @@ def test_block_slides_both_ways(tmp_path: Path) -> None:
     assert (contact.status[forward] == 2).all()
     assert summary["forces"]["push"][0] == pytest.approx(-60.0, rel=1e-9)
     # The platen continues when the block slides.
-    assert data.path.displacements["push"][forward] == pytest.approx(
-        [0.002, data.path.displacements["push"][forward, 1]]
-    )
+    assert data.path.displacements["push"][forward, 0] == pytest.approx(0.002)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

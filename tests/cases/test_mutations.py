@@ -26,10 +26,9 @@ from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.solve.regularized_events import EventLocator
-from tests.app.scenes import Quiet
+from tests.app.scenes import EXACT_LAW, SMOOTH_LAW, Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
-EXACT = 'contact.interface.regularization.law="exact"'
 COARSE = "contact.interface.accuracy=1e-2"
 
 
@@ -81,7 +80,7 @@ def test_dropped_weights_of_tractions(
 ) -> None:
     monkeypatch.setattr(assembly, "row_weights", traction_weights_times(factor))
     # Not that of a patch test, whose solution obeys all rows however they are weighted.
-    summary = outcome("hertz", tmp_path / "run", EXACT)
+    summary = outcome("hertz", tmp_path / "run", EXACT_LAW)
     if summary["status"] == "failed":
         assert summary["stop_reason"] != "end of the last stage"
     else:
@@ -104,7 +103,7 @@ def test_stencils_across_bodies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
         return replace(taken, indices=taken.indices % len(points), nodes=len(points))
 
     monkeypatch.setattr(body_model, "build_stencils", faulty)
-    summary = outcome("hertz", tmp_path / "run", EXACT)
+    summary = outcome("hertz", tmp_path / "run", EXACT_LAW)
     assert len({len(points) for points in seen}) == 2
     # No certificate knows of it, but seven times the published bar does.
     assert summary["contacts"]["interface"]["reference"]["pressure_error_l2"] >= 0.02
@@ -113,7 +112,7 @@ def test_stencils_across_bodies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
 def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     proper = remainder_sources
     monkeypatch.setattr(sources, "remainder_sources", lambda *rest: 0.5 * proper(*rest))
-    (warning,) = outcome("hertz", tmp_path / "run", EXACT)["warnings"]
+    (warning,) = outcome("hertz", tmp_path / "run", EXACT_LAW)["warnings"]
     assert warning.startswith("force imbalance on body cylinder: 9")
 
 
@@ -125,12 +124,12 @@ def test_half_of_a_contact_s_singular_field(monkeypatch: pytest.MonkeyPatch, tmp
         return 0.5 * log, 0.5 * turn
 
     monkeypatch.setattr(ContactGrid, "singular", faulty)
-    assert outcome("hertz", tmp_path / "run", EXACT)["status"] == "failed"
+    assert outcome("hertz", tmp_path / "run", EXACT_LAW)["status"] == "failed"
 
 
 def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     changes = (
-        'contact.interface.regularization.law="hyperbolic"',
+        SMOOTH_LAW,
         "stage=[{press=1.0},{push=1.0},{press=0.5}]",
         "output.at=[3.0]",
         COARSE,
@@ -148,7 +147,7 @@ def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp
 
 
 def test_friction_limits_that_are_never_noticed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    changes = ('contact.interface.regularization.law="hyperbolic"', "stage=[{press=1.0},{push=1.0}]", COARSE)
+    changes = (SMOOTH_LAW, "stage=[{press=1.0},{push=1.0}]", COARSE)
     monkeypatch.setattr(EventLocator, "__call__", lambda locator, piece: np.inf)
     summary = outcome("block_slide", tmp_path / "run", *changes)
     assert "beyond the friction limit" in summary["stop_reason"]

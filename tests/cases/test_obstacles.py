@@ -10,18 +10,15 @@ import pytest
 from benchmarks.formulas.lame import LameRing, press_fit
 from benchmarks.formulas.plates import plates_approach
 from benchmarks.formulas.punch import FlatPunch
-from tests.cases.test_published import deviations_of, solve
+from tests.app.scenes import EXACT_LAW
+from tests.cases.test_published import deviations, solve
 
 STEEL = 210e3 / (1.0 - 0.3**2)
 
 
-def laws(law: str, *contacts: str) -> list[str]:
-    return [f'contact.{name}.regularization.law="{law}"' for name in contacts]
-
-
 @pytest.mark.parametrize("law", ["exact", "hyperbolic"])
 def test_disk_between_plates(tmp_path: Path, law: str) -> None:
-    summary, data = solve("disk_between_plates", tmp_path / law, *laws(law, "top", "bottom"))
+    summary, data = solve("disk_between_plates", tmp_path / law, f"contact.*.regularization.law={law}")
     exact = plates_approach(500.0, 1.0, STEEL)
     # Over eight seeds 0.3 to 0.7 % on symmetric clouds, 0.3 to 0.6 % on others.
     assert -data.path.displacements["press"][-1, 1] == pytest.approx(exact, rel=0.009)
@@ -38,7 +35,7 @@ def test_disk_between_plates(tmp_path: Path, law: str) -> None:
 def test_stack(tmp_path: Path) -> None:
     contacts = ("floor", "joint1", "joint2", "joint3")
     sizes = (f"body.block{k}.spacing={0.4 if k % 2 else 0.5}" for k in (1, 2, 3, 4))
-    summary, data = solve("stack", tmp_path / "stack", *laws("exact", *contacts), *sizes)
+    summary, data = solve("stack", tmp_path / "stack", EXACT_LAW, *sizes)
     for name in contacts:
         assert np.abs(data.contacts[name].pressure[-1] - 100.0).max() <= 1e-6 * 100.0
     # Blocks 1 and 3 are alike, and so are 2 and 4.
@@ -61,7 +58,7 @@ def test_press_fit(tmp_path: Path) -> None:
 
 def test_rigid_cylinder(tmp_path: Path) -> None:
     summary, _ = solve("rigid_cylinder", tmp_path / "cylinder")
-    profile, peak, width = deviations_of(summary, "under")
+    profile, peak, width = deviations(summary, "under")
     assert profile <= 0.003
     assert abs(peak) <= 0.001
     assert abs(width) <= 0.005

@@ -21,7 +21,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import stage_factors
-from tests.case_text import body, contact, head, item, load, material, pin, support, table
+from tests.case_text import head, load
 
 
 def synthetic(
@@ -67,17 +67,17 @@ def blocks_text(nu: float, upper: float, lower: float, left: float = 0.0, right:
     """Two stacked blocks of these spacings; the lower one goes from ``left`` to ``right``."""
     return (
         head("strain")
-        + material("steel", E=210e3, nu=nu)
-        + body("upper", "steel", upper)
-        + table("body.shape", kind="rectangle", x=[0.0, 2.0], y=[1.0, 2.0])
-        + body("lower", "steel", lower)
-        + table("body.shape", kind="rectangle", x=[left, right], y=[0.0, 1.0])
-        + support("lower.bottom", uy=0.0)
-        + support("lower.left", ux=0.0)
-        + support("upper.left", ux=0.0)
-        + load("press", "upper.top", "platen", fy=-200.0)
-        + contact("interface", "upper.bottom", "lower.top")
-        + table("contact.regularization", law="exact")
+        .material("steel", E=210e3, nu=nu)
+        .body("upper", "steel", upper)
+        .table("body.shape", kind="rectangle", x=[0.0, 2.0], y=[1.0, 2.0])
+        .body("lower", "steel", lower)
+        .table("body.shape", kind="rectangle", x=[left, right], y=[0.0, 1.0])
+        .support("lower.bottom", uy=0.0)
+        .support("lower.left", ux=0.0)
+        .support("upper.left", ux=0.0)
+        .load("press", "upper.top", "platen", fy=-200.0)
+        .contact("interface", "upper.bottom", "lower.top")
+        .table("contact.regularization", law="exact")
     )
 
 
@@ -158,16 +158,16 @@ def cylinder(
     """A half-disk of radius 1 on a block; a/R = 0.05 under the default force."""
     text = (
         head("strain")
-        + material("steel", E=210e3, nu=0.3)
-        + body("cylinder", "steel", 0.2)
-        + table("body.shape", kind="half-disk", center=[0.0, 1.0], radius=1.0, side="lower")
-        + item("body.refine", at=[0.0, 0.0], spacing=fine, radius=0.07)
-        + body("block", "steel", 0.2)
-        + table("body.shape", kind="rectangle", x=[-2.0, 2.0], y=[-2.0, 0.0])
-        + item("body.refine", at=[shift, 0.0], spacing=master or fine, radius=0.07)
-        + support("block.bottom", uy=0.0)
-        + pin("block", [0.0, -2.0], ux=0.0)
-        + f"{load('press', 'cylinder.flat', 'platen')}{control}\n"
-        + contact("interface", "cylinder.arc", "block.top", reach=0.02)
+        .material("steel", E=210e3, nu=0.3)
+        .body("cylinder", "steel", 0.2)
+        .table("body.shape", kind="half-disk", center=[0.0, 1.0], radius=1.0, side="lower")
+        .item("body.refine", at=[0.0, 0.0], spacing=fine, radius=0.07)
+        .body("block", "steel", 0.2)
+        .table("body.shape", kind="rectangle", x=[-2.0, 2.0], y=[-2.0, 0.0])
+        .item("body.refine", at=[shift, 0.0], spacing=master or fine, radius=0.07)
+        .support("block.bottom", uy=0.0)
+        .pin("block", [0.0, -2.0], ux=0.0)
+        .add(f"{load('press', 'cylinder.flat', 'platen')}{control}\n")
+        .contact("interface", "cylinder.arc", "block.top", reach=0.02)
     )
     return build(text, *overrides)
