@@ -18,7 +18,7 @@ which keeps high orders from overflowing, and a power of two, which adds no roun
 Source: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
 53 (1994) 1181-1192.
 
-Equation (15) of docs/method.md.
+Equation (16) of docs/method.md.
 """
 
 from __future__ import annotations

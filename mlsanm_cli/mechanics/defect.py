@@ -4,7 +4,7 @@ Defect correction (Stetter 1978, doi:10.1007/BF01432879): local fits of degree p
 displacements u reveal the truncation error of degree p. With M the rows of degree p and M+ those of degree p
 + 1, the factorised system with right-hand side (M - M+) u gives approximately minus the error of u.
 
-Equation (18) of docs/method.md.
+Equation (29) of docs/method.md.
 """
 
 from __future__ import annotations

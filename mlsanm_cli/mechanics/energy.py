@@ -4,7 +4,7 @@ The strong form does not use energy. Equality of twice the strain energy and the
 is therefore an independent check. Products of two fields that are linear between nodes are integrated
 exactly: sums over nodal areas were 14 % off for a thin beam with five nodes across.
 
-Equation (19) of docs/method.md.
+Equation (30) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ smooth at zeta.
 Points and vectors are complex numbers x + i y. Displacements by unit forces in x and y are (..., 2, 2)
 arrays, components first, stresses xx, yy and xy (..., 3, 2).
 
-Equation (5) of docs/method.md.
+Equation (6) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The remainder is smooth at the forces, so that least squares on a cloud that doe
 Its data are the negative tractions of the fields on the outline, their displacements where the body is held,
 both where springs act, and their mean motion where nothing holds the body.
 
-Equation (5) of docs/method.md.
+Equation (6) of docs/method.md.
 """
 
 from __future__ import annotations

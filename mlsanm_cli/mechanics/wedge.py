@@ -20,7 +20,7 @@ derivatives by ln x of its displacements due to forces on the first face and on 
 
 All forces then have zero resultant, and the second face moves by a constant.
 
-Equation (9) of docs/method.md.
+Equation (10) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -10,6 +10,8 @@ part u - s v, and the derivatives of s v are known in closed form. Stencils are 
 Each displacement component is fitted by itself: the components along and across the axis of an opening and of
 a shearing mode, 2 functions each, have independent coefficients. With all of r^power cos(power theta) and so
 on, twice as many, results for brackets with four nodes across scattered by three times as much.
+
+Equation (5) of docs/method.md.
 """
 
 from __future__ import annotations

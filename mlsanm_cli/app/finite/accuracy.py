@@ -4,7 +4,7 @@ Defect correction as at small strain (:mod:`mlsanm_cli.mechanics.defect`): the r
 fits of the next degree, in the equations of the path, is minus the error of the displacements. In contact it
 is one more step of Newton's method: gaps, pressures and free motions follow.
 
-Equation (18) of docs/method.md.
+Equation (29) of docs/method.md.
 """
 
 from __future__ import annotations

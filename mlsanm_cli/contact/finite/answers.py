@@ -10,7 +10,7 @@ state is smooth and represented by local fits F along the side::
 with the cloud's displacements u and the nodes' rotations Q. Short waves of tractions T thus do not depend on
 the cloud, and small loads give the small-strain response.
 
-Equation (21) of docs/method.md.
+Equation (25) of docs/method.md.
 """
 
 from __future__ import annotations

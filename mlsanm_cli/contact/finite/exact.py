@@ -6,7 +6,7 @@ touch: U = U_0 + z + C dT, with C corrected for what clouds do not resolve. Trac
 friction and rotate with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K
 z); an active set determines dp and dq.
 
-Equation (28) of docs/method.md.
+Equation (26) of docs/method.md.
 """
 
 from __future__ import annotations

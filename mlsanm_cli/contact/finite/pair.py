@@ -11,7 +11,7 @@ A master's nodes receive the slave's traction T projected onto their hat functio
 M being inverted to second order, so that the forces on both sides agree to round-off, and a constant traction
 is reproduced. The integral is exact: between the nodes of either side the integrand is quadratic.
 
-Equations (26) and (27) of docs/method.md.
+Equations (23) and (24) of docs/method.md.
 """
 
 from __future__ import annotations

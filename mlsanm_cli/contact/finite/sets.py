@@ -12,7 +12,7 @@ Where the active-set exchange cycles, complementary pivoting finds the status. W
 
 solved along one artificial load (Lemke 1965, doi:10.1287/mnsc.11.7.681): no basis recurs.
 
-Equation (25) of docs/method.md.
+Equation (22) of docs/method.md.
 """
 
 from __future__ import annotations

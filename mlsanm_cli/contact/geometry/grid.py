@@ -145,7 +145,7 @@ class Hats:
 
     def errors(self, values: FloatArray) -> FloatArray:
         """Contribution of every interval (m + 1,) to the L2 error of nodal ``values`` (m,), from their second
-        differences: h^(5/2) |p''| / sqrt(120)."""
+        differences: h^(5/2) |p''| / sqrt(120), the terms of equation (9) of docs/method.md."""
         bend = self._bends(values)
         return np.asarray(self.steps**2.5 * np.maximum(bend[1:], bend[:-1]) / np.sqrt(120.0))
 

@@ -1,4 +1,4 @@
-"""Unilateral contact with Coulomb friction: states, and finite increments between them. Equation (13) of
+"""Unilateral contact with Coulomb friction: states, and finite increments between them. Equation (14) of
 docs/method.md."""
 
 from __future__ import annotations

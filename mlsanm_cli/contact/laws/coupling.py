@@ -5,7 +5,7 @@ pressures, tractions, motions. Condensed, this is a dense matrix. :mod:`mlsanm_c
 includes the bodies' displacements in the motions and their equations in the balances, and stays sparse. A law
 adds its nodal terms, :class:`Local`, and obtains a factorised tangent.
 
-Equation (12) of docs/method.md.
+Equation (13) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ Without friction t and r4 are empty and the hyperbola remains (Elhage-Hussein, P
 Solids Structures 37, 2000, 6981): the gap under a pressure p is about eta delta / p, the spurious tension of
 an open node is below eta, and the branch h < 0 is meaningless.
 
-Equation (14) of docs/method.md.
+Equation (15) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """Scales and parameters of the regularised contact laws, from the exact states of a contact scene. Equation
-(12) of docs/method.md."""
+(13) of docs/method.md."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
 Each body is factorised once, and only the functionals of its solutions are computed. Both are skipped if the
 memo holds the functionals already.
 
-Equation (10) of docs/method.md.
+Equation (11) of docs/method.md.
 """
 
 from __future__ import annotations

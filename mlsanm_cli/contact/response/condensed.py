@@ -10,7 +10,7 @@ friction, and the unknown rigid motions q of platens, obstacles and floating bod
 p acts on the slave along the master's outward normal, t along the tangent, the normal rotated by -90 degrees;
 s is the slip of the slave relative to the master along it. The matrices A are the compliance.
 
-Equation (10) of docs/method.md.
+Equation (11) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Contribution of contact grids' near fields to the response functionals. Equations (6) and (7) of
+"""Contribution of contact grids' near fields to the response functionals. Equations (7) and (8) of
 docs/method.md."""
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ x = X + u is the deformed position, x_P that of the piece, the mean of its nodes
 deformed configuration: in the reference one, forces times deflections would be missing. Springs keep their
 directions: t = -k u, per reference length.
 
-Equations (16) and (22) of docs/method.md.
+Equations (17) and (18) of docs/method.md.
 """
 
 from __future__ import annotations

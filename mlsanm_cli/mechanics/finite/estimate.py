@@ -10,7 +10,7 @@ relative to the integral of S : E = P : (F - F^-T) / 2, which is twice the strai
 any rotation. Fits of the next degree do not reveal the error at a crushed corner: least squares makes the
 state smooth there.
 
-Equation (29) of docs/method.md.
+Equation (27) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def missing_work(body: FiniteBody, displacement: FloatArray, factors: FloatArray
     ``way`` (2N,), minus that of all forces, per thickness.
 
     Reactions are known as stresses next to singular corners, or not at all: a smooth field with the ``way``
-    of held parts is subtracted, so that they do no work. Equation (30) of docs/method.md.
+    of held parts is subtracted, so that they do no work. Equation (28) of docs/method.md.
     """
     elastic, moved = body.elastic, way.reshape(-1, 2)
     cloud = elastic.model.cloud

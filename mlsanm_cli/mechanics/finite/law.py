@@ -17,7 +17,7 @@ A body with thermal stretch w deforms elastically by F / w, out of plane too::
 Components are ordered 11, 12, 21, 22. Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element
 Analysis, sections 6.4 and 6.5.
 
-Equations (23) and (24) of docs/method.md.
+Equations (19) and (21) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ W are the weights of the linear body, with pieces as strong as there. At the bas
 least-squares problem, whose solution for R measures the error of a state: the displacement that would correct
 it.
 
-Equation (17) of docs/method.md.
+Equation (20) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ A series of a field with spatial derivatives (jet) is an array (K + 1, j, n): co
 n points; j = 1 for values only, j = 3 for value, d/dX and d/dY. Products within one order follow Leibniz'
 rule.
 
-Equations (23) and (24) of docs/method.md.
+Equations (19) and (21) of docs/method.md.
 """
 
 from __future__ import annotations
