@@ -29,4 +29,4 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     from mlsanm_cli.memo import NO_CACHE
 
     changed = not {"monkeypatch", "by_nodes"}.isdisjoint(getattr(item, "fixturenames", ()))
-    NO_CACHE._most = KEPT if item.path.parent.name in ("app", "cases") and not changed else 0
+    NO_CACHE._most = KEPT if item.nodeid.startswith(("tests/app", "tests/cases")) and not changed else 0

@@ -125,7 +125,7 @@ def test_hertz_on_an_orthotropic_block(tmp_path: Path) -> None:
         EXACT_LAW,
         f"load.press.force=[0.0, {-force!r}]",
     )
-    case = Path(__file__).parents[2] / "cases" / "hertz.toml"
+    case = Path(__file__).parents[3] / "cases" / "hertz.toml"
     summary = run(case, overrides=overrides, out=tmp_path / "run", console=Quiet())
     contact = summary["contacts"]["interface"]
     assert contact["peak_pressure"] == pytest.approx(2.0 * force / (np.pi * 0.05), rel=0.003)

@@ -21,8 +21,8 @@ from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
+from tests.app.output.test_paraview import CYLINDER
 from tests.app.scenes import BAR, PATCH, Quiet, done, hertz, solve
-from tests.app.test_paraview import CYLINDER
 
 FFMPEG = """
 words = sys.argv

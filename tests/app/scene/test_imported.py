@@ -21,7 +21,7 @@ from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet
 from tests.case_text import Scene, scene
 
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parents[2] / "data"
 
 
 def pulled(spacing: float | None = None, use: str | None = None, left: float = -5.0, **more: Any) -> Scene:

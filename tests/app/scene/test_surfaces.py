@@ -18,8 +18,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import OutlineShape
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
+from tests.app.scene.test_imported import PULLED, polar_plate, write_gmsh
 from tests.app.scenes import done, hertz, prepared, refused, solve
-from tests.app.test_foreign import PULLED, polar_plate, write_gmsh
 from tests.case.scenes import parse
 from tests.case_text import EXACT, FLOOR, Scene, polygon, scene
 

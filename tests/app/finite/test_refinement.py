@@ -9,7 +9,7 @@ import pytest
 
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
-from tests.app.finite_scenes import neo_hookean, rubber
+from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.runs import resumed_differences
 from tests.app.scenes import Quiet, solve
 from tests.app.test_resume import Killed

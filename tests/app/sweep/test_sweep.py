@@ -307,7 +307,7 @@ def test_a_dask_cluster_that_loses_a_worker_finds_the_same(tmp_path: Path, case:
 
 def test_geometries_of_materials_with_axes() -> None:
     """Expansion along three axes is a list or a number, which the library that writes it had stumbled on."""
-    path = Path(__file__).parents[2] / "cases" / "orthotropic.toml"
+    path = Path(__file__).parents[3] / "cases" / "orthotropic.toml"
     one, same, other = (
         geometry(load_case(path, overrides).case)
         for overrides in ((), ("solver.order=10",), ("material.wood.alpha=[4e-6, 35e-6, 36e-6]",))

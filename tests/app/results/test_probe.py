@@ -65,7 +65,7 @@ def test_linear_fields_are_exact(tmp_path: Path) -> None:
 
 def test_heat_and_grain(tmp_path: Path) -> None:
     """Wood pulled and sheared along axes turned by 30 degrees, then heated: strains even, stress stays."""
-    case = (Path(__file__).parents[2] / "cases" / "orthotropic.toml").read_text()
+    case = (Path(__file__).parents[3] / "cases" / "orthotropic.toml").read_text()
     case += probe_text("p", "board", [1.3, 0.7])
     solve(case, tmp_path / "run", "body.board.spacing=0.25")
     c, s = np.sqrt(0.75), 0.5

@@ -13,7 +13,7 @@ from mlsanm_cli.app.finite import scene
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.projector import weights_of
-from tests.app.finite_scenes import neo_hookean, rubber
+from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.scenes import solve
 from tests.case_text import body, box, contact, disk, head, load, material, plane, pushed, support
 

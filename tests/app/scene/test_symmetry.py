@@ -15,8 +15,8 @@ from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.io.run_reader import read_run
+from tests.app.scene.test_floating_bodies import DISK, SMOOTH
 from tests.app.scenes import EXACT_LAW, NODAL, solve
-from tests.app.test_loose import DISK, SMOOTH
 from tests.case_text import EXACT, Scene, head, load, pushed, scene, stages, support
 
 pytestmark = pytest.mark.usefixtures("by_nodes")

@@ -37,7 +37,7 @@ from tests.app.scenes import (
 )
 from tests.contact.derivatives import tangent_times
 
-CASES = Path(__file__).parents[2] / "cases"
+CASES = Path(__file__).parents[3] / "cases"
 AGREE = 1e-7
 """Largest difference of pressures, tractions and displacements, relative to the largest pressure and
 displacement."""

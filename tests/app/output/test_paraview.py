@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
+from tests.app.output.vtk_files import area, listed, read
 from tests.app.scenes import BAR, done, solve
-from tests.app.vtk_files import area, listed, read
 from tests.case_text import EXACT, scene
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 NO_VTK = "the extra test-vtk is not installed"
 AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
 CYLINDER = (

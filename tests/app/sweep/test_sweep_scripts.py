@@ -13,7 +13,7 @@ import pytest
 
 from mlsanm_cli.case import load_case
 
-SCRIPTS = Path(__file__).parents[2] / "cases" / "sweeps"
+SCRIPTS = Path(__file__).parents[3] / "cases" / "sweeps"
 CASE = SCRIPTS.parent / "cattaneo_mindlin.toml"
 FAKE = """#!{python}
 import os, sys

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.app.finite_scenes import done, neo_hookean, rubber
+from tests.app.finite.finite_scenes import done, neo_hookean, rubber
 from tests.app.scenes import solve
 from tests.case_text import (
     annulus,

@@ -20,8 +20,8 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import orthotropic
+from tests.app.scene.test_imported import polar_plate, pulled, write_gmsh
 from tests.app.scenes import done
-from tests.app.test_foreign import polar_plate, pulled, write_gmsh
 from tests.case_text import scene
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square
 

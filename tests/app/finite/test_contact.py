@@ -16,9 +16,9 @@ from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
-from tests.app.finite_scenes import done, neo_hookean, rubber
+from tests.app.finite.finite_scenes import done, neo_hookean, rubber
+from tests.app.output.vtk_files import area, listed, read
 from tests.app.scenes import Quiet, solve
-from tests.app.vtk_files import area, listed, read
 from tests.case_text import (
     body,
     box,
@@ -32,7 +32,7 @@ from tests.case_text import (
     table,
 )
 
-CASES = Path(__file__).parents[2] / "cases"
+CASES = Path(__file__).parents[3] / "cases"
 
 FINE = {"at": [0.0, 2.0], "spacing": 0.05, "radius": 0.75, "growth": 0.15}
 DISK = disk([0.0, 3.0], 1.0)
