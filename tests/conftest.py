@@ -28,5 +28,5 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     tests that change the program, as to put faults into it."""
     from mlsanm_cli.memo import NO_CACHE
 
-    changed = not {"monkeypatch", "by_nodes"}.isdisjoint(getattr(item, "fixturenames", ()))
+    changed = not {"monkeypatch", "by_nodes", "alone"}.isdisjoint(getattr(item, "fixturenames", ()))
     NO_CACHE._most = KEPT if item.nodeid.startswith(("tests/app", "tests/cases")) and not changed else 0

@@ -45,6 +45,11 @@ def afterwards() -> Iterator[pytest.MonkeyPatch]:
 
 
 @pytest.fixture
+def alone() -> None:
+    """Contact grids do not begin with those of other tests (tests.conftest)."""
+
+
+@pytest.fixture
 def by_nodes() -> Iterator[None]:
     """No contact has a grid of its own, even off all corners."""
     with pytest.MonkeyPatch.context() as patch:

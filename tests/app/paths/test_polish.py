@@ -21,6 +21,7 @@ COARSE = "contact.interface.regularization.eta=1e-3"
 FIELDS = ("displacement", "stress", "von_mises")
 
 
+@pytest.mark.usefixtures("alone")
 @pytest.mark.parametrize(
     ("text", "levels"), [(hertz(), "output.at=[0.3, 0.7]"), (SHEARED, "output.at=[1.0, 1.5, 2.25]")]
 )
