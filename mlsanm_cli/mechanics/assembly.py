@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
-from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped
+from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.least_squares import Strong
@@ -62,12 +62,12 @@ def assemble(
     single = [*held_nodes, *pins(cloud.points, free)]
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    grips = gripped(held, springs, cloud, model.material)
+    restraints = restrained(held, springs, cloud, model.material)
     # In nearly incompressible bodies, pairs would make nodal pressures alternate.
-    pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
+    pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, restraints)
     count = table.total + 3 * pieces.count
     # Computed on first use, by the equations or for the body's forces.
-    loads = cache(partial(pieces.loads, first_row, count, grips))
+    loads = cache(partial(pieces.loads, first_row, count, restraints))
     pulls = spring_rows(cloud, table, len(model.nodes))
     rows = compact(sparse.csr_array(_rows(model, held, single) + pulls))
     factorise: Callable[[], LinearSystem]
@@ -77,9 +77,9 @@ def assemble(
         choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
         factorise = partial(square.factorise, rows, choice, model.nodes)
     else:
-        weight = row_weights(model, held, single, table, grips, touching)
+        weight = row_weights(model, held, single, table, restraints, touching)
         known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
-        strong = partial(_strong, model, pieces, grips, loads, pulls, known)
+        strong = partial(_strong, model, pieces, restraints, loads, pulls, known)
         sums = pieces.sums(known)
         factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
     # Digest of the input of the rows, which are many times as large. The weights and the points halfway
@@ -100,7 +100,7 @@ def assemble(
 def _strong(
     model: BodyModel,
     pieces: Pieces,
-    grips: Held,
+    restraints: Held,
     loads_on_pieces: Callable[[], sparse.csr_array],
     pulls: sparse.csr_array,
     known: BoolArray,
@@ -108,7 +108,7 @@ def _strong(
     """Equilibrium of the pieces as strong rows (3k, 2N), its operator (3k, r) on right-hand sides, both as
     strains times their strength and zero where not ``known`` (3k,); and the scale (3k,) of forces."""
     loads = loads_on_pieces()
-    rows = pieces.fluxes(model, grips, np.asarray(known.reshape(3, -1).any(axis=0)))
+    rows = pieces.fluxes(model, restraints, np.asarray(known.reshape(3, -1).any(axis=0)))
     if pulls.nnz:
         # A spring row prescribes the sum of traction and spring force.
         rows = rows + loads[:, : pulls.shape[0]] @ pulls
@@ -202,14 +202,14 @@ def row_weights(
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
     table: RowTable,
-    grips: Held,
+    restraints: Held,
     touching: Collection[str] = (),
 ) -> FloatArray:
-    """Weights (r,) of the rows in the least-squares sum; stresses are singular where ``grips`` end, but next
-    to surfaces ``touching``."""
+    """Weights (r,) of the rows in the least-squares sum; stresses are singular where ``restraints`` end, but
+    next to surfaces ``touching``."""
     cloud = model.cloud
-    corners = _unenriched_corners(model, grips)
-    corner = corner_weight(cloud, grips, table.springs, touching)
+    corners = _unenriched_corners(model, restraints)
+    corner = corner_weight(cloud, restraints, table.springs, touching)
     factor = corner * reentrant_weight(cloud, corners)
     inside = one_sided_weight(cloud, corner, model.settings)
     weights = [factor * inside * cloud.spacing / table.modulus] * 2
@@ -228,12 +228,12 @@ def row_weights(
     return np.concatenate([*weights, HOLD_WEIGHT / cloud.spacing[single]])
 
 
-def _unenriched_corners(model: BodyModel, grips: Held) -> IntArray:
+def _unenriched_corners(model: BodyModel, restraints: Held) -> IntArray:
     """Nodes at reentrant corners without singular functions: all but isolated ones between free faces."""
     corners = reentrant_corners(model.cloud)
     if model.tips is None:
         return corners
-    gripped = [model.cloud.surfaces[name].index for name, held in grips.items() if any(held)]
+    restrained = [model.cloud.surfaces[name].index for name, held in restraints.items() if any(held)]
     away = np.abs(model.cloud.points[corners][:, None] - model.tips.place).sum(axis=2).min(axis=1)
-    unknown = np.isin(corners, np.concatenate([np.zeros(0, dtype=np.int64), *gripped])) | (away > 0.0)
+    unknown = np.isin(corners, np.concatenate([np.zeros(0, dtype=np.int64), *restrained])) | (away > 0.0)
     return np.asarray(corners[unknown])

@@ -20,7 +20,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
-from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft
+from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained, soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.system import LinearSystem
 
@@ -112,7 +112,7 @@ class ElasticBody:
             if self.held.get(surface, FREE)[component] == held:
                 source[self.condition_rows(surface, component)] = values[:, component]
         if between is not None and not held:
-            taken = ~np.array(self.gripped.get(surface, FREE))
+            taken = ~np.array(self.restrained.get(surface, FREE))
             whole = self.pieces.of_traction(self.model.cloud.surfaces[surface], between * taken)
             source[self.rows - len(whole) :] = whole - self.loads @ source
         return source
@@ -136,18 +136,18 @@ class ElasticBody:
     def reaction_rows(self, surface: str, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
         """Rows (3, 2N) of force x, y and moment about ``center`` that a held surface exerts on the body."""
         where, inside = self.model.cloud.surfaces[surface], self.depth_of_reactions(surface)
-        return reaction_rows(self.model, where, self.gripped[surface], center, inside)
+        return reaction_rows(self.model, where, self.restrained[surface], center, inside)
 
     def depth_of_reactions(self, surface: str) -> float:
         """Depth, in spacings, at which the stress is evaluated for the force on a held surface. Square
         schemes lack the rows of pieces, and their stress near held corners is unreliable: one spacing inside,
         or two if both directions are held."""
-        return float(sum(self.gripped[surface])) if self.model.settings.square else 0.0
+        return float(sum(self.restrained[surface])) if self.model.settings.square else 0.0
 
     @cached_property
-    def gripped(self) -> Held:
+    def restrained(self) -> Held:
         """Components of surfaces that are held, or have stiff springs."""
-        return gripped(self.held, self.springs, self.model.cloud, self.model.material)
+        return restrained(self.held, self.springs, self.model.cloud, self.model.material)
 
     @cached_property
     def soft_springs(self) -> Springs:

@@ -58,14 +58,16 @@ def thickness(cloud: Cloud) -> float:
     return 2.0 * float(cloud.areas.sum()) / perimeter
 
 
-def corner_weight(cloud: Cloud, grips: Held, springs: Springs, touching: Collection[str] = ()) -> FloatArray:
+def corner_weight(
+    cloud: Cloud, restraints: Held, springs: Springs, touching: Collection[str] = ()
+) -> FloatArray:
     """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER, with
-    the distance from places where ``grips`` or ``springs`` change along the boundary.
+    the distance from places where ``restraints`` or ``springs`` change along the boundary.
 
     Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
     weight, and cost the strong rows their digits.
     """
-    nodes = singular_changes(cloud, grips, springs, touching)
+    nodes = singular_changes(cloud, restraints, springs, touching)
     if not len(nodes):
         return np.ones(len(cloud.points))
     distance = np.maximum(
@@ -90,7 +92,9 @@ def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) ->
     return factor
 
 
-def singular_changes(cloud: Cloud, grips: Held, springs: Springs, touching: Collection[str] = ()) -> IntArray:
+def singular_changes(
+    cloud: Cloud, restraints: Held, springs: Springs, touching: Collection[str] = ()
+) -> IntArray:
     """Nodes (k,) where supports change along the boundary and stresses are singular: corners between a fully
     held and a free surface, and others where the boundary turns by less than about a right angle. There
     springs count as supports: without, the reaction of a block on springs along a part of its side was up to
@@ -98,12 +102,12 @@ def singular_changes(cloud: Cloud, grips: Held, springs: Springs, touching: Coll
     rows: a block that rolls on a part of its side and touches with the rest had a stability of 0.02."""
     held = {
         name: (x or springs.get(name, NO_SPRING)[0] > 0.0, y or springs.get(name, NO_SPRING)[1] > 0.0)
-        for name, (x, y) in ((name, grips.get(name, FREE)) for name in cloud.surfaces)
+        for name, (x, y) in ((name, restraints.get(name, FREE)) for name in cloud.surfaces)
     }
     found = set()
     for node, turn, both in _corners(cloud):
         if held[both[0]] != held[both[1]]:
-            clamped = {sum(grips.get(each, FREE)) for each in both} == {0, 2}
+            clamped = {sum(restraints.get(each, FREE)) for each in both} == {0, 2}
             if clamped or (turn < MAX_MIXED_ANGLE and not {*both} & set(touching)):
                 found.add(node)
     return np.array(sorted(found), dtype=np.int64)

@@ -65,7 +65,7 @@ def next_degree(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
 class Defect:
     """``source`` (r,) in the units of the body's rows, its part ``singular`` (r,) in rows of nodes near ends
     of clamped sides, ``stress`` (n, 3) of the better fits minus the body's, and ``reactions``: force and
-    moment about the origin (3,) on every gripped surface, likewise."""
+    moment about the origin (3,) on every restrained surface, likewise."""
 
     source: FloatArray
     singular: FloatArray
@@ -173,7 +173,7 @@ def defect_of(
         source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
     lacking = partial(better.stress_around, displacement, mean)
-    fluxes = body.pieces.flux_of(lacking, body.gripped)
+    fluxes = body.pieces.flux_of(lacking, body.restrained)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
     reactions = {
         name: -reaction_of(
@@ -183,7 +183,7 @@ def defect_of(
             (0.0, 0.0),
             lambda points: lacking(points, points[:, None])[:, 0],
         )
-        for name, axes in body.gripped.items()
+        for name, axes in body.restrained.items()
         if any(axes)
     }
     stress = stress_of(derivatives, stiffness) - model.stress(displacement)
@@ -195,7 +195,7 @@ def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
     ``plates``: what such a plate carries is known, but the stress beneath it is not, and by this part alone a
     long beam would have turned its plate by a tenth of its angle, right to 1e-4."""
     cloud, found = body.model.cloud, np.zeros(body.rows, dtype=bool)
-    fixed = {name: axes for name, axes in body.gripped.items() if name not in plates}
+    fixed = {name: axes for name, axes in body.restrained.items() if name not in plates}
     ends = singular_changes(cloud, fixed, body.springs)
     if len(ends):
         near = nearest(cKDTree(cloud.points[ends]), cloud.points)[0] < SINGULAR_REACH * cloud.spacing

@@ -45,14 +45,14 @@ class Heating:
         for name, surface in body.model.cloud.surfaces.items():
             traction = traction_of(self.values[surface.index, None] * even, surface.normal)
             source += body.source(name, traction, held=False)
-        fluxes = body.pieces.flux_of(lambda _, points: self._blocked(even, points), body.gripped)
+        fluxes = body.pieces.flux_of(lambda _, points: self._blocked(even, points), body.restrained)
         source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
         return source
 
     def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
         """Force x, y and moment about ``center`` (3,) due to thermal expansion, to be subtracted from those
         computed for a held surface from displacements."""
-        even, held = stress_of_expansion(body.model.material), body.gripped[surface]
+        even, held = stress_of_expansion(body.model.material), body.restrained[surface]
         where = body.model.cloud.surfaces[surface]
         inside = body.depth_of_reactions(surface)
         return reaction_of(

@@ -99,13 +99,13 @@ def _on_pieces(
     """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface. Exact on a free
     surface, from the resultants of the fields over each cell's part of the outline; integrals of the
     tractions ``sent`` (g, k, 2, 2) where these are given."""
-    pieces, gripped = body.pieces, np.array(body.gripped.get(name, FREE))
+    pieces, restrained = body.pieces, np.array(body.restrained.get(name, FREE))
     springs = np.array(body.soft_springs.get(name, NO_SPRING))
     count = len(forces.place)
     total = np.zeros((3 * pieces.count, count, 2))
-    if gripped.all():
+    if restrained.all():
         return total
-    along = gripped.any() or sent is not None
+    along = restrained.any() or sent is not None
     if not (along or isinstance(forces, CorneredForces)):
         *ends, own = _parts(surface)
         through = forces.through(*ends)
@@ -122,7 +122,7 @@ def _on_pieces(
         values = -springs[:, None] * forces.displacement(z) if springs.any() else 0.0
         if along:
             values = values - (_tractions(surface, forces, halves) if sent is None else sent)
-        force = halves.length[:, None, None, None] * np.where(gripped[:, None], 0.0, values)
+        force = halves.length[:, None, None, None] * np.where(restrained[:, None], 0.0, values)
         for level in pieces.levels:
             owner = level[surface.index[halves.own]]
             total += pieces.gathered(owner, points, np.moveaxis(force, 2, 1))
@@ -209,7 +209,7 @@ def _along_lines(body: ElasticBody, owner: IntArray, force: FloatArray, at: Floa
 def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
     """Force x, y and moment about ``center`` (3, 2k) that a held surface exerts on the body, from the near
     fields of unit forces: x at all places, then y."""
-    surface, held = body.model.cloud.surfaces[name], np.array(body.gripped[name])
+    surface, held = body.model.cloud.surfaces[name], np.array(body.restrained[name])
     halves = _halves(surface, forces)
     points = surface.curve.points(halves.arc)
     force = halves.length[:, None, None, None] * np.where(

@@ -40,7 +40,9 @@ class SurfaceLoad:
     def on_springs(self, body: ElasticBody) -> FloatArray:
         """The force (2,) of a traction on springs so stiff that they hold its surface: what the stress there
         makes is what the springs exert and it together."""
-        stiff = np.array(body.gripped.get(self.surface, FREE)) & ~np.array(body.held.get(self.surface, FREE))
+        stiff = np.array(body.restrained.get(self.surface, FREE)) & ~np.array(
+            body.held.get(self.surface, FREE)
+        )
         if self.held or self.between is None or not stiff.any():
             return np.zeros(2)
         return np.asarray(

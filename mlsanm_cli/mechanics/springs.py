@@ -34,7 +34,7 @@ def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = N
     return material.modulus / size
 
 
-def gripped(
+def restrained(
     held: Held, springs: Springs, cloud: Cloud, material: PlaneMaterial
 ) -> dict[str, tuple[bool, bool]]:
     """Components of every surface that are held, or have stiff springs."""

@@ -47,10 +47,10 @@ def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., Fl
         held: Mapping[str, tuple[bool, bool]],
         held_nodes: Sequence[tuple[int, int]],
         table: RowTable,
-        grips: Held,
+        restraints: Held,
         touching: Collection[str],
     ) -> FloatArray:
-        weights, cloud = proper(model, held, held_nodes, table, grips, touching), model.cloud
+        weights, cloud = proper(model, held, held_nodes, table, restraints, touching), model.cloud
         first = 2 * len(cloud.points)
         for name, surface in cloud.surfaces.items():
             for holds in held.get(name, (False, False)):

@@ -54,7 +54,7 @@ def test_pieces_lack_what_both_degrees_fluxes_differ_by(degree: int) -> None:
     u = Wave(STEEL.stiffness).displacement(cloud.points)
     every = np.ones(body.pieces.count, dtype=bool)
     old, new = (
-        body.pieces.fluxes(model, body.gripped, every) @ u.ravel() for model in (body.model, better.model)
+        body.pieces.fluxes(model, body.restrained, every) @ u.ravel() for model in (body.model, better.model)
     )
     defect = defect_of(body, u)
     found = body.loads @ defect.source

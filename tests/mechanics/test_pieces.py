@@ -81,7 +81,7 @@ def test_fluxes_of_even_and_linear_stress_balance_on_every_piece(
         source = boundary_values(body, lambda at: 0.0 * at, stress)
         if stress is linear:
             source = with_body_force(body, source, linear_force)
-        out, loads = body.pieces.flux_of(of_edges(stress), body.gripped), body.loads @ source
+        out, loads = body.pieces.flux_of(of_edges(stress), body.restrained), body.loads @ source
         assert np.abs(out).max() > 1e-2
         np.testing.assert_allclose(loads, out, rtol=0.0, atol=1e-12)
 
@@ -92,12 +92,12 @@ def test_fluxes_of_displacements_are_those_of_their_stress() -> None:
     u = body.model.cloud.points @ gradient.T
     strain = np.array([gradient[0, 0], gradient[1, 1], gradient[0, 1] + gradient[1, 0]])
     stress = STEEL.stiffness @ strain
-    whole = body.pieces.fluxes(body.model, body.gripped, np.ones(body.pieces.count, dtype=bool))
-    expected = body.pieces.flux_of(of_edges(lambda at: np.tile(stress, (len(at), 1))), body.gripped)
+    whole = body.pieces.fluxes(body.model, body.restrained, np.ones(body.pieces.count, dtype=bool))
+    expected = body.pieces.flux_of(of_edges(lambda at: np.tile(stress, (len(at), 1))), body.restrained)
     np.testing.assert_allclose(whole @ u.ravel(), expected, atol=1e-10 * np.abs(expected).max())
     # Of some only, the others may be anything.
     wanted = np.arange(body.pieces.count) % 3 == 0
-    some = body.pieces.fluxes(body.model, body.gripped, wanted) @ u.ravel()
+    some = body.pieces.fluxes(body.model, body.restrained, wanted) @ u.ravel()
     np.testing.assert_allclose(some[np.tile(wanted, 3)], expected[np.tile(wanted, 3)], atol=1e-8)
 
 
@@ -319,7 +319,7 @@ def test_a_block_on_springs_alone_moves_by_force_over_stiffness(stiffness: float
 def test_stiff_springs_hold_by_the_stress_inside() -> None:
     body = sprung({"bottom": (1e4, 1e4)})
     assert not body.soft_springs
-    assert body.gripped == {"bottom": (True, True)}
+    assert body.restrained == {"bottom": (True, True)}
     weight = body.force_source(np.tile([0.0, -1.0], (len(body.model.cloud.points), 1)))
     u = solved(body, weight)
     assert body.reaction_rows("bottom", (1.0, 0.0)) @ u.ravel() == pytest.approx([0.0, 2.0, 0.0], abs=2e-3)

@@ -99,7 +99,7 @@ def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapp
     squares = {name: float((one.displacement**2).sum()) for name, one in fields.items()}
     lost = 0.0
     for name, body in built.scene.bodies.items():
-        if body.model.settings.degree >= MIN_ENERGY_DEGREE and any(map(all, body.gripped.values())):
+        if body.model.settings.degree >= MIN_ENERGY_DEGREE and any(map(all, body.restrained.values())):
             lost += errors[name] ** 2 * squares[name]
     whole = sum(squares.values())
     return float(np.sqrt(lost / whole)) if whole > 0.0 else 0.0

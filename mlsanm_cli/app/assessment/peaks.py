@@ -179,7 +179,7 @@ def _left_out(built: CondensedScene, state: State, name: str) -> tuple[FloatArra
     cloud = body.model.cloud
     single = [node for node, _ in single_nodes(built.case, name, cloud)]
     unbounded, touching = [cloud.points[[*_singular(body), *single]]], [np.zeros((0, 2))]
-    clamped = [surface for surface, axes in body.gripped.items() if all(axes)]
+    clamped = [surface for surface, axes in body.restrained.items() if all(axes)]
     touching += [cloud.points[cloud.surfaces[surface].index] for surface in clamped]
     for pairing in built.condensed.reported:
         for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
@@ -202,7 +202,7 @@ def _singular(body: ElasticBody) -> Iterator[int]:
         for after, other in surfaces.items():
             if one.curve.closed or one.index[-1] != other.index[0]:
                 continue
-            held = [sum(body.gripped.get(surface, FREE)) for surface in (name, after)]
+            held = [sum(body.restrained.get(surface, FREE)) for surface in (name, after)]
             if held[0] != held[1] and (
                 max(held) == 2 or one.normal[-1] @ other.normal[0] > RIGHT_ANGLE_COSINE
             ):

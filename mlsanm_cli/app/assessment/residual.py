@@ -75,7 +75,7 @@ def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
     scale = body.model.material.modulus
     square = (defect.stress**2 * np.array([1.0, 1.0, 2.0])).sum(axis=1) / scale**2
     mean = np.add.reduceat(square[point], stencils.indptr[:-1]) / np.diff(stencils.indptr)
-    result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.gripped, body.springs)
+    result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.restrained, body.springs)
     return result
 
 

@@ -31,9 +31,10 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody, Timed
 from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
+from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
-from mlsanm_cli.mechanics.springs import gripped, restraining
+from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.settings import MlsSettings
@@ -111,21 +112,8 @@ def prepare(
     held = {body.name: _held_surfaces(case, boundaries, body.name) for body in case.body}
 
     def modelled(body: Body, low: bool) -> BodyModel:
-        clamped = sorted(name for name, sides in held[body.name].items() if all(sides))
-        name, cloud, material = body.name, clouds[body.name], stiffness[body.material]
-        settings = mls_settings(case, low)
-        known = before.get(name)
-        if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
-            return known
-        # Errors are estimated at a higher degree; with friction the path would have to be repeated.
-        known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
-        ahead = known_next and not any(one.friction for one in case.touching)
-        foresight = next_degree(settings, material).stencil_size if ahead else 0
-        return memo.value(
-            "model",
-            model_key(name, cloud, material, settings, clamped),
-            partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
-        )
+        known, material = before.get(body.name), stiffness[body.material]
+        return _model(case, body.name, clouds[body.name], material, held[body.name], memo, known, low)
 
     pairings = tuple(pair(case, boundaries, clouds))
     models = {}
@@ -142,11 +130,11 @@ def prepare(
             # Some part is too thin for the high degree.
             models[body.name] = modelled(body, low=True)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
-    grips = {
-        name: gripped(held[name], loads.springs[name], model.cloud, model.material)
+    restraints = {
+        name: restrained(held[name], loads.springs[name], model.cloud, model.material)
         for name, model in models.items()
     }
-    free = rigid_constraints(case, boundaries, clouds, held, held_nodes, grips, loads.springs)
+    free = rigid_constraints(case, boundaries, clouds, held, held_nodes, restraints, loads.springs)
     occupied = {
         name: sides
         | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
@@ -184,6 +172,32 @@ def prepare(
         held_motions=found.held,
         loose_motions=found.loose,
         weak=found.weak,
+    )
+
+
+def _model(
+    case: Case,
+    name: str,
+    cloud: Cloud,
+    material: PlaneMaterial,
+    held: Mapping[str, tuple[bool, bool]],
+    memo: Memo,
+    known: BodyModel | None,
+    low: bool,
+) -> BodyModel:
+    """The model of a body; a ``known`` one with the same cloud and degree is reused."""
+    settings = mls_settings(case, low)
+    if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
+        return known
+    clamped = sorted(surface for surface, sides in held.items() if all(sides))
+    # Errors are estimated at a higher degree; with friction the path would have to be repeated.
+    known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
+    ahead = known_next and not any(one.friction for one in case.touching)
+    foresight = next_degree(settings, material).stencil_size if ahead else 0
+    return memo.value(
+        "model",
+        model_key(name, cloud, material, settings, clamped),
+        partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
     )
 
 

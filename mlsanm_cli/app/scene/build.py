@@ -157,11 +157,11 @@ def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
     """Translations of floating bodies without a load in their direction, one at a time, then all of one
     direction. Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the
     motion is then undetermined, and zero by symmetry. Friction resists it, or the body is idle."""
-    rubbed = {body for pairing in prepared.pairings if pairing.friction for body in pairing.bodies}
+    frictional = {body for pairing in prepared.pairings if pairing.friction for body in pairing.bodies}
     idle = [
         (constraint.body, motion.component)
         for constraint in prepared.rigid_constraints
-        if isinstance(constraint, FloatingBody) and constraint.body not in rubbed
+        if isinstance(constraint, FloatingBody) and constraint.body not in frictional
         for motion in constraint.motions
         if motion.prescribed is None and motion.component != ROTATION and not motion.force.any()
     ]

@@ -24,14 +24,14 @@ def rigid_constraints(
     clouds: Mapping[str, Cloud],
     held: HeldSurfaces,
     held_nodes: HeldNodes,
-    grips: HeldSurfaces,
+    restraints: HeldSurfaces,
     springs: Mapping[str, Springs],
 ) -> list[mechanics.RigidConstraint]:
     """All rigid constraints, with ``held[body][surface]`` and ``held_nodes[body]`` as in `SceneModel`.
-    ``grips`` are the surfaces held by supports or stiff springs. Raises CaseError for floating bodies in a
-    scheme that does not support them."""
+    ``restraints`` are the surfaces held by supports or stiff springs. Raises CaseError for floating bodies
+    in a scheme that does not support them."""
     return [
-        *_platens(case, boundaries, clouds, grips, held_nodes),
+        *_platens(case, boundaries, clouds, restraints, held_nodes),
         *_obstacles(case),
         *_floating(case, clouds, held, held_nodes, springs),
     ]

@@ -216,7 +216,7 @@ def body_sums(forces: CondensedForces) -> LinearMap:
                 total = total + forces.contact(pairing, name)
             if name == pairing.master_body:
                 total = total + -forces.contact(pairing, pairing.slave_body)
-        for surface in forces.scene.bodies[name].gripped:
+        for surface in forces.scene.bodies[name].restrained:
             total = total + forces.measured[name, surface]
         rows.append(total.take(slice(0, 2)))
     return stack(rows, forces.columns)

@@ -44,7 +44,7 @@ def near_field_response(observation: ResponseFunctionals, drivers: Drivers) -> F
             for one in observation.frictional:
                 slipped = _along(one, body, forces, one.tangent)
                 total[places["slip", one.name], columns] += sign * slipped
-            for surface in elastic.gripped:
+            for surface in elastic.restrained:
                 reaction = reaction_of(elastic, surface, scene.center(body, surface), forces)
                 total[places["held", (body, surface)], columns] += sign * reaction
             for surface in elastic.soft_springs:

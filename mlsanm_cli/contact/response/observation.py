@@ -48,7 +48,7 @@ class ResponseFunctionals:
             counts["gap", pairing.name] = sampled + beyond
         bodies = self.scene.bodies.items()
         counts |= {("slip", pairing.name): len(pairing.position) for pairing in self.frictional}
-        counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.gripped}
+        counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.restrained}
         counts |= {("probe", probe.name): ROWS for probe in self.scene.probes}
         counts |= {("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs}
         return spans(counts, counts.values())
@@ -71,7 +71,7 @@ class ResponseFunctionals:
                 found["gap", pairing.name] = sparse.vstack([sampled_rows(body, name, pairing), beyond])
         for pairing in self.frictional:
             found["slip", pairing.name] = relative_rows(body, name, pairing, pairing.tangent)
-        for surface in body.gripped:
+        for surface in body.restrained:
             found["held", (name, surface)] = body.reaction_rows(surface, scene.center(name, surface))
         for probe in scene.probes:
             if probe.body == name:
@@ -100,7 +100,7 @@ def observe(
         rows = observation.rows(name)
         # Reactions are computed from stresses, of which free expansion has none.
         for heating in scene.heated(name):
-            for surface in body.gripped:
+            for surface in body.restrained:
                 expansion = heating.reaction(body, surface, scene.center(name, surface))
                 observed[observation.places["held", (name, surface)], heating.number] -= expansion
         used = used_columns(sources[name])

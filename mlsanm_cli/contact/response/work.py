@@ -50,7 +50,7 @@ def work_on(
         pulled = given[name] - springs * (displacement + near)[surface.index]
         # The force on held components is the traction of the stress beneath.
         inner = traction_of(stress[surface.index], surface.normal)
-        traction = np.where(elastic.gripped.get(name, FREE), inner, pulled)
+        traction = np.where(elastic.restrained.get(name, FREE), inner, pulled)
         total += along_surface(surface, traction, path[surface.index])
     for load in scene.surface_loads:
         if load.body == body and not load.held:
@@ -85,7 +85,7 @@ def _paths(
     cloud = elastic.model.cloud
     moved, nodes, surfaces = displacement.copy(), np.zeros_like(displacement), np.zeros_like(displacement)
     prescribed = _prescribed(scene, body, unknowns)
-    for name, components in elastic.gripped.items():
+    for name, components in elastic.restrained.items():
         surface = cloud.surfaces[name]
         for component in (0, 1):
             surfaces[surface.index, component] += surface.weight * components[component]
@@ -181,7 +181,7 @@ def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> flo
         return 0.0
     surface = body.model.cloud.surfaces[load.surface]
     halves = Halves.of(surface, FINE)
-    taken = ~np.array(body.gripped.get(load.surface, FREE))
+    taken = ~np.array(body.restrained.get(load.surface, FREE))
     own, other, share = surface.index[halves.own], surface.index[halves.other], halves.share[:, None]
     moved = share * path[own] + (1.0 - share) * path[other]
     whole = float((halves.length[:, None] * taken * load.between * moved).sum())

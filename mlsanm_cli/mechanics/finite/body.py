@@ -63,7 +63,7 @@ class FiniteBody:
     def points(self) -> tuple[FacePoints, FacePoints, FacePoints]:
         """Quadrature points: of inner faces and of held sides, with stress, and of sides with loads."""
         elastic = self.elastic
-        held = {name: components for name, components in elastic.gripped.items() if any(components)}
+        held = {name: components for name, components in elastic.restrained.items() if any(components)}
         held_sides = outline_points(elastic, held, rule_of(elastic.model))
         return inner_points(elastic), held_sides, self.applied.points
 

@@ -98,7 +98,7 @@ class Applied:
         """Locate the points and evaluate the loads there."""
         pressed_on = (one.surface for one in loads.pressing)
         surfaces = dict.fromkeys([*loads.tractions, *pressed_on, *body.soft_springs])
-        kept = {name: [not one for one in body.gripped.get(name, FREE)] for name in surfaces}
+        kept = {name: [not one for one in body.restrained.get(name, FREE)] for name in surfaces}
         points = outline_points(body, kept, FINE)
         dead = np.zeros((2, points.count, loads.count))
         pressure = np.zeros((points.count, loads.count))
