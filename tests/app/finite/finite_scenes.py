@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
-from tests.app.scenes import solve
 from tests.case_text import head, material
 
 
@@ -17,10 +12,3 @@ def rubber(modulus: float, poisson: float) -> str:
 
 def neo_hookean(name: str, modulus: float, poisson: float) -> str:
     return material(name, E=modulus, nu=poisson, law="neo-hookean")
-
-
-def done(text: str, directory: Path, *overrides: str) -> Mapping[str, Any]:
-    """The summary of a run, which reaches its end."""
-    summary = solve(text, directory, *overrides)
-    assert summary["status"] == "done", summary["stop_reason"]
-    return summary

@@ -11,8 +11,8 @@ import pytest
 
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.finite.finite_scenes import done, neo_hookean, rubber
-from tests.app.scenes import solve
+from tests.app.finite.finite_scenes import neo_hookean, rubber
+from tests.app.scenes import done, solve
 from tests.case_text import (
     body,
     box,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.app.finite.finite_scenes import done, neo_hookean, rubber
-from tests.app.scenes import solve
+from tests.app.finite.finite_scenes import neo_hookean, rubber
+from tests.app.scenes import done, solve
 from tests.case_text import (
     annulus,
     body,

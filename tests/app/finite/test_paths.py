@@ -22,9 +22,9 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Correction, PathOptions, correct
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
-from tests.app.finite.finite_scenes import done, rubber
+from tests.app.finite.finite_scenes import rubber
 from tests.app.runs import resumed_differences
-from tests.app.scenes import Quiet, solve
+from tests.app.scenes import Quiet, done, solve
 from tests.app.test_resume import Deadly, Killed
 from tests.case_text import body, box, contact, head, item, load, material, pushed, support, table
 

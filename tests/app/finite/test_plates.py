@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.app.finite.finite_scenes import done, rubber
-from tests.app.scenes import solve
+from tests.app.finite.finite_scenes import rubber
+from tests.app.scenes import done, solve
 from tests.case_text import body, box, contact, load, plane, support
 
 BLOCK = (
