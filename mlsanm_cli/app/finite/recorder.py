@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import asdict
 from functools import partial
 from itertools import pairwise
@@ -130,7 +129,7 @@ class FiniteRecorder(RunWriter):
                     )
             self._count(scene, step)
             self._rows += 1 + len(between)
-            figures = {name: copy(getattr(self, name)) for name in self.tallies}
+            figures = self.tallied()
             more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
             more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
             assert step.checkpoint is not None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -126,7 +125,7 @@ class Recorder(RunWriter):
             if self._case.output.fields:
                 self._save_fields(built, step.saved, rows, datasets, attributes)
             self._count(built, step)
-            figures = {name: copy(getattr(self, name)) for name in self.tallies}
+            figures = self.tallied()
             more = {"polished": tuple(self.polished), "told": tuple(self._reported)}
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
             self.add_step(step, state, rows, datasets, attributes, latest)

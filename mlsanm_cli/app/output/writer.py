@@ -6,6 +6,7 @@ import platform
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from functools import lru_cache
 from importlib.metadata import distribution
 from pathlib import Path
@@ -126,6 +127,10 @@ class RunWriter(Closing):
             "solves": step.solves,
             "seconds": time.monotonic() - self._started,
         }
+
+    def tallied(self) -> dict[str, Any]:
+        """The counts and maxima so far, from which `take_up` continues."""
+        return {name: copy(getattr(self, name)) for name in self.tallies}
 
     def take_up(self, rows: int, figures: Mapping[str, Any], bodies: Iterable[str]) -> None:
         """Restores the counts after the last recorded of the ``rows``, and the lists of VTU files."""
