@@ -11,6 +11,7 @@ import h5py
 import meshio
 import numpy as np
 import pytest
+from mlsanm_cli.app.results.views import Choice
 
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.checks import quality
@@ -18,7 +19,6 @@ from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results import views
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.scene import size_estimate as estimate
 from mlsanm_cli.case import parse_case, stored_case
 from mlsanm_cli.cli import main
