@@ -13,7 +13,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.deformed import DeformedOutline, distances, outline_of
+from mlsanm_cli.app.checks.deformed import DeformedOutline, distances, outline_of
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud

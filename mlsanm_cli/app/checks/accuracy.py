@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.checks import EnergyVerdict
+from mlsanm_cli.app.checks.verdicts import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2

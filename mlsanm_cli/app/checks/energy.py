@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.checks import ENERGY_WARNING, EnergyVerdict, largest_force, least_force
+from mlsanm_cli.app.checks.verdicts import ENERGY_WARNING, EnergyVerdict, largest_force, least_force
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.app.scene.causes import strain_of
 from mlsanm_cli.cloud.cloud import Cloud
