@@ -37,10 +37,8 @@ from mlsanm_cli.io.records import row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart, write_parts
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
-
-ROUND_OFF = 1e-9
-"""Forces below this part of the stiffness of what moves are none."""
 
 
 class FiniteRecorder(RunWriter):
