@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from mlsanm_cli.app.results.path_lookup import POSITION_TOLERANCE, Level, displacement_at
+from mlsanm_cli.app.results.path_lookup import Level, displacement_at
 from mlsanm_cli.app.scene.assemble import mls_settings
 from mlsanm_cli.app.scene.loads import temperature_of
 from mlsanm_cli.app.scene.materials import materials
@@ -27,6 +27,7 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 SCALARS = schema.scalars(schema.FIELDS)
@@ -40,7 +41,7 @@ def saved_state(run: RunData, position: float | None) -> SavedState:
         return run.states[-1]
     wanted = max(run["path/position"].tolist(), default=0.0) if position is None else position
     for state in run.states:
-        if abs(state.position - wanted) <= POSITION_TOLERANCE * max(abs(wanted), 1.0):
+        if abs(state.position - wanted) <= FINE_ROUND_OFF * max(abs(wanted), 1.0):
             return state
     places = ", ".join(f"{state.position:g}" for state in run.states) or "(none)"
     raise RunError(f"fields are saved at position {places}, not at {wanted:g}", "name it in output.at")
