@@ -13,12 +13,10 @@ from mlsanm_cli.case.model.base import LENGTH, NUMBER, AutoLength, Name, Positiv
 from mlsanm_cli.case.model.shapes import Mesh, Points, Shape
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
+from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.scope import Scope
-
-MIN_RELATIVE_SPACING = 1e-9
-"""Smallest spacing, relative to the largest coordinate: coordinates must resolve it."""
 
 
 class Refine(Section):
@@ -90,10 +88,10 @@ class Body(Section):
         shape = scope.geometries.get(self.name)
         if shape is None:
             return
-        smallest = MIN_RELATIVE_SPACING * (max(map(abs, shape.centre)) + shape.size)
+        far = max(map(abs, shape.centre)) + shape.size
+        smallest = ROUND_OFF * far
         for key, spacing in spacings:
             if spacing < smallest:
-                far = smallest / MIN_RELATIVE_SPACING
                 message = f"{spacing:g} is below round-off for coordinates up to {far:g}"
                 yield Fault(key, message, f"at least {smallest:.2g}")
         if math.inf > given > shape.size > 0.0:

@@ -12,6 +12,7 @@ from pydantic import Field
 from mlsanm_cli.case.model.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section, expecting
 from mlsanm_cli.case.model.model import UNSUPPORTED
 from mlsanm_cli.errors import Fault
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.scope import Scope
@@ -32,10 +33,6 @@ FINITE_LAWS: Mapping[str, Form] = {"saint-venant-kirchhoff": "isotropic", "neo-h
 """Laws for finite strain, with the form of their constants."""
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
 """Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
-SYMMETRY_TOLERANCE = 1e-9
-"""Largest asymmetry of a stiffness, relative to its largest entry."""
-MIN_DETERMINANT = 1e-12
-"""Of the leading minors of a positive definite stiffness or compliance scaled to a unit diagonal."""
 
 
 class Material(Section):
@@ -131,7 +128,7 @@ class Material(Section):
             c = self.stiffness
             largest = max(abs(value) for row in c for value in row)
             pairs = ((0, 1), (0, 2), (1, 2))
-            if any(abs(c[i][j] - c[j][i]) > SYMMETRY_TOLERANCE * largest for i, j in pairs):
+            if any(abs(c[i][j] - c[j][i]) > ROUND_OFF * largest for i, j in pairs):
                 hint = "rows and columns are xx, yy, xy; the last strain is 2 e_xy"
                 yield Fault(("stiffness",), "is not symmetric", hint)
             elif not _positive(c):
@@ -172,4 +169,4 @@ def _positive(c: Sequence[Sequence[float]]) -> bool:
         return False
     xy, xz, yz = (c[i][j] / math.sqrt(c[i][i] * c[j][j]) for i, j in ((0, 1), (0, 2), (1, 2)))
     determinant = 1.0 + 2.0 * xy * xz * yz - xy**2 - xz**2 - yz**2
-    return 1.0 - xy**2 > MIN_DETERMINANT and determinant > MIN_DETERMINANT
+    return 1.0 - xy**2 > FINE_ROUND_OFF and determinant > FINE_ROUND_OFF
