@@ -118,9 +118,6 @@ class RunData(Dataset):
         )
 
 
-RunOrigin = RunData
-
-
 def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
     """Reads the case and ``groups`` of the run in directory ``rundir`` (or from the run.h5 itself), also one
     in progress. Raises RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has
