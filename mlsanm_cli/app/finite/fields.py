@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteState
-from mlsanm_cli.app.output.recording import record_summary
+from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
-from mlsanm_cli.io.records import ContactRecord, ProbeRecord
+from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.solve.state import State
 
 CONTACT_PREFIX = "contact "
 """Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""
@@ -51,9 +51,9 @@ class FiniteFields:
         return cls(derivatives[:, 0], stress, across, mises, stretches(gradient).T, volume)
 
 
-def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
+def fields_of(scene: FiniteScene, state: State) -> dict[str, FiniteFields]:
     """Fields at the nodes of every body."""
-    found, shown = {}, scene.parts(state.shown(scene))
+    found, shown = {}, scene.parts(scene.shown(state))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
@@ -62,16 +62,31 @@ def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]
     return found
 
 
-def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeRecord]:
+def quantities(scene: FiniteScene, state: State) -> Quantities:
+    """The quantities of a state, as rows of run.h5 have them."""
+    return {
+        "factors": dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
+        "resultants": resultants(scene, SceneForces.of(scene, state)),
+        "displacements": platen_displacements(scene, state),
+        "contacts": contact_values(scene, state),
+        "probes": probe_values(scene, state),
+    }
+
+
+def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Values at the probes of the case."""
-    records = {}
+    values = {}
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
         model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
         stencils = build_stencils(model.nodes, model.tree, probe.point, 1, model.settings, model.cloud.sight)
         seen = FiniteFields.of(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
-        records[probe.name] = ProbeRecord(seen.displacement[0], seen.stress[0], float(seen.von_mises[0]))
-    return records
+        values[probe.name] = {
+            "displacement": seen.displacement[0],
+            "stress": seen.stress[0],
+            "von_mises": float(seen.von_mises[0]),
+        }
+    return values
 
 
 @dataclass(frozen=True)
@@ -83,9 +98,9 @@ class SceneForces:
     contacts: Mapping[str, tuple[FloatArray, ...]]
 
     @classmethod
-    def of(cls, scene: FiniteScene, state: FiniteState) -> SceneForces:
+    def of(cls, scene: FiniteScene, state: State) -> SceneForces:
         """Forces of a state."""
-        acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
+        acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
         bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
         found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
         for contact in scene.contacts.pairs:
@@ -134,25 +149,24 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
     return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
-def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, ContactRecord]:
-    """Pressures and tractions per deformed length, gaps and slips of every contact."""
-    records, pressed = {}, state.pressed
-    parts = scene.parts(state.displacement)
+def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
+    """Pressures and tractions per deformed length, gaps, slips, status and dissipated work of every
+    contact."""
+    values, parts = {}, scene.parts(state.displacement)
     for contact, here, _ in scene.contacts.each:
         slave = contact.slave
         stretch = stretch_along(scene, slave, parts[slave.body])
-        assert pressed is not None
-        gap = np.where(pressed.gap[here] < NO_GAP, pressed.gap[here], np.nan)
+        gap = np.where(state.gap[here] < NO_GAP, state.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
-        records[contact.name] = ContactRecord(
-            pressed.pressure[here] / stretch,
-            pressed.shear[here] / stretch,
-            gap,
-            slip,
-            pressed.sets.status[here],
-            float(slave.weight @ state.work[here]),
-        )
-    return records
+        values[contact.name] = {
+            "pressure": state.pressure[here] / stretch,
+            "traction": state.traction[here] / stretch,
+            "gap": gap,
+            "slip": slip,
+            "status": state.status[here],
+            "dissipated_work": float(slave.weight @ state.work[here]),
+        }
+    return values
 
 
 def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArray) -> FloatArray:
@@ -162,19 +176,19 @@ def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArra
     return np.asarray(np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y))
 
 
-def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces) -> dict[str, dict[str, Any]]:
+def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Summary of every contact; the half-width is measured along the undeformed side."""
-    records = contact_records(scene, state)
+    records, forces = contact_values(scene, state), SceneForces.of(scene, state)
     found: dict[str, dict[str, Any]] = {}
     for contact, _, there in scene.contacts.each:
         record, pressed = records[contact.name], forces.contacts[contact.name]
-        arc, pressure = contact.slave.arc, record.pressure
+        arc, pressure = contact.slave.arc, record["pressure"]
         if contact.slave.around is not None:
             order, arc = unrolled(arc, contact.slave.around, pressure)
             pressure = pressure[order]
-        found[contact.name] = record_summary(record, arc, pressure, pressed[0])
-        limit = contact.friction * record.pressure
-        ratio = np.abs(record.traction[limit > 0.0]) / limit[limit > 0.0]
+        found[contact.name] = contact_figures(record, arc, pressure, pressed[0])
+        limit = contact.friction * record["pressure"]
+        ratio = np.abs(record["traction"][limit > 0.0]) / limit[limit > 0.0]
         found[contact.name]["max_cone_ratio"] = float(ratio.max(initial=0.0)) if contact.friction else None
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
@@ -183,41 +197,40 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
     return found
 
 
-def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
+def _moment(contact: RigidContact, state: State, here: slice) -> float:
     """Moment of the tractions of a rotating obstacle on the body about its pivot; the sides' nodes are
     ``here`` in the state's arrays."""
-    assert state.pressed is not None
-    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.whole
-    at = slave.places + state.pressed.surface[here].reshape(-1, 2) - pivot
-    force = slave.weight[:, None] * state.pressed.traction[here].reshape(-1, 2)
+    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
+    at = slave.places + state.solver["surface"][here].reshape(-1, 2) - pivot
+    force = slave.weight[:, None] * state.side_traction[here].reshape(-1, 2)
     return float((at[:, 0] * force[:, 1] - at[:, 1] * force[:, 0]).sum())
 
 
-def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
+def platen_displacements(scene: FiniteScene, state: State) -> dict[str, FloatArray]:
     """Displacement (2,) of every platen and obstacle, by the name of the load that moves it."""
     moved = {}
     rigid = {one.name: one for one in scene.contacts.pairs if isinstance(one, RigidContact)}
     for load in scene.case.load:
         if isinstance(load, ObstacleMotion):
-            moved[load.name] = rigid[load.obstacle].motion @ state.whole
+            moved[load.name] = rigid[load.obstacle].motion @ state.driven
     for plate in scene.contacts.plates:
         for number in plate.loads:
-            moved[scene.case.load[number].name] = plate.motion[:2] @ state.whole
+            moved[scene.case.load[number].name] = plate.motion[:2] @ state.driven
     return moved
 
 
-def plates_turned(scene: FiniteScene, state: FiniteState) -> dict[str, dict[str, float]]:
+def plates_turned(scene: FiniteScene, state: State) -> dict[str, dict[str, float]]:
     """Rotation of every plate that rotates, and moment about its hinge."""
-    acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
+    acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
     found = {}
     for plate in (one for one in scene.contacts.plates if one.motion[2].any()):
         moments = [plate.pulled(scene.bodies[k], k, parts[k], acting[k])[0][2] for k in plate.surfaces]
-        rotation = float(plate.motion[2] @ state.whole)
+        rotation = float(plate.motion[2] @ state.driven)
         found[plate.name] = {"rotation": rotation, "moment": float(sum(moments))}
     return found
 
 
-def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:
+def extremes(scene: FiniteScene, state: State) -> Mapping[str, float]:
     """Extreme stretches, volume ratio and acoustic tensor of a state."""
     every = list(fields_of(scene, state).values())
     waves = [

@@ -7,15 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.case import Case, Displacement, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import html, run_dir
 from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
+from mlsanm_cli.roundoff import ROUND_OFF
 
 DPI = 110
 """Resolution of pictures, at which a report on three runs is below 3 MB."""
@@ -39,8 +40,6 @@ CHECKS = {
     "stability": ("stability of the discretisation", "above"),
 }
 ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
-ROUND_OFF = 1e-9
-"""Forces below this part of the largest are zero."""
 CAPTIONS = {
     "pressure": "Contact pressure along {subject}",
     "traction": "Tangential traction along {subject}, between its friction limits",
@@ -88,7 +87,7 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
     yield from _figures(summary, case)
     yield html.heading(3, "Error estimates and checks")
     yield _checks(summary)
-    if run.path.rows:
+    if run.rows:
         yield html.heading(3, "Pictures")
         yield from _pictures(run)
     yield html.heading(3, "The case")

@@ -1,0 +1,310 @@
+"""A-posteriori error estimates of the displacements and of the pressure of every contact.
+
+The exact state at the end of the path is compared with four others: with bodies corrected by their defect of
+the next degree, without smoothing along contacts, with every second contact node, and the reported state of a
+regularised law. The root of the sum of squares of the differences is the estimate, not a bound;
+docs/method.md compares it with refined runs and analytical solutions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import add
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.checks.verdicts import EnergyVerdict
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import finer_nodes
+from mlsanm_cli.contact.geometry.grid import l2
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, rough_state
+from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.response.bonds import Bonds
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.defect import Corrected, correct
+from mlsanm_cli.mechanics.scene import Platen
+from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.grid_refinement import grid_errors
+from mlsanm_cli.solve.state import State
+
+ROUGH_SHARE = 0.5
+"""Error of pressures due to waves that smoothing keeps, over the change without smoothing. In holes of 25 to
+45 nodes it was 0.4 to 1.3 for 16 of 18 pressures, and up to 1.8."""
+LEAST_MOVED = 0.05
+"""Probes that move by less than this part of the largest displacement are compared with it."""
+
+Moved = tuple[FloatArray, FloatArray, FloatArray]
+"""Changes of motions (k,), pressures (m,) and tractions (n,)."""
+Halved = tuple[FloatArray, FloatArray]
+"""Motions (k,) and pressures (m,) with every second node of contacts."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Estimated errors of ``state``, the exact one at the end of the path.
+
+    ``displacement`` is the relative root mean square error over all nodes; ``from_bulk`` and ``from_contact``
+    are relative L2 errors of the pressures, by contact, due to the bodies and to the contact's own spacing;
+    None without an estimate. ``bodies`` are the corrected ones in that state, empty if not known; ``largest``
+    is the largest displacement, None if not needed. ``from_law`` is the part
+    of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
+    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
+    ``missing`` says why there are no estimates, with a hint.
+    """
+
+    displacement: float | None
+    from_bulk: Mapping[str, float | None]
+    from_contact: Mapping[str, float | None]
+    state: ExactState
+    largest: float | None = None
+    bodies: Mapping[str, Corrected] = field(default_factory=dict)
+    from_law: float = 0.0
+    deflection: float = 0.0
+    probes: Mapping[str, float] = field(default_factory=dict)
+    forces: Mapping[str, float] = field(default_factory=dict)
+    missing: str = ""
+
+    def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
+        """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
+        # Tractions of bonds have no estimate.
+        exact, bonds = self.state, [one.name for one in built.condensed.bonds.pairings]
+        pressure: dict[str, float | None] = dict.fromkeys(bonds)
+        blind = len(built.condensed.friction_nodes) > 0
+        if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
+            # The path ended before the state of the other estimates.
+            try:
+                exact = solve_exact(built.condensed, state.factors)
+            except NumericalError:  # the exact laws have no solution at the end of the path
+                none = dict.fromkeys([*bonds, *self.from_bulk])
+                return {"displacement": self.displacement, "pressure": none}
+        for pairing in built.condensed.pairings:
+            away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
+            parts = self.from_bulk[pairing.name], self.from_contact[pairing.name], away
+            pressure[pairing.name] = together(*parts)
+        more = {"force": dict(self.forces), "probes": {name: self._at(built, name) for name in self.probes}}
+        known = {name: one for name, one in more.items() if one}
+        return {"displacement": self.displacement, "pressure": pressure} | known
+
+    def _at(self, built: CondensedScene, probe: str) -> float:
+        """Relative error of the displacement at a probe."""
+        moved = float(np.hypot(*built.condensed.probes[probe](*self.state.unknowns)[:2]))
+        size = max(moved, LEAST_MOVED * (self.largest or 0.0))
+        return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
+
+    def with_energies(self, energies: EnergyVerdict | None) -> Accuracy:
+        """Estimates that include the errors of displacements known from energies."""
+        if self.displacement is None or energies is None:
+            return self
+        displacement = float(np.hypot(self.displacement, energies.deflection))
+        return replace(self, displacement=displacement, deflection=energies.deflection)
+
+    @property
+    def bulk_leads(self) -> bool:
+        """Whether the errors of the bodies limit the accuracy, if there are contacts in one of them."""
+        if self.displacement is None or self.displacement <= ROUND_OFF:
+            return False
+        pairs = [(self.from_bulk[name], self.from_contact[name]) for name in self.from_bulk]
+        return not pairs or any(bulk is not None and own is not None and bulk > own for bulk, own in pairs)
+
+
+def assess_accuracy(built: CondensedScene) -> Accuracy:
+    """Estimate the errors of a solved scene in its last exact state."""
+    condensed, scene = built.condensed, built.scene
+    state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
+    unknown: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
+    blind = len(condensed.friction_nodes) > 0  # friction depends on the path
+    if blind and not built.case.adapt.passes:
+        return Accuracy(None, unknown, unknown, state)
+    bodies, missing = dict[str, Corrected](), ""
+    try:
+        bodies = bodies if blind else corrected_bodies(built, state.unknowns)
+    except NumericalError as error:  # the clouds are too small for the next degree
+        missing = error.advice
+    if not bodies:
+        whole = [condensed.displacement(scene, name, state.unknowns) for name in scene.bodies]
+        return Accuracy(None, unknown, unknown, state, _largest_of(whole), missing=missing)
+
+    def moved(by: Changes) -> Moved:
+        after = by.state(condensed, state)
+        return after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction)
+
+    try:
+        halved = halved_state(condensed, state) if has_nodal_pressures(built) else None
+        rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
+        return estimated(built, state, bodies, moved, rough, halved)
+    except NumericalError as error:  # the corrected scene has no contact state
+        hint = finer_nodes(built.case, scene.bodies)
+        missing = f"with bodies corrected for their errors, {error.message}; {hint}"
+        largest = _largest_of([one.displacement for one in bodies.values()])
+        return Accuracy(None, unknown, unknown, state, largest, bodies, missing=missing)
+
+
+def estimated(
+    built: CondensedScene,
+    state: ExactState,
+    bodies: Mapping[str, Corrected],
+    moved: Callable[[Changes], Moved],
+    rough: FloatArray,
+    halved: Halved | None,
+    by_law: float = 0.0,
+) -> Accuracy:
+    """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
+    what these may miss, from pressures ``rough`` (m,) without smoothing, from nodal contacts of half as many
+    nodes, and from the sum of squares ``by_law`` of the displacements due to a regularised law."""
+    found = _effects(built, bodies, state, moved, halved)
+    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
+    displacement, from_law = (
+        float(np.sqrt(squares / size)) if size > 0.0 else None for squares in (found.squares + by_law, by_law)
+    )
+    return Accuracy(
+        displacement,
+        *_pressure_errors(built, state, found.pressures, rough, halved),
+        state,
+        _largest_of([one.displacement for one in bodies.values()]),
+        bodies,
+        from_law=from_law or 0.0,
+        probes=found.probes,
+        forces=found.forces,
+    )
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Changes by independent causes: the sum of squares of all displacements, displacements at probes, forces
+    of contacts over the sums of their pressures, and pressures (m,)."""
+
+    squares: float
+    probes: Mapping[str, float]
+    forces: Mapping[str, float]
+    pressures: Sequence[FloatArray]
+
+    def __add__(self, other: Effects) -> Effects:
+        pairs = (self.probes, other.probes), (self.forces, other.forces)
+        probes, forces = ({name: float(np.hypot(a[name], b[name])) for name in a} for a, b in pairs)
+        return Effects(self.squares + other.squares, probes, forces, [*self.pressures, *other.pressures])
+
+
+def _effects(
+    built: CondensedScene,
+    bodies: Mapping[str, Corrected],
+    state: ExactState,
+    moved: Callable[[Changes], Moved],
+    halved: Halved | None,
+) -> Effects:
+    """Effects of the corrections of ``bodies``, of what they may miss, and of half as many contact nodes."""
+    parts = [bodies]
+    if any(one.uncertain.any() for one in bodies.values()):
+        parts.append({name: one.missed for name, one in bodies.items()})
+    found = []
+    for part in parts:
+        by = changes_of(built.condensed, built.scene, part)
+        found.append(_effects_of(built, part, state, by.bonds, moved(by)))
+    if halved is not None:
+        fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
+        nothing = {name: replace(one, change=np.zeros_like(one.change)) for name, one in bodies.items()}
+        one = _effects_of(built, nothing, state, built.condensed.bonds, fewer)
+        found.append(replace(one, pressures=[]))
+    return reduce(add, found)
+
+
+def _effects_of(
+    built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
+) -> Effects:
+    """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``."""
+    condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
+    unknowns, probes, forces = (np.zeros(built.stages.shape[1]), *moved), dict[str, float](), {}
+    for name, body in scene.bodies.items():
+        followed = bodies[name].response(body, condensed.source(name, *unknowns))[:, 0]
+        rest = (bodies[name].change + followed + scene.floating_patterns(name) @ moved[0]).reshape(-1, 2)
+        total += float(((rest + condensed.contact_fields(scene, name, unknowns)[0]) ** 2).sum())
+        for probe in scene.probes:
+            if probe.body == name:
+                near = condensed.contact_fields(scene, name, unknowns, probe.point)[0]
+                probes[probe.name] = float(np.hypot(*(body.model.values(probe.point, rest) + near)[0]))
+    for pairing in condensed.pairings:
+        force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
+        size = float(condensed.weight[span] @ state.pressure[span])
+        apart = force(*unknowns) - force.constant
+        forces[pairing.name] = float(np.hypot(*apart)) / size if _is_pressed(state, span) else 0.0
+    return Effects(total, probes, forces, [state.pressure + moved[1]])
+
+
+def corrected_bodies(
+    built: CondensedScene, unknowns: tuple[FloatArray, ...], memo: Memo = NO_CACHE
+) -> dict[str, Corrected]:
+    """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
+    condensed, scene = built.condensed, built.scene
+    plates = {
+        side
+        for constraint, _ in scene.unknown_motions
+        if isinstance(constraint, Platen)
+        for side in constraint.held
+    }
+    found = {}
+    for name, body in scene.bodies.items():
+        moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)
+        own = [surface for owner, surface in plates if owner == name]
+        found[name] = correct(body, source, moved, own, memo)
+    return found
+
+
+def has_nodal_pressures(built: CondensedScene) -> bool:
+    """Whether a contact has no contact grid."""
+    return any(pairing.grid is None for pairing in built.condensed.pairings)
+
+
+def _largest_of(displacements: list[FloatArray]) -> float:
+    """Largest of the ``displacements`` (N, 2) of all bodies."""
+    return max(float(np.hypot(*u.T).max()) for u in displacements)
+
+
+def _pressure_errors(
+    built: CondensedScene,
+    state: ExactState,
+    corrected: Sequence[FloatArray],
+    rough: FloatArray,
+    halved: Halved | None,
+) -> tuple[dict[str, float | None], dict[str, float | None]]:
+    """Relative errors of the pressures of a state, by contact: from each of those after corrections of the
+    bodies (m,) and their change ``rough`` (m,) without smoothing, and by the contact's own spacing, from
+    those with every second node, None if not known."""
+    from_bulk, from_contact = dict[str, float | None](), dict[str, float | None]()
+    for pair in built.condensed.pairings:
+        from_bulk[pair.name] = together(
+            *(distance(built, pair, state, one) for one in corrected),
+            distance(built, pair, state, state.pressure + ROUGH_SHARE * rough),
+        )
+        if pair.grid is not None:
+            errors = grid_errors(built.condensed, pair.name, [state])
+            from_contact[pair.name] = float(np.linalg.norm(errors))
+        else:
+            from_contact[pair.name] = None if halved is None else distance(built, pair, state, halved[1])
+    return from_bulk, from_contact
+
+
+def distance(
+    built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
+) -> float | None:
+    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
+    span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
+    if not _is_pressed(state, span):
+        return None
+    own = state.pressure[span]
+    return l2(arc, pressure[span] - own) / l2(arc, own)
+
+
+def _is_pressed(state: ExactState, span: slice) -> bool:
+    """Whether the pressures of a contact are more than round-off of those of others."""
+    return bool(state.pressure[span].max(initial=0.0) > COARSE_ROUND_OFF * state.pressure.max(initial=0.0))
+
+
+def together(*parts: float | None) -> float | None:
+    """Root of the sum of squares of independent parts; None if one is unknown."""
+    known = [part for part in parts if part is not None]
+    return float(np.linalg.norm(known)) if len(known) == len(parts) else None

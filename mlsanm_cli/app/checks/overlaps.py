@@ -1,0 +1,303 @@
+"""Overlaps of deformed boundaries with bodies and rigid obstacles that no contact prevents.
+
+Boundaries are checked along their exact curves; surfaces of the same contact are left to its law. The
+position of a boundary has a second-order error, its rotation or strain times its displacement, and smaller
+overlaps are ignored, as are those next to a corner of a surface in contact, which slides along the other one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from mlsanm_cli.app.checks.deformed import DeformedOutline, distances, outline_of
+from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.membership import inside_polygon
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.scene import Obstacle
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.functionals import platen_displacements
+from mlsanm_cli.solve.state import State
+
+CORNER_ANGLE = 0.1
+"""Angle (radian) above which surfaces meet in a corner."""
+MAX_INWARD_TURN = 0.05
+"""Inward turning angle (radian) between chords below which a boundary cannot touch itself."""
+SLIDE_FACTOR = 4.0
+"""Overlaps at corners in contact are ignored within this multiple of the sliding distance."""
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """A boundary inside another body or an obstacle, with the largest ``depth`` and its ``place``."""
+
+    depth: float
+    place: tuple[float, float]
+    boundary: str
+    other: str
+
+    @property
+    def owners(self) -> set[str]:
+        """The two bodies, or the body and the obstacle."""
+        other = self.other if self.other.startswith("the ") else self.other.partition(".")[0]
+        return {self.boundary.partition(".")[0], other}
+
+
+def check_overlaps(
+    built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> None:
+    """NumericalError if a boundary lies inside another body or an obstacle in a state with the
+    ``displacements`` (n, 2) of all bodies at the points of ``clouds``."""
+    outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
+    pairings, given = built.condensed.reported, _given_gaps(built)
+    found = [
+        overlap
+        for one, other in permutations(outlines, 2)
+        for overlap in _of_bodies(one, other, outlines, pairings, max(given[one], given[other]))
+    ]
+    found += list(_with_obstacles(built, state, outlines, given))
+    if not found:
+        return
+    worst = max(found, key=lambda overlap: overlap.depth)
+    x, y = worst.place
+    raise NumericalError(
+        f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
+        f"position {state.position:.6g}, and no contact is defined there",
+        _hint(built, worst, found),
+    )
+
+
+def _given_gaps(built: CondensedScene) -> dict[str, float]:
+    """Largest given gap or interference of the surfaces of every body."""
+    found = dict.fromkeys(built.scene.bodies, 0.0)
+    profiles = {contact.name: profile_of(contact) for contact in built.case.contact}
+    for pairing in built.condensed.pairings:
+        profile = profiles[pairing.name]
+        if profile is not None:
+            largest = float(np.abs(profile.at(pairing.points)).max())
+            found |= {body: max(found[body], largest) for body in pairing.bodies}
+    return found
+
+
+def within_themselves(
+    clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> dict[str, tuple[float, float]]:
+    """Places where boundaries lie inside their own body, by body, as where slits close."""
+    found = {}
+    for name, values in displacements.items():
+        own = outline_of(clouds[name], values)
+        if _is_convex(own):
+            continue
+        step = (own.tolerance + own.slack)[:, None] * own.normal
+        inside = np.flatnonzero(inside_polygon(own.edges, own.points + step))
+        # Next to a re-entrant corner the outward step crosses the other side.
+        corners = own.points[own.ends.ravel()]
+        apart = np.hypot(*(own.points[inside][:, None] - corners).transpose(2, 0, 1)).min(
+            axis=1, initial=np.inf
+        )
+        inside = inside[apart > SLIDE_FACTOR * np.hypot(*step[inside].T)]
+        if not len(inside):
+            continue
+        before = np.hstack([own.drawn[own.chords[:, 0]], own.drawn[own.chords[:, 1]]])
+        inside = inside[~inside_polygon(before, (own.drawn + step)[inside])]
+        if len(inside):
+            depth, _ = distances(own.points[inside] + step[inside], own.edges)
+            x, y = own.points[inside[int(np.argmax(depth))]].tolist()
+            found[name] = (x, y)
+    return found
+
+
+def _is_convex(outline: DeformedOutline) -> bool:
+    """Whether the outline is convex, so that it cannot overlap itself."""
+    way = np.diff(outline.points[outline.chords], axis=1)[:, 0]
+    corner = np.roll(way, -1, axis=0)
+    turns = way[:, 0] * corner[:, 1] - way[:, 1] * corner[:, 0]
+    long = np.hypot(*way.T)
+    return bool((turns >= -MAX_INWARD_TURN * long * np.roll(long, -1)).all())
+
+
+def _of_bodies(
+    one: str, other: str, outlines: Mapping[str, DeformedOutline], pairings: Sequence[Pairing], given: float
+) -> Iterator[Overlap]:
+    """Overlaps of boundaries of ``one`` body with the ``other`` outside their contacts, deeper than a
+    ``given`` gap."""
+    own, there = outlines[one], outlines[other]
+    low, high = there.points.min(axis=0), there.points.max(axis=0)
+    near = np.flatnonzero(((own.points > low) & (own.points < high)).all(axis=1))
+    if not len(near):
+        return
+    near = near[inside_polygon(there.edges, own.points[near])]
+    if not len(near):
+        return
+    depth, chord = distances(own.points[near], there.edges)
+    facing = there.chords[chord, 0]
+    least = given + own.tolerance + there.tolerance + own.slack[near] + there.slack[facing]
+    deep = depth > least
+    for pairing in pairings:
+        if {one, other} == set(pairing.bodies):
+            mine, theirs = _members(pairing, one, own), _members(pairing, other, there)
+            deep &= ~(mine[own.surface[near]] & theirs[there.surface[facing]])
+            along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
+            for outline, chosen in ((own, mine), (there, theirs)):
+                deep &= ~_at_corners(own.points[near], along, outline, chosen)
+    others = [f"{other}.{_label(there.names[number])}" for number in there.surface[facing[deep]]]
+    yield from _deepest(own, near[deep], depth[deep], one, others)
+
+
+def _with_obstacles(
+    built: CondensedScene, state: State, outlines: Mapping[str, DeformedOutline], given: Mapping[str, float]
+) -> Iterator[Overlap]:
+    """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``. A body
+    without a contact with an obstacle that lies inside it initially is not checked against it."""
+    moved = platen_displacements(built, state)
+    obstacles = [one for one in built.scene.rigid_constraints if isinstance(one, Obstacle)]
+    shifts = {one.contact: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
+    pairings = {pairing.name: pairing for pairing in built.condensed.reported}
+    for contact in built.case.contact:
+        if contact.obstacle is None:
+            continue
+        shape, shift = shape_of(contact.obstacle), shifts.get(contact.name, np.zeros(2))
+        pairing = pairings[contact.name]
+        for body, own in outlines.items():
+            partner, normal = shape.closest(own.points - shift, own.normal)
+            away = own.points - shift - partner
+            depth = -(away * normal).sum(axis=1)
+            adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+            deep = (depth > given[body] + own.tolerance + own.slack) & (
+                adjacent <= COARSE_ROUND_OFF * own.size + 1e-3 * depth
+            )
+            deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
+            if not deep.any():
+                continue
+            if body == pairing.slave_body:
+                mine = _members(pairing, body, own)
+                deep &= ~mine[own.surface]
+                along = np.hypot(*(own.moved - shift).T)
+                deep &= ~_at_corners(own.points, along, own, mine)
+            else:
+                closest, outward = shape.closest(own.drawn, own.normal)
+                if (((own.drawn - closest) * outward).sum(axis=1) < -COARSE_ROUND_OFF * own.size).any():
+                    continue
+            # At a corner of the body report the side that faces the obstacle.
+            at = np.flatnonzero(deep)
+            at = at[np.argsort((own.normal[at] * normal[at]).sum(axis=1), kind="stable")]
+            yield from _deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
+
+
+def _other_contacts(
+    built: CondensedScene,
+    pairings: Mapping[str, Pairing],
+    contact: str,
+    body: str,
+    own: DeformedOutline,
+    partner: FloatArray,
+    depth: FloatArray,
+    shifts: Mapping[str, FloatArray],
+) -> BoolArray:
+    """Mask (n,) of points on surfaces that have another contact with the same obstacle, whose closest points
+    are ``partner`` (n, 2): several contacts may have the same plane."""
+    found = np.zeros(len(depth), dtype=bool)
+    for other in built.case.contact:
+        pairing = pairings[other.name]
+        if other.obstacle is None or other.name == contact or pairing.slave_body != body:
+            continue
+        shift = shifts.get(other.name, np.zeros(2))
+        there = shape_of(other.obstacle).closest(own.points - shift, own.normal)[0] + shift
+        same = np.hypot(*(there - partner).T) <= depth
+        found |= same & _members(pairing, body, own)[own.surface]
+    return found
+
+
+def _members(pairing: Pairing, body: str, outline: DeformedOutline) -> BoolArray:
+    """Mask (s,) of the surfaces of a body that belong to a contact."""
+    surfaces = [pairing.slave] if body == pairing.slave_body else []
+    if body == pairing.master_body and pairing.master is not None:
+        surfaces.append(pairing.master)
+    names = {part.name for surface in surfaces for part, _ in surface.members}
+    return np.array([name in names for name in outline.names])
+
+
+def _at_corners(
+    points: FloatArray, along: FloatArray, outline: DeformedOutline, chosen: BoolArray
+) -> BoolArray:
+    """Mask (e,) of ``points`` (e, 2) within the sliding distance ``along`` (e,) of corners at the ends of the
+    ``chosen`` surfaces (s,)."""
+    found = np.zeros(len(points), dtype=bool)
+    for number in np.flatnonzero(chosen):
+        for end in outline.ends[number]:
+            met = (outline.drawn[outline.ends] == outline.drawn[end]).all(axis=2)
+            met[number] = False
+            if (outline.normal[outline.ends[met]] @ outline.normal[end] < np.cos(CORNER_ANGLE)).any():
+                found |= np.hypot(*(points - outline.points[end]).T) <= SLIDE_FACTOR * along
+    return found
+
+
+def _deepest(
+    own: DeformedOutline, at: IntArray, depth: FloatArray, body: str, others: Sequence[str]
+) -> Iterator[Overlap]:
+    """The deepest of the points ``at`` (e,) for each pair of boundaries."""
+    boundaries = [f"{body}.{_label(own.names[number])}" for number in own.surface[at]]
+    pairs_found = set()
+    for worst in np.argsort(-depth, kind="stable"):
+        pair = boundaries[worst], others[worst]
+        if pair not in pairs_found:
+            pairs_found.add(pair)
+            x, y = own.points[at[worst]].tolist()
+            yield Overlap(float(depth[worst]), (x, y), *pair)
+
+
+def _label(name: str) -> str:
+    """Name of the boundary of a surface in the case."""
+    return name.partition("/")[0]
+
+
+def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> str:
+    """Hint: existing contacts of the two bodies to extend, or a new contact."""
+    changes, meant = [], False
+    for contact in built.case.contact:
+        pair = [side.body for side in contact.sides]
+        pair += [_obstacle(contact.name)] if contact.obstacle is not None else []
+        between = [one for one in found if one.owners == set(pair)]
+        for role, side in zip(("slave", "master"), contact.sides, strict=False):
+            names = [name for one in between for name in (one.boundary, one.other)]
+            more = [
+                name for name in names if name not in side.boundaries and _joins(built, name, side.boundaries)
+            ]
+            if more:
+                listed = ", ".join(f'"{name}"' for name in dict.fromkeys((*side.boundaries, *more)))
+                changes.append(f"contact.{contact.name}.{role} = [{listed}]")
+                meant |= any(name in more for name in (worst.boundary, worst.other))
+    for contact in built.case.contact:
+        two, both = {worst.boundary, worst.other}, {*contact.boundaries, _obstacle(contact.name)}
+        if contact.ends is not None and two & set(contact.sides[0].boundaries) and two <= both:
+            return f"contact.{contact.name}.from and to exclude it: remove them, or move them farther apart"
+    if meant:
+        return f"add it to the contact, as in {' and '.join(changes)}, or draw it farther apart"
+    whom = "that obstacle" if worst.other.startswith("the ") else f'master = "{worst.other}"'
+    return (
+        f'give it a [[contact]] of its own with slave = "{worst.boundary}" and {whom}, '
+        f"or draw it farther apart"
+    )
+
+
+def _joins(built: CondensedScene, boundary: str, others: Sequence[str]) -> bool:
+    """Whether a boundary continues where one of the others ends."""
+    body = boundary.partition(".")[0]
+    if body != others[0].partition(".")[0]:
+        return False
+    ends: dict[str, set[int]] = {}
+    for name, surface in built.scene.bodies[body].model.cloud.surfaces.items():
+        if not surface.curve.closed:
+            ends.setdefault(f"{body}.{_label(name)}", set()).update(surface.index[[0, -1]].tolist())
+    return any(ends.get(boundary, set()) & ends.get(other, set()) for other in others)
+
+
+def _obstacle(contact: str) -> str:
+    return f"the obstacle of contact {contact}"

@@ -1,0 +1,219 @@
+"""Symbols of supports, loads and obstacles for pictures, from a case and the boundaries of its bodies; and
+the picture of a scene before it is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mlsanm_cli.app.output.lines import obstacle_shift, obstacles
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import (
+    BodyForce,
+    Case,
+    Displacement,
+    ExpressionError,
+    ObstacleMotion,
+    Place,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+    value_at,
+)
+from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
+from mlsanm_cli.io.plots.marks import ConditionMarks
+from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
+
+MAX_TICKS, MAX_ARROWS = 40, 7
+"""Largest number of ticks along a supported boundary, and of arrows along a loaded one."""
+Arrow = tuple[FloatArray, FloatArray, FloatArray, str]
+NO_FACTORS: Mapping[str, float] = {}
+UNMOVED: Mapping[str, FloatArray] = {}
+
+
+def marks_of(
+    case: Case,
+    bodies: Mapping[str, Dataset],
+    touching: Mapping[str, FloatArray],
+    moved: Mapping[str, FloatArray],
+    scale: float = 1.0,
+    factors: Mapping[str, float] = NO_FACTORS,
+    displaced: Mapping[str, FloatArray] = UNMOVED,
+) -> ConditionMarks:
+    """The symbols of the supports, loads and obstacles of a case.
+
+    ``touching`` are points (m, 2) of the contacts, at which loads of obstacles are drawn; ``moved`` the
+    displacements (2,) of platens and obstacles by load, ``displaced`` the nodal displacements (n, 2) of
+    bodies, both drawn ``scale`` times as large. Loads with a factor of zero in ``factors`` are omitted,
+    arrows of negative ones reversed; factors also rotate obstacles.
+    """
+    points = np.concatenate([body.points for body in bodies.values()])
+    lines = obstacles(case, points.min(axis=0), points.max(axis=0))
+    shown = {
+        name: body.points + scale * displaced[name] if name in displaced else body.points
+        for name, body in bodies.items()
+    }
+    held, nodes = [], []
+    for support in case.support:
+        if support.place is not None:
+            index, normals = _along(bodies[support.place.body], support.place, MAX_TICKS)
+            held.append((shown[support.place.body][index], normals))
+        elif support.body is not None and support.near is not None:
+            near = bodies[support.body].points
+            nodes.append(shown[support.body][np.hypot(*(near - np.array(support.near)).T).argmin()])
+    return ConditionMarks(
+        held=tuple(held),
+        nodes=tuple(nodes),
+        arrows=tuple(
+            (point, np.sign(factors.get(name, 1.0)) * direction, normal, name)
+            for point, direction, normal, name in _arrows(case, bodies, shown, touching, moved, scale)
+            if factors.get(name, 1.0)
+        ),
+        obstacles=tuple(
+            _turned(case, name, line, factors) + scale * obstacle_shift(case, name, moved)
+            for name, (line, _) in lines.items()
+        ),
+    )
+
+
+def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> ConditionMarks:
+    """The symbols in a saved state of a run, with displacements multiplied by ``scale``."""
+    row = int(np.abs(run.path.position - state.position).argmin())
+    moved = {load: history[row] for load, history in run.path.displacements.items()}
+    touching = {}
+    for name, contact in run.contacts.items():
+        pressed = contact.pressure[row] > 0.0
+        touching[name] = contact.points[pressed if pressed.any() else [int(contact.gap[0].argmin())]]
+    factors = {load: float(history[row]) for load, history in run.path.factors.items()}
+    displaced = {
+        name: fields["displacement"] for name, fields in state.bodies.items() if "displacement" in fields
+    }
+    return marks_of(case, run.bodies, touching, moved, scale, factors, displaced)
+
+
+def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, float]) -> FloatArray:
+    """Points (k, 2) of an obstacle, rotated by its loads."""
+    angle, pivot = 0.0, (0.0, 0.0)
+    obstacle = next(one.obstacle for one in case.contact if one.name == contact)
+    for load in case.load:
+        if isinstance(load, ObstacleMotion) and load.obstacle == contact and load.rotation and obstacle:
+            angle += load.rotation * factors.get(load.name, 0.0)
+            pivot = load.pivot_on(obstacle) or pivot
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return np.asarray(pivot + (line - pivot) @ turn)
+
+
+def boundary_nodes(body: Dataset, place: Place) -> tuple[IntArray, FloatArray]:
+    """Node numbers (k,) and outward normals (k, 2) along the boundaries of a place, in their order."""
+    # Pieces of a boundary are called "name/number".
+    owner = np.array([name.partition("/")[0] for name in body.boundary.name])
+    chosen = np.concatenate([np.flatnonzero(owner == edge) for edge in place.edges])
+    return body.boundary.index[chosen], body.boundary.normal[chosen]
+
+
+def _along(body: Dataset, place: Place, most: int) -> tuple[IntArray, FloatArray]:
+    """Indices (k,) and normals (k, 2) of evenly distributed nodes of a place, at most ``most``."""
+    index, normal = boundary_nodes(body, place)
+    points = body.points[index]
+    if place.ends is not None:
+        first, last = (int(np.hypot(*(points - np.array(end)).T).argmin()) for end in place.ends)
+        part = np.arange(min(first, last), max(first, last) + 1)
+        index, points, normal = index[part], points[part], normal[part]
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    chosen = np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], most)).clip(0, len(points) - 1))
+    return index[chosen], normal[chosen]
+
+
+def _arrows(
+    case: Case,
+    bodies: Mapping[str, Dataset],
+    shown: Mapping[str, FloatArray],
+    touching: Mapping[str, FloatArray],
+    moved: Mapping[str, FloatArray],
+    scale: float,
+) -> Iterator[Arrow]:
+    for load in case.load:
+        if isinstance(load, Temperature):
+            continue
+        if isinstance(load, BodyForce):
+            middle = shown[load.owner].mean(axis=0)
+            yield from _one(middle, _numbers(load.body_force, middle), np.zeros(2), load.name)
+            continue
+        if isinstance(load, ObstacleMotion):
+            if load.obstacle in touching:
+                place = touching[load.obstacle].mean(axis=0) + scale * moved.get(load.name, np.zeros(2))
+                # An obstacle pushes: its arrow ends at the contact.
+                yield from _one(place, _control(load), -_control(load), load.name)
+            continue
+        body, places = bodies[load.place.body], shown[load.place.body]
+        if isinstance(load, Platen):
+            index, normals = _along(body, load.place, 3)
+            half = len(index) // 2
+            yield from _one(places[index[half]], _control(load), normals[half], load.name)
+            continue
+        index, normals = _along(body, load.place, MAX_ARROWS)
+        for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
+            yield from _one(point, _vector(load, normal, place), normal, load.name)
+
+
+def _one(point: FloatArray, vector: FloatArray, normal: FloatArray, name: str) -> Iterator[Arrow]:
+    size = float(np.hypot(*vector))
+    if size > 0.0:
+        yield point, vector / size, normal, name
+
+
+def _control(load: Platen | ObstacleMotion) -> FloatArray:
+    return np.array([load.control[axis][1] if axis in load.control else 0.0 for axis in ("x", "y")])
+
+
+def _vector(load: Traction | Pressure | Displacement, normal: FloatArray, place: FloatArray) -> FloatArray:
+    """The direction of a load along a boundary, at a ``place`` (2,) with an outward ``normal`` (2,)."""
+    if isinstance(load, Pressure):
+        # A table is drawn as a positive pressure.
+        return -normal if load.pressure is None else -np.sign(_at(load.pressure, place)) * normal
+    if isinstance(load, Displacement):
+        return _numbers(load.components, place)
+    if load.traction is not None:
+        return _numbers(load.traction, place)
+    return np.asarray(np.array(load.table)[:, 1:].mean(axis=0), dtype=np.float64)
+
+
+def _numbers(given: tuple[float | str | None, float | str | None], place: FloatArray) -> FloatArray:
+    return np.array([0.0 if part is None else _at(part, place) for part in given])
+
+
+def _at(given: float | str, place: FloatArray) -> float:
+    try:
+        return value_at(given, *place.tolist()) if isinstance(given, str) else given
+    except ExpressionError:
+        # Expressions need values at nodes only; a drawn point may lie elsewhere.
+        return 1.0
+
+
+def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
+    """Draws the bodies coloured by their spacing, with supports, loads, obstacles and contacts. Raises
+    RunError for an unknown suffix, and if the file cannot be written."""
+    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    bodies = [
+        CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)
+        for cloud in clouds.values()
+    ]
+    touching = {one.name: one.points[[int(one.gap.argmin())]] for one in prepared.pairings}
+    stored = {
+        name: Dataset(
+            {
+                "points": cloud.points,
+                "boundary": dict(zip(("index", "normal", "name"), cloud.boundary, strict=True)),
+            }
+        )
+        for name, cloud in clouds.items()
+    }
+    marks = marks_of(case, stored, touching, {})
+    nodes = sum(len(cloud.points) for cloud in clouds.values())
+    title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
+    label = case.units.label("spacing", "length")
+    plot_bodies(path, BodyPicture(bodies, label, title, marks=marks, unit=case.units.length))

@@ -1,0 +1,110 @@
+"""Limits on counts, depths and magnitudes, checked before anything else. They are far beyond any scene that
+could be solved, and keep checks whose cost grows faster than the input, as the search for crossing sides,
+below seconds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from mlsanm_cli.case.lines import MAX_KEY_PARTS, KeyPath
+
+MAX_ITEMS: Mapping[str, int] = {
+    "material": 500,
+    "body": 500,
+    "refine": 500,
+    "holes": 500,
+    "sides": 2000,
+    "support": 500,
+    "load": 500,
+    "contact": 500,
+    "probe": 1000,
+    "stage": 5000,
+    "stop": 100,
+    "points": 2000,
+    "obstacle.points": 20_000,
+    "at": 10_000,
+    "table": 100_000,
+}
+"""Largest number of items by the key of their list or table, or by the last two keys."""
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-60, 1e60
+"""Products of a few numbers of these magnitudes neither overflow nor underflow."""
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""")
+MAX_TABLES, MAX_KEYS, MAX_VALUES = 20_000, 100_000, 1_000_000
+MAX_KEYS_OF_TABLE = 2000
+TABLE = re.compile(r"""(?m)^[ \t]*\[\[?[ \t]*[A-Za-z"'_]""")
+
+Problem = tuple[KeyPath, str, str]
+
+
+def text_problem(text: str) -> tuple[int, str]:
+    """Line and message for text that would keep the TOML parser busy for minutes; line 0 if there is none."""
+    # Each part of a key takes at least two characters.
+    for number, line in enumerate(text.split("\n"), start=1):
+        if len(line) >= 2 * MAX_KEY_PARTS and LONG_KEY.search(line):
+            return number, f"a key of {MAX_KEY_PARTS} or more parts"
+    if sum(1 for _ in TABLE.finditer(text)) > MAX_TABLES:
+        return 1, f"more than {MAX_TABLES} tables"
+    for sign, most, what in (("=", MAX_KEYS, "keys"), (",", MAX_VALUES, "values")):
+        if text.count(sign) > most:
+            return 1, f"more than {most} {what}"
+    return 0, ""
+
+
+def size_problems(content: Mapping[str, Any]) -> list[Problem]:
+    """Lists and tables with too many items, whose content is not examined, and too deep nesting."""
+    problems: list[Problem] = []
+    waiting: list[tuple[KeyPath, Any]] = [((), content)]
+    while waiting:
+        path, value = waiting.pop()
+        if len(path) > MAX_KEY_PARTS:
+            return [(path[:1], f"is nested more than {MAX_KEY_PARTS} levels deep", "")]
+        named, owner, *_ = [step for step in reversed(path) if isinstance(step, str)] + ["", ""]
+        counted = isinstance(value, list | tuple) or path == ("material",)
+        most = MAX_ITEMS.get(f"{owner}.{named}", MAX_ITEMS.get(named))
+        if counted and path[-1:] == (named,) and most is not None and len(value) > most:
+            problems.append((path, f"has {len(value)} items", f"at most {most}"))
+            continue
+        if isinstance(value, dict) and len(value) > MAX_KEYS_OF_TABLE:
+            problems.append((path, f"has {len(value)} keys", f"at most {MAX_KEYS_OF_TABLE}"))
+            continue
+        waiting += [((*path, step), item) for step, item in _items(value) if isinstance(item, _NESTED)]
+    return problems
+
+
+def number_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
+    """Numbers too large or too small for floating-point arithmetic."""
+    for path, value in _numbers((), content):
+        problem = magnitude_problem(value, coordinate=isinstance(path[-1], int))
+        if problem:
+            yield path, problem, f"allowed magnitudes: {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
+
+
+def magnitude_problem(value: int | float, coordinate: bool = True) -> str:
+    """What makes a number unfit for floating-point arithmetic, "" if it is not; coordinates and components
+    may be 0 up to round-off."""
+    small = 0.0 < abs(value) < MIN_MAGNITUDE and not coordinate
+    if not small and not MAX_MAGNITUDE < abs(value) < float("inf"):
+        return ""
+    shown = f"{value:g}" if isinstance(value, float) else "a number"
+    return f"{shown} is too {'small' if small else 'large'} for floating-point arithmetic"
+
+
+_NESTED = (dict, list, tuple)
+
+
+def _items(value: Any) -> Sequence[tuple[str | int, Any]]:
+    if isinstance(value, dict):
+        return list(value.items())
+    return list(enumerate(value)) if isinstance(value, list | tuple) else []
+
+
+def _numbers(path: KeyPath, value: Any) -> Iterator[tuple[KeyPath, int | float]]:
+    for step, item in _items(value):
+        here = (*path, step)
+        if isinstance(item, int | float):
+            yield here, item
+        else:
+            yield from _numbers(here, item)

@@ -1,0 +1,324 @@
+"""The energy check of runs: small where results are right, and in the way of those that are not."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.checks import energy
+from mlsanm_cli.app.checks.verdicts import EnergyVerdict, check_energy, check_estimates, force_balance
+from mlsanm_cli.app.results.info import info
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
+from mlsanm_cli.contact.laws.coulomb import CoulombState
+from mlsanm_cli.contact.response.work import work_on
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.mechanics import pieces
+from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.energy import twice_strain_energy
+from mlsanm_cli.solve.event_driven import coulomb_state
+from tests.app.blocks import BOTTOM, CLAMP, LEFT, WEIGHT, block, traction
+from tests.app.runs import summary_of
+from tests.app.scenes import FAST, PATCH, done, hertz, solve
+from tests.case.scenes import parse
+from tests.case_text import FLOOR, Scene, head, load, material, polygon, scene, support
+
+CLAMPED = support("beam.left", ux=0.0, uy=0.0)
+
+
+def beam(spacing: float, length: float = 20.0) -> Scene:
+    return (
+        scene("stress", E=1000.0)
+        .body("beam", "steel", spacing, box=([0.0, length], [0.0, 1.0]))
+        .load("press", "beam.top", "pressure", pressure=0.001)
+    )
+
+
+@pytest.mark.parametrize(
+    ("parts", "largest"),
+    [
+        ([LEFT, BOTTOM, traction("right", 3.0, 0.0)], 1e-9),
+        ([support("block.left", spring=[20.0, 30.0]), traction("right", 0.0, -1.0)], 0.03),
+        ([support("block.left", spring=[2e4, 3e4]), traction("right", 0.0, -1.0)], 0.03),
+        ([CLAMP, WEIGHT], 0.03),
+        ([CLAMP, load("low", "block.right", "platen", fy=-1.0)], 0.03),
+        # By stresses next to the corners of the sides that are moved apart it were 9 to 12 %.
+        ([CLAMP, load("shear", "block.right", "platen", ux=0.0, uy=0.01)], 0.03),
+    ],
+    ids=["bar", "soft", "stiff", "weight", "lowered", "sheared"],
+)
+def test_blocks(parts: list[str], largest: float, tmp_path: Path) -> None:
+    """Those that heat loads are in test_materials.py."""
+    summary = done(block(*parts, plane="stress", spacing=0.1), tmp_path / "run")
+    assert abs(summary["energy_error"]) <= largest
+    assert summary["energy_error_bodies"] == {"block": summary["energy_error"]}
+
+
+def test_contacts(patch_run: Path, hertz_run: Path) -> None:
+    for directory, largest in ((patch_run, 1e-9), (hertz_run, 0.03)):
+        summary = summary_of(directory)
+        bodies = summary["energy_error_bodies"]
+        assert len(bodies) == 2
+        assert max(map(abs, bodies.values())) == abs(summary["energy_error"]) <= largest
+        assert info(directory)["energy_error"] == summary["energy_error"]
+
+
+def test_fields_that_are_not_saved_are_solved_for(tmp_path: Path) -> None:
+    whole = solve(hertz(), tmp_path / "whole", FAST)
+    for fields in ('["stress"]', "[]"):
+        other = solve(hertz(), tmp_path / "other", FAST, f"output.fields={fields}", "output.vtu=false")
+        assert other["energy_error"] == pytest.approx(whole["energy_error"], rel=1e-6)
+        shutil.rmtree(tmp_path / "other")
+
+
+def deflection(directory: Path) -> float:
+    """How far the free end of a beam 20 long has moved over what it should (Timoshenko)."""
+    data = read_run(directory)
+    right = data.bodies["beam"].points[:, 0] > 20.0 - 1e-9
+    found = data.states[-1].bodies["beam"]["displacement"][right, 1].mean()
+    return float(-found / (0.001 * (20.0**4 / 8.0 * 12.0 + 20.0**2 / 2.0 * 1.2 * 2.6) / 1000.0))
+
+
+def weaken(strength: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the equilibrium of pieces count so little, and that of the whole body no more, that beams lose part
+    of their force on the way to the support; with less than 10 they bend the other way."""
+    proper = pieces.Pieces.sums
+    monkeypatch.setattr(pieces.Pieces, "sums", lambda *given: proper(*given)[:0])
+    monkeypatch.setattr(pieces, "EQUILIBRIUM_WEIGHT", strength)
+
+
+def test_a_beam_bends_as_it_should(tmp_path: Path) -> None:
+    summary = done(beam(0.3) + CLAMPED, tmp_path / "run")
+    assert not summary["warnings"]
+    # Where it is held stresses are singular, and nodes as wide as elsewhere.
+    assert deflection(tmp_path / "run") == pytest.approx(1.0, abs=0.007)
+    assert abs(summary["energy_error"]) <= 0.01
+
+
+@pytest.mark.parametrize("strength", [30.0, 100.0])
+def test_the_error_is_that_of_the_deflection_of_a_beam(
+    strength: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weaken(strength, monkeypatch)
+    summary = solve(beam(0.2) + CLAMPED, tmp_path / "run", "mls.degree=2")
+    assert summary["status"] == ("failed" if strength == 30.0 else "done"), summary
+    assert summary["energy_error"] == pytest.approx(deflection(tmp_path / "run") - 1.0, abs=0.02)
+
+
+def test_estimates_know_what_clamped_ends_cost_at_high_degrees(tmp_path: Path) -> None:
+    # Fits of the next degree alone said a tenth to a third of it.
+    done(beam(0.04, 3.0) + CLAMPED, tmp_path / "fine", "mls.degree=2")
+    summary = done(beam(0.14, 3.0) + CLAMPED, tmp_path / "run", "mls.degree=4")
+    tips = []
+    for name in ("fine", "run"):
+        data = read_run(tmp_path / name)
+        right = data.bodies["beam"].points[:, 0] > 3.0 - 1e-9
+        tips.append(float(data.states[-1].bodies["beam"]["displacement"][right, 1].mean()))
+    error = abs(tips[1] / tips[0] - 1.0)
+    assert error > 0.005
+    assert error / 3.0 <= summary["error_estimate"]["displacement"] <= 3.0 * error
+
+
+def test_frames_with_three_nodes_across_have_degree_2_and_say_how_many_they_want(tmp_path: Path) -> None:
+    # At degree 4, which fits passed, the frame was useless.
+    corners = [[0, 0], [1, 0], [1, 9], [9, 9], [9, 0], [10, 0], [10, 10], [0, 10]]
+    shape = {"kind": "polygon", "points": corners, "rounding": [0, 0, 0.5, 0.5, 0, 0, 0, 0]}
+    frame = scene("stress", E=1000.0).body("frame", "steel", 0.5, shape)
+    frame = frame.support("frame.side1", ux=0.0, uy=0.0).support("frame.side5", ux=0.0, uy=0.0)
+    frame = frame.load("push", "frame.side7", "traction", traction=[1e-5, -1e-4])
+    summary = done(frame, tmp_path / "run")
+    assert summary["quality"]["bodies"]["frame"]["degree"] == 2
+    (warning,) = [text for text in summary["warnings"] if "strain energy" in text]
+    assert "3 nodes across: parts in bending need 5 or more, a spacing of 0.25" in warning
+    finer = solve(frame, tmp_path / "finer", "body.frame.spacing=0.25")
+    assert finer["quality"]["bodies"]["frame"]["degree"] == 4
+    assert not any("nodes across" in text for text in finer["warnings"])
+
+
+def test_a_beam_whose_forces_are_not_looked_at_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # On single nodes there is no reaction to compare: a beam that bent by 0.4 of what it should had passed.
+    monkeypatch.setattr(pieces, "EQUILIBRIUM_WEIGHT", 10.0)
+    on_nodes = beam(0.1, 8.0).pin("beam", [0.0, 0.0], ux=0.0, uy=0.0).pin("beam", [8.0, 0.0], uy=0.0)
+    summary = solve(on_nodes, tmp_path / "run")
+    assert (summary["status"], summary["force_balance"]) == ("failed", 0.0)
+    assert "energy of body beam is" in summary["stop_reason"]
+    assert "body.beam.spacing" in summary["hint"]
+
+
+@pytest.mark.usefixtures("by_nodes")
+def test_wrong_stresses_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = BodyModel.stress
+
+    def stress(self: BodyModel, displacement: Any) -> Any:
+        return (1.1 if self.name == "lower" else 1.0) * kept(self, displacement)
+
+    monkeypatch.setattr(BodyModel, "stress", stress)
+    summary = solve(PATCH, tmp_path / "run")
+    assert summary["status"] == "failed"
+    assert "energy of body lower is 21 % above" in summary["stop_reason"]
+    assert summary["energy_error_bodies"] == pytest.approx({"upper": 0.0, "lower": 0.21}, abs=1e-9)
+
+
+@pytest.mark.usefixtures("by_nodes")
+def test_bodies_without_energy_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = twice_strain_energy
+
+    def twice(cloud: Any, *more: Any) -> float:
+        found = kept(cloud, *more)
+        return found if cloud.points[:, 1].max() > 1.5 else 1e-6 * found
+
+    works = work_on
+
+    def work(scene: Any, condensed: Any, name: str, *more: Any) -> float:
+        found = works(scene, condensed, name, *more)
+        return 2e-6 * found if name == "lower" else found
+
+    monkeypatch.setattr(energy, "twice_strain_energy", twice)
+    monkeypatch.setattr(energy, "work_on", work)
+    summary = done(PATCH, tmp_path / "run")
+    assert abs(summary["energy_error_bodies"]["lower"]) < 2e-3
+
+
+@pytest.mark.parametrize(("error", "passes"), [(0.02, True), (-0.05, True), (0.11, False), (np.nan, False)])
+def test_limits(error: float, passes: bool) -> None:
+    verdict = EnergyVerdict({"good": 0.001, "bad": error})
+    if passes:
+        text = check_energy(parse(PATCH).case, verdict)
+        assert bool(text) == (abs(error) > 0.03)
+        assert not text or "5 % below" in text
+    else:
+        with pytest.raises(NumericalError, match="body bad"):
+            check_energy(parse(PATCH).case, verdict)
+
+
+def test_a_scene_without_loads_has_no_error(tmp_path: Path) -> None:
+    text = block(LEFT, BOTTOM, traction("right", 3.0, 0.0)).stages("right", "right=0")
+    assert done(text, tmp_path / "run")["energy_error"] == 0.0
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_a_contact_that_is_unloaded_again(law: str, tmp_path: Path) -> None:
+    # The smooth law leaves a ten-thousandth of the pressure, on a node or two, whose energy is 17 % off.
+    text, override = hertz().stages("press", "press=0"), f"contact.interface.regularization.law={law}"
+    summary = done(text, tmp_path / "run", override)
+    assert abs(summary["energy_error"]) <= 0.03
+
+
+def test_round_off_after_unloading_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wedge that springs out when it is let go: what was left of pressures of 136 was 1e-7, with a residual
+    of 5e-7 of it, and an imbalance of any size."""
+    monkeypatch.setattr("mlsanm_cli.solve.event_driven.residual", lambda *_: 5e-7)
+    monkeypatch.setattr(
+        "mlsanm_cli.app.checks.verdicts.largest_force", lambda built, name, unknowns: unknowns[2].sum()
+    )
+    end = SimpleNamespace(pressure=np.array([136.0]), unknowns=(None, None, np.array([136.0]), None))
+    condensed = SimpleNamespace(friction_nodes=np.zeros(1, int), imbalance=lambda *_: np.array([1e-7, 0.0]))
+    built: Any = SimpleNamespace(
+        ends=[end], condensed=condensed, scene=SimpleNamespace(bodies={"plug": None})
+    )
+
+    def judged(pressure: float, position: float) -> tuple[float, float]:
+        values = ContactSolution(np.array([pressure]), *(np.zeros(1) for _ in range(4)))
+        sets = ContactStatus(np.ones(1, bool), np.ones(1, bool), np.zeros(1))
+        exact = CoulombState(np.zeros(1), values, sets, np.zeros(1), np.zeros(1))
+        state = coulomb_state(built, exact, position)
+        return state.residual, max(force_balance(built, state).values())
+
+    assert max(judged(1e-7, 2.0)) <= 1e-6 * 136.0 / 100.0
+    assert judged(1e-7, 0.5)[0] == 5e-7  # no earlier stage
+    assert judged(1.0, 2.0)[0] == 5e-7
+
+
+def test_large_estimates_are_warned_of() -> None:
+    """A third off had been told in summary.json only."""
+    pairings = [SimpleNamespace(name=name, grid=None, bodies=("arm",)) for name in ("pin", "bolt")]
+    built: Any = SimpleNamespace(
+        case=SimpleNamespace(body=[SimpleNamespace(name="arm", has_nodes=False)]),
+        scene=SimpleNamespace(bodies={"arm": None}),
+        condensed=SimpleNamespace(pairings=pairings, probes=()),
+    )
+
+    def told(displacement: float | None, pin: float | None, **probes: float) -> list[str]:
+        pressures = {"pin": pin, "bolt": 0.01}
+        return check_estimates(built, {"displacement": displacement, "pressure": pressures, "probes": probes})
+
+    assert told(0.009, 0.04, tip=0.009) == told(None, None) == []
+    assert "at probe tip" in told(0.009, 0.01, root=0.02, tip=0.05)[0]
+    texts = told(0.37, 0.12)
+    assert [text.partition(";")[0] for text in texts] == [
+        "displacements are estimated to be off by 37 %",
+        "contact pin: pressures are estimated to be off by 12 %",
+    ]
+    assert all("body.arm.spacing" in text for text in texts)
+
+
+def test_estimates_that_are_missing_are_told(tmp_path: Path) -> None:
+    text = (
+        scene("strain", E=100.0)
+        .body("bar", "steel", 0.25, box=([0.0, 4.0], [0.0, 0.5]))
+        .support("bar.left", ux=0.0)
+        .contact("foot", "bar.bottom", obstacle=FLOOR, accuracy=0.05)
+        .load("press", "bar.top", "pressure", pressure="0.01*x")
+    )
+    for friction in (0.0, 0.1):
+        summary = solve(text, tmp_path / f"run{friction}", f"contact.foot.friction={friction}")
+        assert summary["error_estimate"]["displacement"] is None
+        assert any(one.startswith("errors are not estimated") for one in summary["warnings"])
+    assert summary["status"] == "done"
+
+
+def test_forces_of_prescribed_displacements_are_as_wrong_as_the_stiffness(tmp_path: Path) -> None:
+    # A block of wood whose held side ends on smooth arcs of three nodes; 0.015436 with automatic spacings.
+    corners = polygon([[-3.0, 0.0], [3.0, 0.0], [3.0, 4.8], [-3.0, 4.8]], "foot right head left")
+    arcs = {"rounding": 1.0, "corners": ["foot", "foot", "head", "head"]}
+    wood = material("wood", E1=4.09, E2=0.377, E3=0.377, G12=0.497, nu12=0.3, nu13=0.3, nu23=0.3, angle=34.5)
+    text = head("strain").add(wood).body("block", "wood", 0.31, corners | arcs, seed=2)
+    text = text.contact("foot", "block.foot", obstacle=FLOOR)
+    summary = solve(text.load("press", "block.head", "platen", displacement=[0.0, -0.02]), tmp_path / "run")
+    error = abs(summary["contacts"]["foot"]["force"][1] / 0.015436 - 1.0)
+    assert 0.005 <= error <= 0.02
+    assert error / 3.0 <= summary["error_estimate"]["force"]["foot"] <= 3.0 * error
+    assert any("its force is estimated to be off" in text for text in summary["warnings"])
+
+
+def test_errors_at_clamped_ends_are_estimated(tmp_path: Path) -> None:
+    """Fits of the next degree said a thirteenth of what a block gives too much or little, seen from beside a
+    contact: at the ends of its base they are as wrong as the others."""
+    text = (
+        scene("strain", E=1000.0)
+        .body("block", "steel", 5.0, box=([-45.0, 45.0], [-50.0, 0.0]))
+        .support("block.bottom", ux=0.0, uy=0.0)
+        .contact("foot", "block.top", disk=([6.0, 30.0], 30.0))
+        .pushed("press", "foot", ux=0.0, fy=-20.0)
+        .probe("right", "block", [25.0, 0.0])
+        .probe("left", "block", [-30.0, -10.0])
+    )
+    # With a spacing of 1.3.
+    truth = {"right": (-0.00112551, -0.00743850), "left": (-0.00057113, -0.00166291)}
+    summary = solve(text, tmp_path / "run")
+    for name, moved in truth.items():
+        away = np.hypot(*np.subtract(summary["probes"][name]["displacement"], moved)) / np.hypot(*moved)
+        assert 0.005 <= away <= 0.01
+        assert away / 3.0 <= summary["error_estimate"]["probes"][name] <= 3.0 * away
+
+
+@pytest.mark.parametrize("place", [(0.0, -1.0), (0.0, 0.0)])
+def test_a_disk_on_a_single_node_is_told_to_sink_in_without_end(
+    place: tuple[float, float], tmp_path: Path
+) -> None:
+    text = (
+        scene("strain", E=1000.0)
+        .body("disk", "steel", 0.2, disk=([0.0, 0.0], 1.0))
+        .pin("disk", place, ux=0.0, uy=0.0)
+        .pin("disk", [0.0, 1.0], ux=0.0)
+        .body_force("weight", "disk", [0.0, -1.0])
+    )
+    # Integrals over triangles do not see the energy under a point force: 20 % of it and more.
+    summary = done(text, tmp_path / "run")
+    assert abs(summary["energy_error"]) < 0.03
+    assert sum("body disk is held at single nodes" in text for text in summary["warnings"]) == 1
