@@ -1,7 +1,5 @@
 """``[[body]]``: bodies and the spacing of their nodes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated

@@ -1,8 +1,6 @@
 """The case file as frozen values: one class per table, attributes named like the keys. Any consistent units
 of length, force per unit thickness and stress can be used. All defaults are set here."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """``[[contact]]``: contacts between bodies and with rigid obstacles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import takewhile

@@ -1,7 +1,5 @@
 """Loads on boundaries and in bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal
 

@@ -1,8 +1,6 @@
 """Materials: their constants, laws, and the conditions of a positive definite stiffness. A further law is an
 entry of ``law``, its keys, and a row of ``FORMS`` and ``FINITE_LAWS``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """``[model]``: the kinds of plane problems and of strains."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from mlsanm_cli.case.model.section import Section

@@ -1,7 +1,5 @@
 """Loads that move rigid plates and obstacles."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import takewhile
 from typing import Annotated, Any, Literal

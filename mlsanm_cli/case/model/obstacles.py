@@ -1,7 +1,5 @@
 """Rigid obstacles that a boundary may contact instead of another body."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise

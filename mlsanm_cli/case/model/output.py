@@ -1,7 +1,5 @@
 """Output files, probes, units and reference solutions."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Annotated, Literal

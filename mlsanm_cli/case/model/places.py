@@ -1,7 +1,5 @@
 """Regions: a boundary, several boundaries that form one surface, or a part of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any

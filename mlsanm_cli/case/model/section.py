@@ -74,7 +74,8 @@ class Scope:
 class Section(BaseModel):
     """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types. The
     docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema; the
-    docstring of the class describes the table."""
+    docstring of the class describes the table. Files with tables do not postpone the evaluation of
+    annotations: as texts, pydantic would compile each of them at every start (10 ms)."""
 
     # Deferred: the validator of the whole case is built once, when it is needed, not that of each table.
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)

@@ -1,7 +1,5 @@
 """Shapes of bodies: their keys. Geometry is computed and checked on outlines (``cloud``)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """Settings of approximation, refinement and path following."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """``[[stop]]``: conditions that end the path before the last stage is complete."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal
 

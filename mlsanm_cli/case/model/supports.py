@@ -1,7 +1,5 @@
 """``[[support]]``: fixed displacements and elastic foundations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import takewhile
 from typing import Annotated
