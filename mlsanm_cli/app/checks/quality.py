@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -19,7 +19,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction, finer_nodes
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import corners_of
-from mlsanm_cli.cloud.quality import CloudQuality, measure
+from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
@@ -60,7 +60,7 @@ class Quality:
     """Quality measures of the clouds and the models by body, ratio of facing spacings by contact, and
     warnings."""
 
-    bodies: Mapping[str, CloudQuality]
+    bodies: Mapping[str, Mapping[str, float]]
     models: Mapping[str, BodyModel]
     spacing_ratio: Mapping[str, float]
     warnings: tuple[str, ...]
@@ -70,8 +70,8 @@ class Quality:
         """Quality measures as plain values."""
         return {
             "bodies": {
-                name: asdict(cloud)
-                | {
+                name: {
+                    **cloud,
                     "degree": self.models[name].settings.degree,
                     "stencils_enlarged": self.models[name].stencils.enlarged,
                     "worst_ratio": self.models[name].stencils.worst_ratio,
@@ -213,18 +213,18 @@ def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
         )
 
 
-def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool, graded: bool) -> Iterator[str]:
+def _cloud_warnings(name: str, cloud: Mapping[str, float], brought: bool, graded: bool) -> Iterator[str]:
     grade = f"body.{name}.refine growth"
     lower = f"lower {grade}, or " if graded else ""
     found = []
-    if cloud.closest < MIN_SEPARATION:
-        message = f"two nodes are only {cloud.closest:.2g} of the local spacing apart"
+    if cloud["closest"] < MIN_SEPARATION:
+        message = f"two nodes are only {cloud['closest']:.2g} of the local spacing apart"
         found.append((message, f"{lower}try another body.{name}.seed"))
-    if cloud.hole > MAX_FILL_DISTANCE:
-        message = f"the largest gap between nodes has a radius of {cloud.hole:.3g} spacings"
+    if cloud["hole"] > MAX_FILL_DISTANCE:
+        message = f"the largest gap between nodes has a radius of {cloud['hole']:.3g} spacings"
         found.append((message, f"{lower}make body.{name}.spacing smaller"))
-    if cloud.growth > (MAX_FILE_GROWTH if brought else MAX_GROWTH) * (1.0 + COARSE_ROUND_OFF):
-        message = f"the spacing grows by {cloud.growth:.3g} per unit length"
+    if cloud["growth"] > (MAX_FILE_GROWTH if brought else MAX_GROWTH) * (1.0 + COARSE_ROUND_OFF):
+        message = f"the spacing grows by {cloud['growth']:.3g} per unit length"
         found.append((message, f"lower {grade} to {MAX_GROWTH:g} or less"))
     for message, hint in found:
         remedy = f"make the nodes in body.{name}.shape.file more even" if brought else hint
