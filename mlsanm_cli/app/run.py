@@ -256,5 +256,4 @@ def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) ->
     yield check_held(built)
     yield check_rolling(built, last)
     yield check_open(built)
-    yield from built.weak
     yield check_polish(recorder.polished)

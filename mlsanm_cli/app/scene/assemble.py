@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.conflicts import refuse_conflicts
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
-from mlsanm_cli.app.scene.free_motions import WeakMotion, constrain_free_rigid_modes
+from mlsanm_cli.app.scene.free_motions import constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
@@ -61,7 +61,7 @@ class SceneModel:
     the fixed (node, component) pairs of single nodes, ``acting`` the loads, ``rigid_constraints`` platens,
     obstacles and floating bodies, ``probes`` the observed points, ``notes`` messages to the user, ``ranges``
     the contacts that may have contact grids. ``held_motions`` are the free rigid modes fixed at zero,
-    ``loose_motions`` those of floating bodies only, and ``weak`` those with very little resistance.
+    ``loose_motions`` those of floating bodies only, ``weak`` warnings about hardly resisted ones.
     """
 
     boundaries: Boundaries
@@ -76,7 +76,7 @@ class SceneModel:
     ranges: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
-    weak: tuple[WeakMotion, ...] = ()
+    weak: tuple[str, ...] = ()
 
 
 def mls_settings(case: Case, low: bool = False) -> MlsSettings:
