@@ -33,7 +33,6 @@ from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
 from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
@@ -222,8 +221,7 @@ def assemble_bodies(
     memo: Memo = NO_CACHE,
     before: Mapping[str, ElasticBody] = NOTHING,
 ) -> mechanics.Scene:
-    """Assembles the system of every body, once for translated copies; it is factorised within ``timed()``
-    on first use. Bodies ``before``, of the same case, are reused if their models are the same."""
+    """Assembles the system of every body; it is factorised within ``timed()`` on first use. Bodies ``before``, of the same case, are reused if their models are the same."""
     bodies: dict[str, ElasticBody] = {}
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
@@ -235,15 +233,6 @@ def assemble_bodies(
             bodies[name] = known
             continue
         held, held_nodes, springs, touching = conditions[name]
-        copies = (
-            body
-            for other, body in bodies.items()
-            if conditions[other] == conditions[name] and is_translated_copy(model, body.model)
-        )
-        translated = next(copies, None)
-        if translated is not None:
-            bodies[name] = with_shared_factors(translated, model)
-            continue
         bodies[name] = memo.value(
             "body",
             digest(model.content, *conditions[name], solver),
