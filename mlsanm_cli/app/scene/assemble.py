@@ -221,7 +221,8 @@ def assemble_bodies(
     memo: Memo = NO_CACHE,
     before: Mapping[str, ElasticBody] = NOTHING,
 ) -> mechanics.Scene:
-    """Assembles the system of every body; it is factorised within ``timed()`` on first use. Bodies ``before``, of the same case, are reused if their models are the same."""
+    """Assembles the system of every body; it is factorised within ``timed()`` on first use. Bodies
+    ``before``, of the same case, are reused if their models are the same."""
     bodies: dict[str, ElasticBody] = {}
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
