@@ -82,7 +82,7 @@ def solve_fields() -> None:
 
 def build_anew() -> None:
     """All bodies made anew in every pass."""
-    from mlsanm_cli.app.assessment import refinement as adapt
+    from mlsanm_cli.app.checks import refinement as adapt
 
     place, condense_scene = adapt.place, adapt.condense_scene
     adapt.place = lambda *given: place(*given[:3])

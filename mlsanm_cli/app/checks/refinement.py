@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.accuracy import Accuracy, assess_accuracy
-from mlsanm_cli.app.assessment.residual import residual_zones
+from mlsanm_cli.app.checks.accuracy import Accuracy, assess_accuracy
+from mlsanm_cli.app.checks.residual import residual_zones
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import condense_scene, place
@@ -80,6 +80,12 @@ class Refinement:
     zones: FloatArray
     passes: tuple[Pass, ...]
     failed: str = ""
+
+    @classmethod
+    def read(cls, plain: Mapping[str, Any]) -> Refinement:
+        """From plain values."""
+        zones = np.array(plain["zones"], dtype=np.float64).reshape(-1, 5)
+        return cls(zones, tuple(Pass(**one) for one in plain["passes"]), plain["failed"])
 
 
 @dataclass(frozen=True)
