@@ -1,118 +1,138 @@
-"""Loads: each has a name, a region, a kind, and a value that stages multiply by the load factor."""
+"""Loads on boundaries and in bodies."""
 
-from __future__ import annotations
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
-from typing import Annotated, Any, Literal
+from pydantic import Field
 
-from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
-
-from mlsanm_cli.case.model.base import (
+from mlsanm_cli.case.model.conditions import Kind
+from mlsanm_cli.case.model.fields import (
     DENSITY,
-    FORCE,
     LENGTH,
-    MOMENT,
-    RADIANS,
     STRESS,
     TEMPERATURE,
     Amount,
     AmountVector,
     Name,
-    Rotation,
-    Section,
-    Vector,
     split_boundary,
 )
-from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, PlateBoundaries, listed
-from mlsanm_cli.case.model.tables import row_problem
-
-Control = Literal["force", "displacement"]
-Rows = tuple[tuple[float, ...], ...]
-
-
-def _checked_rows(rows: Rows) -> Rows:
-    problem = row_problem(rows)
-    if problem:
-        raise PydanticCustomError("table", "{problem}", {"problem": problem})
-    return rows
+from mlsanm_cli.case.model.model import NEEDS_FINITE, UNSUPPORTED
+from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.section import Point, Scope, Section
+from mlsanm_cli.case.model.tables import INCREASING, from_file
+from mlsanm_cli.errors import Fault
 
 
-class _OnBoundary(BoundaryPart):
+class Load(Section):
+    """Keys and properties of every load. By default it acts on no boundary and on no body."""
+
+    kind: str
+    """Kind of load."""
     name: Name
     """Name of the load, used by stages."""
-    boundary: Boundaries
-    """Loaded boundary, or a list of boundaries of one body."""
-
-    @property
-    def place(self) -> Place:
-        """The loaded region."""
-        return Place(listed(self.boundary), self.ends)
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """The loaded regions, one per body; only platens have more than one."""
-        return (self.place,)
-
-    @property
-    def owner(self) -> str:
-        """The loaded body; the first of several."""
-        return self.place.body
+        """The loaded regions of boundaries, one per body; only platens have more than one."""
+        return ()
 
     @property
     def owners(self) -> tuple[str, ...]:
         """The loaded bodies."""
         return tuple(place.body for place in self.places)
 
-
-class _InBody(Section):
-    name: Name
-    """Name of the load, used by stages."""
-    body: str
-    """The loaded body."""
-
     @property
     def owner(self) -> str:
-        """The loaded body."""
-        return self.body
+        """The loaded body, the first of several; "" if no body is loaded directly."""
+        return next(iter(self.owners), "")
+
+    def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
+        """The components that it prescribes on a boundary; ``normal`` is that of a straight one."""
+        yield from ()
+
+
+class OnBoundary(BoundaryPart, Load):
+    """A load on a boundary or a part of it."""
+
+    boundary: Boundaries
+    """Loaded boundary, or a list of boundaries of one body."""
 
     @property
-    def owners(self) -> tuple[str, ...]:
-        """The loaded bodies."""
-        return (self.body,)
+    def places(self) -> tuple[Place, ...]:
+        names = listed(self.boundary)
+        bodies = dict.fromkeys(split_boundary(name)[0] for name in names)
+        surfaces = [tuple(name for name in names if split_boundary(name)[0] == body) for body in bodies]
+        return tuple(Place(surface, self.ends) for surface in surfaces)
+
+    @property
+    def place(self) -> Place:
+        """The loaded region, on its first body."""
+        return self.places[0]
 
 
-class Traction(_OnBoundary):
+def _value_faults(kind: str, value: object, table: object) -> Iterator[Fault]:
+    """A load over a boundary is given by a value, under the key of its kind, or by a table."""
+    if value is None and table is None:
+        yield Fault((kind,), "missing (required)", f'give "{kind}" or "table"')
+    elif value is not None and table is not None:
+        yield Fault(("table",), f'"{kind}" is given too', "give one of the two")
+
+
+class Traction(OnBoundary):
     """Traction on a boundary: constant, an expression in x and y, or a table over the arc length."""
 
     kind: Literal["traction"]
-    """Kind of load."""
     traction: Annotated[AmountVector, STRESS] | None = None
     """Components in x and y: numbers or expressions in x and y."""
-    table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_checked_rows), STRESS] | None = (
-        None
-    )
+    table: (
+        Annotated[tuple[tuple[float, float, float], ...], from_file("s", "tx", "ty"), INCREASING, STRESS]
+        | None
+    ) = None
     """Rows [arc length, x component, y component], interpolated linearly; instead of `traction`."""
 
+    def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
+        for component in (0, 1):
+            if self.traction is None or self.traction[component] != 0.0:
+                yield component, "traction"
 
-class Pressure(_OnBoundary):
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        yield from _value_faults("traction", self.traction, self.table)
+
+
+class Pressure(OnBoundary):
     """Pressure on a boundary: constant, an expression in x and y, or a table over the arc length."""
 
     kind: Literal["pressure"]
-    """Kind of load."""
     pressure: Annotated[Amount, STRESS] | None = None
     """Pressure, positive in compression: a number or an expression in x and y."""
-    table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_checked_rows), STRESS] | None = None
+    table: (
+        Annotated[tuple[tuple[float, float], ...], from_file("s", "pressure"), INCREASING, STRESS] | None
+    ) = None
     """Rows [arc length, pressure], interpolated linearly; instead of `pressure`."""
     follows: bool = False
     """Follower load (finite strain): pressure per current length along the current normal. Otherwise force
     and direction are those of the undeformed boundary."""
 
+    def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
+        # A pressure on a boundary parallel to an axis has no component along that axis.
+        for component in (0, 1):
+            if normal is None or normal[component] != 0.0:
+                yield component, "traction"
 
-class Displacement(_OnBoundary):
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        yield from _value_faults("pressure", self.pressure, self.table)
+        if self.follows and scope.strain == "small":
+            yield Fault(("follows",), "follower loads need finite strain", NEEDS_FINITE)
+        if self.follows and scope.strain == "finite" and not scope.confined:
+            yield Fault(("follows",), f"a follower pressure in plane stress {UNSUPPORTED}", "follows = false")
+
+
+class Displacement(OnBoundary):
     """Prescribed displacement of a boundary: both components, or ``ux`` or ``uy`` alone."""
 
     kind: Literal["displacement"]
-    """Kind of load."""
     displacement: Annotated[AmountVector, LENGTH] | None = None
     """Components in x and y: numbers or expressions in x and y."""
     ux: Annotated[Amount, LENGTH] | None = None
@@ -125,12 +145,35 @@ class Displacement(_OnBoundary):
         """Prescribed components in x and in y, None where free."""
         return self.displacement if self.displacement is not None else (self.ux, self.uy)
 
+    def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
+        for component, value in enumerate(self.components):
+            if value is not None:
+                yield component, "displacement"
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        single = self.given("ux", "uy")
+        if self.displacement is not None and single:
+            message = '"displacement" gives both components already'
+            yield Fault((single[0],), message, "give displacement, or ux, or uy")
+        elif self.displacement is None and not single:
+            hint = "give displacement, or ux or uy alone"
+            yield Fault(("displacement",), "missing (required)", hint)
+
+
+class _InBody(Load):
+    body: str
+    """The loaded body."""
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        return (self.body,)
+
 
 class BodyForce(_InBody):
     """Body force per unit volume."""
 
     kind: Literal["body-force"]
-    """Kind of load."""
     body_force: Annotated[AmountVector, DENSITY] = Field(alias="body-force")
     """Components in x and y: numbers or expressions in x and y."""
 
@@ -139,119 +182,12 @@ class Temperature(_InBody):
     """Temperature change of a body whose material has a thermal expansion ``alpha``."""
 
     kind: Literal["temperature"]
-    """Kind of load."""
     temperature: Annotated[Amount, TEMPERATURE]
     """Temperature change: a number or an expression in x and y."""
 
-
-class _RigidMotion(Section):
-    """A rigid body with a prescribed force or displacement in each direction. ``force`` and ``displacement``
-    give both components, ``ux, uy, fx, fy`` one each. Forces are per unit thickness."""
-
-    force: Annotated[Vector, FORCE] | None = None
-    """Force, x and y."""
-    displacement: Annotated[Vector, LENGTH] | None = None
-    """Displacement, x and y."""
-    ux: Annotated[float, LENGTH] | None = None
-    """Displacement in x."""
-    uy: Annotated[float, LENGTH] | None = None
-    """Displacement in y."""
-    fx: Annotated[float, FORCE] | None = None
-    """Force in x."""
-    fy: Annotated[float, FORCE] | None = None
-    """Force in y."""
-
-    @property
-    def control(self) -> dict[str, tuple[Control, float]]:
-        """The controlled quantity in each direction and its value at load factor 1.
-
-        >>> Platen(name="p", boundary="a.top", kind="platen", fy=-2.0).control
-        {'y': ('force', -2.0)}
-        """
-        force = self.force or (self.fx, self.fy)
-        displacement = self.displacement or (self.ux, self.uy)
-        found: dict[str, tuple[Control, float]] = {}
-        for direction, f, u in zip("xy", force, displacement, strict=True):
-            if self.force is None and u is not None:
-                found[direction] = ("displacement", u)
-            elif f is not None:
-                found[direction] = ("force", f)
-        return found
-
-
-class Platen(_OnBoundary, _RigidMotion):
-    """A rigid plate bonded to a boundary. In a direction without force or displacement the boundary is free
-    to slide along the plate."""
-
-    boundary: PlateBoundaries
-    """Boundary with the plate, or a list of boundaries that move together, also of several bodies."""
-    kind: Literal["platen"]
-    """Kind of load."""
-    rotation: Annotated[Rotation, RADIANS] = "fixed"
-    """Rotation of the plate: `"fixed"`, `"free"`, or a prescribed angle (counter-clockwise). Free by default
-    if a `hinge` or a `moment` is given, here or in another load on the same plate."""
-    hinge: Annotated[Vector, LENGTH] | None = None
-    """Reference point of force, moment and displacement; by default that of another load on the same plate,
-    else the middle of the boundary."""
-    moment: Annotated[float, MOMENT] | None = None
-    """Moment about the hinge, counter-clockwise."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _turns(cls, data: Any) -> Any:
-        """Plates with a hinge or a moment are free to rotate."""
-        turned = isinstance(data, dict) and ("hinge" in data or "moment" in data)
-        return {"rotation": "free", **data} if turned else data
-
-    @property
-    def places(self) -> tuple[Place, ...]:
-        """The regions it covers, one per body."""
-        names = listed(self.boundary)
-        bodies = dict.fromkeys(split_boundary(name)[0] for name in names)
-        own = [tuple(name for name in names if split_boundary(name)[0] == body) for body in bodies]
-        return tuple(Place(some, self.ends) for some in own)
-
-    @property
-    def place(self) -> Place:
-        """The region it covers on its first body."""
-        return self.places[0]
-
-    @property
-    def label(self) -> str:
-        """Name in messages."""
-        return " and ".join(place.label for place in self.places)
-
-    @property
-    def turning(self) -> Literal["fixed", "free", "prescribed"]:
-        """The kind of rotation."""
-        return "prescribed" if isinstance(self.rotation, float) else self.rotation
-
-
-class ObstacleMotion(_RigidMotion):
-    """Motion of the rigid obstacle of a contact. A direction without force or displacement is fixed."""
-
-    name: Name
-    """Name of the load, used by stages."""
-    obstacle: str
-    """Contact to which the obstacle belongs."""
-    kind: Literal["obstacle"]
-    """Kind of load."""
-    rotation: Annotated[float, RADIANS] = 0.0
-    """Angle by which the obstacle turns, counter-clockwise, any number of turns (finite strain only)."""
-    pivot: Annotated[Vector, LENGTH] | None = None
-    """Centre of rotation in the undeformed position; it moves with the obstacle. The centre of a disk by
-    default."""
-
-    @property
-    def owner(self) -> None:
-        """None: no body is loaded directly."""
-        return None
-
-    @property
-    def owners(self) -> tuple[str, ...]:
-        """Empty: no body is loaded directly."""
-        return ()
-
-
-AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion
-Load = Annotated[AnyLoad, Field(discriminator="kind")]
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        for body in scope.case.body:
+            material = scope.case.material.get(body.material) if body.name == self.body else None
+            if material is not None and material.alpha is None:
+                message = f'material "{body.material}" of body "{body.name}" has no thermal expansion'
+                yield Fault((), message, f"give alpha in [material.{body.material}]")

@@ -1,20 +1,13 @@
-"""Base class of the tables of the case file, and the field types they share."""
+"""Types of the keys of the case file, and the units of numbers."""
 
 from __future__ import annotations
 
-import ast
-import inspect
 import re
-import textwrap
-from dataclasses import dataclass
-from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     GetJsonSchemaHandler,
     ValidationError,
@@ -26,53 +19,16 @@ from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 
 from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
 
-Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
 
-class Section(BaseModel):
-    """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types. The
-    docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema; the
-    docstring of the class describes the table."""
-
-    # Deferred: the validator of the whole case is built once, when it is needed, not that of each table.
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        """Adds the docstrings here: pydantic would parse all source files for them at every start."""
-        found = handler(core_schema)
-        keys = handler.resolve_ref_schema(found)["properties"]
-        for name, text in _docstrings(cls).items():
-            keys[cls.model_fields[name].alias or name]["description"] = text
-        return found
-
-
-def _docstrings(table: type[BaseModel]) -> dict[str, str]:
-    """The docstrings below the fields of a table, by field."""
-    found = {}
-    for owner in reversed(table.__mro__[: table.__mro__.index(Section)]):
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-        assert isinstance(tree, ast.ClassDef)
-        for key, below in pairwise(tree.body):
-            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
-                assert isinstance(key.target, ast.Name)
-                found[key.target.id] = inspect.cleandoc(ast.literal_eval(below.value))
-    return found
-
-
-@dataclass(frozen=True)
-class Unit:
+class Unit(str):
     """Unit of a number, shown by `mlsanm explain` and in the JSON Schema."""
-
-    name: str
 
     def __get_pydantic_json_schema__(
         self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        return {**handler(core_schema), UNIT: self.name}
+        return {**handler(core_schema), UNIT: str(self)}
 
 
 UNIT = "x-unit"
