@@ -21,7 +21,6 @@ from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide, with_more, with_sides
 from mlsanm_cli.contact.finite.update import AnyContact, Contacts
-from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
@@ -202,7 +201,7 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
     for driven in (one for one in motions.driven if one.contact == number):
         motion[driven.component, count + driven.number] = 1.0
     for constraint in prepared.rigid_constraints:
-        if isinstance(constraint, mechanics.Obstacle) and constraint.contact == pairing.name:
+        if not constraint.bodies and constraint.name == pairing.name:
             for one in constraint.motions:
                 if one.prescribed is not None:
                     motion[one.component, :count] += one.prescribed
