@@ -117,7 +117,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
         )
     warnings += distance_warnings(prepared.pairings, clouds)
     warnings += load_warnings(case, prepared.boundaries, clouds)
-    warnings += [motion.warning for motion in prepared.weak if motion.idle is None]
+    warnings += prepared.weak
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
     return Quality(bodies, prepared.models, ratios, tuple(warnings))
 
