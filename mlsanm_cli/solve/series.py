@@ -17,7 +17,7 @@ from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Outcome, Problem
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
+from mlsanm_cli.solve.state import Checkpoint, State, friction_history
 
 BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
@@ -134,9 +134,8 @@ def checkpoint_at(point: PathPoint, state: State, piece: Branch | None = None) -
         found = replace(found, heading=np.append(piece.x[1], piece.lam[1]), pace=piece.length)
     if problem is None:
         return found
-    return replace(
-        found, history=FrictionHistory(problem.sets, problem.stick_reference, problem.law.threshold)
-    )
+    history = friction_history(problem.sets, problem.stick_reference, problem.law.threshold)
+    return replace(found, history=history)
 
 
 def restored(built: CondensedScene, start: Checkpoint) -> PathPoint:
@@ -145,14 +144,15 @@ def restored(built: CondensedScene, start: Checkpoint) -> PathPoint:
     coupling = coupling_of(built, regularization(built))
     lam = start.position - stage
     x = np.concatenate([state.pressure, state.gap, state.motion, state.displacement, state.traction])
-    if history is None:
+    if not history:
         problem = problem_of(built, coupling, stage)
         if isinstance(problem, HolonomicContact):
             x = problem.with_auxiliary(x, lam)
         return PathPoint(problem, x, lam, state.work)
-    base = coupling.with_stick_compliance().with_thresholds(history.threshold)
+    base = coupling.with_stick_compliance().with_thresholds(history["threshold"])
     begin, end = built.stages[stage], built.stages[stage + 1]
-    friction = RegularizedFriction(base, begin, end, history.sets, history.stick_reference)
+    sets = ContactStatus(**history["sets"])
+    friction = RegularizedFriction(base, begin, end, sets, history["stick_reference"])
     return PathPoint(friction, x, lam, state.work)
 
 

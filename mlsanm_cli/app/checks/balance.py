@@ -7,12 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import UNLOADED, State
-
-ROUND_OFF = 1e-9
-"""Forces on a body below this part of the largest in the scene are none."""
-
 
 def worst_of(errors: Mapping[str, float]) -> str:
     """The body with the error largest in magnitude, or with nan."""

@@ -23,14 +23,13 @@ from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.mechanics.scene import FloatingBody
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import moment_error, turns
 from mlsanm_cli.solve.state import Polish, State
 
 END_DISTANCE = 0.75
 """Distance from an end, in spacings, within which nodes belong to it."""
-ROUND_OFF = 1e-9
-"""Overlaps below this part of the coordinates, and pressures below this part of the largest, are zero."""
 
 
 class Ended(Protocol):

@@ -32,6 +32,7 @@ from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.solve.condensed_scene import stage_factors
+from mlsanm_cli.solve.state import State
 
 TOUCH_TOLERANCE = 0.01
 """Initial gap to an obstacle, relative to the length of a node, below which the node touches."""
@@ -89,6 +90,16 @@ class FiniteScene:
         """Displacements (2N,) of all bodies divided by body."""
         ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
+
+    def shown(self, state: State) -> FloatArray:
+        """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the surfaces: clouds
+        by themselves represent tractions that alternate from node to node wrongly."""
+        displacement = state.displacement.copy()
+        bodies = self.parts(displacement)
+        for side, there in self.contacts.sides:
+            surface = state.solver["surface"][there].reshape(-1, 2)
+            bodies[side.body].reshape(-1, 2)[side.nodes] = surface
+        return displacement
 
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
         """Factors of all loads by body: ``factors`` (L + d,) of the case and of the free motions, then the
