@@ -8,33 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.checks.end_state import (
-    check_held,
-    check_limit,
-    check_rolling,
-    end_warnings,
-    idle_note,
-    overlap_warnings,
-    tip_warnings,
-)
+from mlsanm_cli.app.checks import end, states
+from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.checks.energy import energy_error
-from mlsanm_cli.app.checks.peaks import boundary_peaks, check_peaks
-from mlsanm_cli.app.checks.quality import Warn, announce, assess, factor_notes, nodal_warnings
+from mlsanm_cli.app.checks.peaks import boundary_peaks
+from mlsanm_cli.app.checks.quality import announce, assess, factor_notes, nodal_contacts, refinement_pass
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.checks.refinement import Adapted, Refinement, adapt, refine_again
-from mlsanm_cli.app.checks.verdicts import (
-    check_balance,
-    check_energy,
-    check_estimates,
-    check_linear,
-    check_open,
-    check_points,
-    check_polish,
-    check_spacing,
-    check_state,
-    check_transfer,
-    force_balance,
-)
 from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.output.summary import Ending, summarise
@@ -42,7 +22,6 @@ from mlsanm_cli.app.output.writer import attributes
 from mlsanm_cli.app.results.info import finished
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.app.scene.causes import strain_warnings
 from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.contact.laws.limit_load import SlidingError
@@ -52,7 +31,7 @@ from mlsanm_cli.io.lock import locked
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import at_limit
-from mlsanm_cli.solve.state import Checkpoint, State
+from mlsanm_cli.solve.state import Checkpoint
 from mlsanm_cli.solve.stop_events import StoppedPath, load_path
 
 RESULTS = Path("results")
@@ -108,7 +87,11 @@ def run(
 
 
 def set_up(
-    case: Case, prepared: SceneModel, context: RunContext, warn: Warn, refinement: Refinement | None = None
+    case: Case,
+    prepared: SceneModel,
+    context: RunContext,
+    verdicts: Verdicts,
+    refinement: Refinement | None = None,
 ) -> Adapted:
     """Condenses the scene, refined as the case requires or by a ``refinement`` found before. Raises
     NumericalError for a scene that cannot be set up."""
@@ -117,10 +100,8 @@ def set_up(
     else:
         adapted = refine_again(case, refinement, context)
     nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
-    if adapted.refinement.failed:
-        warn(adapted.refinement.failed)
-    for warning in nodal_warnings(adapted.prepared, nodal, adapted.prepared.models):
-        warn(warning)
+    verdicts.judge(refinement_pass(adapted.refinement))
+    verdicts.judge(nodal_contacts(adapted.prepared, nodal, adapted.prepared.models))
     return adapted
 
 
@@ -147,14 +128,13 @@ def carry_out(
     built: CondensedScene | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
-    quality = announce(case, prepared, context, recorder.warn)
+    quality = announce(case, prepared, context, recorder.verdicts)
     try:
-        adapted = set_up(case, prepared, context, recorder.warn, refinement)
+        adapted = set_up(case, prepared, context, recorder.verdicts, refinement)
         built = adapted.built
         if adapted.refined:
             quality = assess(case, adapted.prepared, context.memo)
-            for warning in quality.warnings:
-                recorder.warn(warning)
+            recorder.verdicts.judge(quality.checks)
         quality = replace(quality, models={name: body.model for name, body in built.scene.bodies.items()})
         context.stop_gently()
         reached = _follow(built, recorder.start(adapted), recorder, context)
@@ -170,8 +150,7 @@ def carry_out(
         adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
         known = adapted.accuracy
-        for warning in check_estimates(built, estimates, known.from_law, known.missing):
-            recorder.warn(warning)
+        recorder.verdicts.judge(end.estimates(built, estimates, known.from_law, known.missing))
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
         ending = Ending("failed", error.message, error.hint, stability)
@@ -204,57 +183,29 @@ def _follow(
             try:
                 step = next(steps, None)
                 for state in (*step.saved, step.state) if step is not None else ():
-                    check_rolling(built, state)
+                    recorder.verdicts.judge(states.overturning(built, state))
             except NumericalError as error:
                 last = 0.0
                 if recorder.last is not None:
                     last = recorder.last.position
-                    if isinstance(error, SlidingError) and (warning := check_limit(built, recorder.last)):
-                        recorder.warn(warning)
+                    if isinstance(error, SlidingError):
+                        recorder.verdicts.judge(end.limit_load(built, recorder.last))
                 raise at_limit(built.scene, built.condensed, built.stages, last, error) from error
         if step is None:
             break
         for state in (*step.saved, step.state):
             recorder.checked = state
-            check_state(built, state)
+            recorder.verdicts.judge(states.checks_of(built, state))
         recorder.step(built, step)
         first = first or step.state
     assert recorder.last is not None
     with context.phase("output"):
         linear = recorder.check_linear(built)
-    check_linear(linear)
-    check_spacing(built, recorder.last)
-    with context.phase("output"):
         fields = recorder.stress_fields(built, recorder.last)
         recorder.energies = energy_error(built, recorder.last, fields)
         recorder.peaks = boundary_peaks(built, recorder.last, fields)
-    for warning in _warnings(built, first, recorder):
-        if warning:
-            recorder.warn(warning)
-    if note := idle_note(built, recorder.last):
+    done = end.End(built, first, recorder.last, linear, recorder.energies, recorder.peaks, recorder.polished)
+    recorder.verdicts.judge(end.checks_of(done))
+    if note := end.idle_note(built, recorder.last):
         context.console.note(note)
     return path.reached
-
-
-def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) -> Iterator[str]:
-    """Warnings about a completed path, "" for checks without findings. A check may raise NumericalError; the
-    warnings before it are kept."""
-    last, energies = recorder.last, recorder.energies
-    assert last is not None
-    assert energies is not None
-    if first is not None:
-        yield from overlap_warnings(built, first, last)
-    yield from end_warnings(built, last)
-    yield from tip_warnings(built, last)
-    # First of the checks that fail for inconsistent units, so that the warning names the cause.
-    yield from strain_warnings(built.case, energies.strains)
-    yield from check_transfer(built, last)
-    yield check_balance(built.case, force_balance(built, last))
-    yield check_energy(built.case, energies)
-    yield from check_points(energies)
-    yield from check_peaks(built.case, recorder.peaks)
-    yield check_held(built)
-    yield check_rolling(built, last)
-    yield check_open(built)
-    yield from built.weak
-    yield check_polish(recorder.polished)

@@ -11,6 +11,7 @@ from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import UNLOADED, State
 
+
 def worst_of(errors: Mapping[str, float]) -> str:
     """The body with the error largest in magnitude, or with nan."""
     return max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))

@@ -11,6 +11,7 @@ import numpy as np
 
 from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Outcome = Literal["passed", "warned", "failed"]
 OUTCOMES: Sequence[Outcome] = ("passed", "warned", "failed")
@@ -68,7 +69,8 @@ class Check:
     def _exceeds(self, level: float | None) -> bool:
         if level is None:
             return False
-        return not (self.value >= level if LIMITS[self.name].lower else self.value <= level)
+        slack = COARSE_ROUND_OFF * abs(level)
+        return not (self.value >= level - slack if LIMITS[self.name].lower else self.value <= level + slack)
 
 
 class Verdicts:
@@ -100,8 +102,14 @@ class Verdicts:
         """The kept checks as plain values, for checkpoints."""
         return [vars(check) for check in self._worst.values()]
 
-    def take_up(self, plain: Iterable[Mapping[str, Any]]) -> None:
-        """Continue with the checks kept by an earlier process, whose warnings were issued."""
-        for stored in plain:
-            check = Check(**stored)
-            self._worst.setdefault((check.name, check.place), check)
+    def take_up(self, plain: Iterable[Mapping[str, Any]]) -> list[str]:
+        """Continue with the checks kept by an earlier process; returns its warnings that are new to this
+        one."""
+        checks = [Check(**stored) for stored in plain]
+        known = set(self._worst)
+        self._worst = {(check.name, check.place): check for check in checks} | self._worst
+        return [
+            check.text
+            for check in checks
+            if (check.name, check.place) not in known and check.outcome == "warned"
+        ]

@@ -12,8 +12,9 @@ import numpy as np
 from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.energy import EnergyErrors
-from mlsanm_cli.app.checks.limits import level
+from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.checks.peaks import Peak
+from mlsanm_cli.app.checks.quality import weak_motion_checks
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.arrays import FloatArray
@@ -24,6 +25,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.mechanics.scene import FloatingBody
 from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import moment_error, turns
 from mlsanm_cli.solve.state import Polish, State
@@ -68,6 +70,8 @@ class End:
 
 def balance(end: Ended) -> Iterator[Check]:
     """The body whose forces are farthest from adding up to zero."""
+    if not end.imbalance:
+        return
     name = worst_of(end.imbalance)
     error = end.imbalance[name]
     message = f"force imbalance on body {name}: {100 * error:.2g} % of the largest force"
@@ -80,10 +84,10 @@ def work(end: Ended) -> Iterator[Check]:
     name = worst_of(end.energies.bodies)
     error = end.energies.bodies[name]
     size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
-    message = f"twice the strain energy of body {name} is {size} the work done on it"
+    message = f"{end.energies.what} body {name} is {size} the work done on it"
     where = end.energies.thin.get(name) or "where it is held and around its notches"
     hint = f"{finer_nodes(end.case, [name])}, above all {where}"
-    yield Check("energy_error", abs(error), message, hint, f"body {name}")
+    yield Check(end.energies.name, abs(error), message, hint, f"body {name}")
 
 
 def single_nodes(end: Ended) -> Iterator[Check]:
@@ -288,8 +292,8 @@ def held_motion(end: End) -> Iterator[Check]:
         yield Check(
             "held_motion",
             angle,
-            f"the contact surfaces of {' and '.join(bodies)} have rotated so far that {100.0 * angle:.2g} % of "
-            f"the contact force acts along a motion without stiffness that is fixed at 0",
+            f"the contact surfaces of {' and '.join(bodies)} have rotated so far that {100.0 * angle:.2g} % "
+            f"of the contact force acts along a motion without stiffness that is fixed at 0",
             "add a [[support]] in that direction, or friction to the contact",
         )
 
@@ -306,9 +310,7 @@ def no_pressure(end: End) -> Iterator[Check]:
 
 def weak_motion(end: End) -> Iterator[Check]:
     """Motions without loads that are hardly resisted."""
-    for text in end.built.weak:
-        message, _, hint = text.partition("; ")
-        yield Check("weak_motion", 1.0, message, hint, message.partition(" is ")[0])
+    yield from weak_motion_checks(end.built.weak)
 
 
 def polish(end: End) -> Iterator[Check]:
@@ -431,3 +433,22 @@ def pressure_limit(pairing: Pairing) -> str:
     whose errors are those of bodies that are too coarse."""
     smooth = pairing.grid is not None and not pairing.friction
     return "pressure_error" if smooth else "rough_pressure_error"
+
+
+def limits(case: Case, built: CondensedScene | None) -> dict[str, Any]:
+    """The levels at which a run at small strain fails, for summary.json; ``stability`` is a lower one,
+    ``error_estimate`` and ``estimates`` are those at which it warns."""
+    names = ("linear_residual", "force_balance", "force_mismatch", "energy_error")
+    found: dict[str, Any] = {"residual": case.solver.tolerance}
+    found |= {name: LIMITS[name].fails for name in names}
+    found["error_estimate"] = level("rough_pressure_error")
+    if built is None:
+        return found
+    displacement, pairings = level("displacement_error"), built.condensed.pairings
+    estimates = {
+        "displacement": displacement,
+        "pressure": {one.name: level(pressure_limit(one)) for one in pairings},
+        "force": {one.name: level("force_error") for one in pairings},
+        "probes": dict.fromkeys(built.condensed.probes, displacement),
+    }
+    return found | {"stability": stability_limit(case, built.ends), "estimates": estimates}

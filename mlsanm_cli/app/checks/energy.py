@@ -44,13 +44,16 @@ class EnergyErrors:
     """By body the relative difference of twice the strain energy and the work, the strain, the relative
     increase of the work at single supported nodes with half the spacing (``pointed``) and a description of
     parts with too few nodes across (``thin``). ``deflection`` is the root mean square error of the
-    displacements, relative, as far as only the energies show it."""
+    displacements, relative, as far as only the energies show it. ``name`` is the limit of the differences,
+    ``what`` the quantity compared with the work."""
 
     bodies: Mapping[str, float]
     strains: Mapping[str, float] = field(default_factory=dict)
     pointed: Mapping[str, float] = field(default_factory=dict)
     thin: Mapping[str, str] = field(default_factory=dict)
     deflection: float = 0.0
+    name: str = "energy_error"
+    what: str = "twice the strain energy of"
 
 
 def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyErrors:

@@ -84,9 +84,7 @@ LIMITS: Mapping[str, Limit] = {
         "rotation of a bonded surface from node to node (radian); errors of bonds are not estimated",
         "a smaller spacing there, at least 25 nodes on a full circle",
     ),
-    "degree": Limit(
-        2.0, None, "`mls.degree` of a body; 1 is for comparisons only", "use 2 or 4", lower=True
-    ),
+    "degree": Limit(2.0, None, "`mls.degree` of a body; 1 is for comparisons only", "use 2 or 4", lower=True),
     "initial_gap": Limit(
         0.25,
         None,
@@ -261,9 +259,14 @@ LIMITS: Mapping[str, Limit] = {
         0.03,
         0.1,
         "twice the strain energy of a body over the work done on it, minus 1; on beams it is the error of "
-        "the deflection. At finite strain the work of stresses less that of forces over the energy: it warns "
-        "only, for a path by power series above 0.01",
+        "the deflection. At finite strain the work of stresses less that of forces over the energy",
         "finer nodes, at least five across thin parts in bending, or `mls.degree = 4`",
+    ),
+    "series_energy_error": Limit(
+        0.01,
+        0.1,
+        "the energy error of a path by power series at finite strain",
+        "finer nodes, at least five across thin parts in bending",
     ),
     "single_nodes": Limit(
         0.03,
@@ -320,8 +323,8 @@ LIMITS: Mapping[str, Limit] = {
     "law_error": Limit(
         0.02,
         None,
-        "part of the displacements that is due to the regularised contact law, on which lightly loaded bodies "
-        "float",
+        "part of the displacements that is due to the regularised contact law, on which lightly loaded "
+        "bodies float",
         '`law = "exact"`, or a lower `eta`',
     ),
     "force_error": Limit(

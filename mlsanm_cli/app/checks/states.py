@@ -91,6 +91,11 @@ def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
     yield Check("body_rotation", turned.share, message, turned.hint, turned.names)
 
 
+def overturning(built: CondensedScene, state: State) -> Iterator[Check]:
+    """A body that loads rotate without resistance; others are judged at the end of the path."""
+    return (check for check in body_rotation(built, state) if check.outcome == "failed")
+
+
 STATE: tuple[Callable[[CondensedScene, State], Iterator[Check]], ...] = (
     residual,
     finite,

@@ -93,7 +93,6 @@ class FiniteRecorder(RunWriter):
         self.last = before.checkpoint.state
         self.take_up(before.rows, before.figures, scene.bodies)
         self.turns += before.figures["turns"]
-        self.warnings += before.figures["warnings"]
         self.touched = Touched.read(before.figures)
         return before.checkpoint
 
@@ -120,7 +119,7 @@ class FiniteRecorder(RunWriter):
             self._count(scene, step)
             self._rows += 1 + len(between)
             figures = self.tallied()
-            more = {"turns": self.turns.copy(), "warnings": list(self.warnings)}
+            more: dict[str, Any] = {"turns": self.turns.copy()}
             more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
             assert step.checkpoint is not None
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)

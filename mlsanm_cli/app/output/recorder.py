@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
-from mlsanm_cli.app.checks.overlaps import check_overlaps, within_themselves
+from mlsanm_cli.app.checks.energy import EnergyErrors
+from mlsanm_cli.app.checks.overlaps import overlaps, self_overlaps
 from mlsanm_cli.app.checks.peaks import Peak
 from mlsanm_cli.app.checks.refinement import Adapted
-from mlsanm_cli.app.checks.verdicts import EnergyVerdict
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, plain_checkpoint
-from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
+from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.output.recording import Views, model_bodies
 from mlsanm_cli.app.output.writer import RunWriter
 from mlsanm_cli.app.scene.assemble import SceneModel
@@ -62,7 +63,6 @@ class Recorder(RunWriter):
         self._case = loaded.case
         self._earlier = earlier
         self._pace: tuple[float, float] | None = None
-        self._reported: list[str] = []
         self.last: State | None = None
         self.linear_residual: float | None = None
         self.cone: dict[str, float] = {}
@@ -71,7 +71,7 @@ class Recorder(RunWriter):
         self._views = Views({}, {})
         self._starts: Mapping[str, FloatArray] = {}
         self.checked: State | None = None
-        self.energies: EnergyVerdict | None = None
+        self.energies: EnergyErrors | None = None
         self.peaks: Mapping[str, Peak] = {}
         self.stressed: tuple[State, Mapping[str, Fields]] | None = None
         self.failed_at: dict[str, Any] = {}
@@ -103,8 +103,6 @@ class Recorder(RunWriter):
         self.last = before.last
         self.take_up(before.rows, before.figures, built.scene.bodies)
         self.polished = [Polish(**one) for one in before.figures["polished"]]
-        self._reported += before.figures["told"]
-        self.warnings += self._reported
         return before.checkpoint
 
     def step(self, built: CondensedScene, step: PathStep) -> None:
@@ -126,7 +124,7 @@ class Recorder(RunWriter):
                 self._save_fields(built, step.saved, rows, datasets, attributes)
             self._count(built, step)
             figures = self.tallied()
-            more = {"polished": tuple(self.polished), "told": tuple(self._reported)}
+            more = {"polished": tuple(self.polished)}
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
             self.add_step(step, state, rows, datasets, attributes, latest)
         peak = float(state.pressure.max(initial=0.0))
@@ -162,8 +160,9 @@ class Recorder(RunWriter):
         if step.polish is not None:
             self.polished.append(step.polish)
         if step.warning:
-            self._reported.append(step.warning)
-            self.warn(step.warning)
+            self.verdicts.judge(
+                [Check("snap", 1.0, step.warning, place=f"position {step.state.position:.6g}")]
+            )
 
     def _save_fields(
         self,
@@ -200,17 +199,9 @@ class Recorder(RunWriter):
     ) -> None:
         """Raises NumericalError if bodies overlap; warns if a body overlaps itself or surfaces slide far."""
         moved = {name: one.displacement for name, one in fields.items()}
-        check_overlaps(built, state, clouds, moved)
-        found = dict(large_slides(built, state, clouds, moved))
-        for name, (x, y) in within_themselves(clouds, moved).items():
-            found[f"body {name} overlaps itself"] = (
-                f" near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact is not "
-                f"supported, and results beyond that position are invalid"
-            )
-        for fault, where in found.items():
-            if not any(one.startswith(fault) for one in self._reported):
-                self._reported.append(fault + where)
-                self.warn(fault + where)
+        self.verdicts.judge(overlaps(built, state, clouds, moved))
+        self.verdicts.judge(sliding_distance(built, state, clouds, moved))
+        self.verdicts.judge(self_overlaps(state, clouds, moved))
 
     def check_linear(self, built: CondensedScene) -> float:
         """The largest error of the linear solver over the saved states; of the last state if none was saved,
@@ -218,7 +209,8 @@ class Recorder(RunWriter):
         if self.linear_residual is None and self.last is not None:
             fields, self.linear_residual = fields_of(built, [self.last], stress=False, starts=self._starts)[0]
             clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
-            check_overlaps(built, self.last, clouds, {name: one.displacement for name, one in fields.items()})
+            moved = {name: one.displacement for name, one in fields.items()}
+            self.verdicts.judge(overlaps(built, self.last, clouds, moved))
         return self.linear_residual or 0.0
 
     def stress_fields(self, built: CondensedScene, state: State) -> Mapping[str, Fields]:

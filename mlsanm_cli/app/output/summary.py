@@ -6,27 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
+from mlsanm_cli.app.checks.end import limits
 from mlsanm_cli.app.checks.quality import Quality
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.refinement import Adapted
-from mlsanm_cli.app.checks.verdicts import (
-    BALANCE_LIMIT,
-    ENERGY_LIMIT,
-    LARGE_ERROR,
-    LINEAR_LIMIT,
-    TRANSFER_LIMIT,
-    estimate_limits,
-    force_balance,
-    force_mismatch,
-    worst_of,
-)
 from mlsanm_cli.app.context import Clock
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.output.writer import RunWriter
 from mlsanm_cli.case import Case
 from mlsanm_cli.io.records import ProbeRecord
-from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import plates_turned, probe_record
 from mlsanm_cli.solve.state import Polish, State
@@ -67,6 +57,7 @@ def tail(recorder: RunWriter, quality: Quality, limits: Mapping[str, Any], clock
         "wall_seconds": clock.wall_seconds,
         "peak_memory_mb": peak_memory_mb(),
         "warnings": recorder.warnings,
+        "checks": recorder.verdicts.rows,
     }
 
 
@@ -136,25 +127,6 @@ def summarise(
     if adapted is not None and adapted.refined:
         summary["adapt"] = [asdict(one) for one in adapted.passes]
     return summary | tail(recorder, quality, limits(case, built), clock)
-
-
-def limits(case: Case, built: CondensedScene | None) -> dict[str, Any]:
-    """The limits beyond which a run fails: ``stability`` is a lower limit, ``error_estimate`` and
-    ``estimates`` only warn."""
-    found: dict[str, Any] = {
-        "residual": case.solver.tolerance,
-        "linear_residual": LINEAR_LIMIT,
-        "force_balance": BALANCE_LIMIT,
-        "force_mismatch": TRANSFER_LIMIT,
-        "energy_error": ENERGY_LIMIT,
-        "error_estimate": LARGE_ERROR,
-    }
-    if built is None:
-        return found
-    return found | {
-        "stability": stability_limit(built.case, built.ends),
-        "estimates": estimate_limits(built),
-    }
 
 
 def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:

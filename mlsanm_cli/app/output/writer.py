@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from mlsanm_cli import __version__
+from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.checkpoint import EarlierRun
 from mlsanm_cli.arrays import FloatArray
@@ -98,16 +99,15 @@ class RunWriter(Closing):
         # /path/seconds continue.
         self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
         self.warnings: list[str] = []
+        self.verdicts = Verdicts(self.warn)
         self.iterations = self.factorizations = self.solves = 0
         self.residual = 0.0
 
-    def warn(self, message: str) -> None:
-        """Issues a warning on the console, in the events and in the summary, once."""
-        if message in self.warnings:
-            return
-        self.warnings.append(message)
-        self._events.write_once("warning", message=message)
-        self._console.warning(message)
+    def warn(self, check: Check) -> None:
+        """Issues the warning of a check on the console, in the events and in the summary."""
+        self.warnings.append(check.text)
+        self._events.write_once("warning", check=check.name, message=check.text)
+        self._console.warning(check.text)
 
     def count(self, step: StepCounts, residuals: Iterable[float]) -> None:
         """Adds the counts of a step and the ``residuals`` of its states to the totals."""
@@ -130,13 +130,14 @@ class RunWriter(Closing):
 
     def tallied(self) -> dict[str, Any]:
         """The counts and maxima so far, from which `take_up` continues."""
-        return {name: copy(getattr(self, name)) for name in self.tallies}
+        return {name: copy(getattr(self, name)) for name in self.tallies} | {"checks": self.verdicts.plain}
 
     def take_up(self, rows: int, figures: Mapping[str, Any], bodies: Iterable[str]) -> None:
         """Restores the counts after the last recorded of the ``rows``, and the lists of VTU files."""
         self._rows = rows
         for name in self.tallies:
             setattr(self, name, figures[name])
+        self.warnings += self.verdicts.take_up(figures["checks"])
         positions = self._file.saved_positions()
         self._saved = len(positions)
         for position in positions if self._vtu else ():
