@@ -14,7 +14,7 @@ import pytest
 from click import Context
 
 from mlsanm_cli import __version__
-from mlsanm_cli.app.checks.verdicts import BALANCE_LIMIT, BALANCE_WARNING
+from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module
@@ -134,7 +134,10 @@ def test_run_file_is_documented(hertz_run: Path) -> None:
 
 
 def test_limits_are_documented() -> None:
-    assert f"above {100 * BALANCE_LIMIT:g} % on any body; above {100 * BALANCE_WARNING:g} %" in METHOD
+    balance = LIMITS["force_balance"]
+    assert balance.fails is not None
+    assert balance.warns is not None
+    assert f"above {100 * balance.fails:g} % on any body; above {100 * balance.warns:g} %" in METHOD
 
 
 @pytest.mark.usefixtures("by_nodes")

@@ -402,7 +402,7 @@ def estimates(
         yield law
         errors["displacements are"] = displacement
     if errors and (law is None or law.outcome == "passed"):
-        worst = max(errors, key=errors.__getitem__)
+        worst = worst_of(errors)
         yield Check(
             "displacement_error",
             errors[worst],
