@@ -43,8 +43,9 @@ def blocks(text: str, language: str) -> list[str]:
 
 
 def test_the_reference_is_up_to_date() -> None:
-    page = runpy.run_path(str(ROOT / "docs" / "update_case_file.py"))["page"]
-    assert page() == CASE_FILE, "python docs/update_case_file.py"
+    for script, written in (("update_case_file.py", CASE_FILE), ("update_checks.py", TROUBLE)):
+        page = runpy.run_path(str(ROOT / "docs" / script))["page"]
+        assert page() == written, f"python docs/{script}"
 
 
 def test_the_two_commands(tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: Any) -> None:
@@ -184,8 +185,8 @@ def test_every_command_of_the_tutorial_runs(
 def test_messages_of_the_page_are_those_of_the_program() -> None:
     sources = "\n".join(path.read_text() for path in (ROOT / "mlsanm_cli").rglob("*.py"))
     messages = re.findall(r"^\| `([^`]+)` \|", TROUBLE, flags=re.MULTILINE)
-    assert len(messages) > 25
-    for message in messages:
+    assert len(messages) > 15
+    for message in (one for one in messages if one not in LIMITS):
         for part in message.split(" ... "):
             assert part.strip() in sources, message
 

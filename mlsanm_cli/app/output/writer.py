@@ -107,7 +107,7 @@ class RunWriter(Closing):
         """Issues the warning of a check on the console, in the events and in the summary."""
         self.warnings.append(check.text)
         self._events.write_once("warning", check=check.name, message=check.text)
-        self._console.warning(check.text)
+        self._console.warning(f"{check.text} [{check.name}]")
 
     def count(self, step: StepCounts, residuals: Iterable[float]) -> None:
         """Adds the counts of a step and the ``residuals`` of its states to the totals."""

@@ -85,9 +85,9 @@ def test_outcomes(name: str) -> None:
     beyond = -1.0 if limit.lower else 1.0
     for level, outcome in ((limit.warns, "warned"), (limit.fails, "failed")):
         if level is not None:
-            assert Check(name, level + 0.1 * beyond, "").outcome == outcome
+            past = Check(name, level + 0.01 * beyond, "")
+            assert (past.outcome, past.limit) == (outcome, level)
             assert Check(name, level, "").outcome != outcome
-            assert Check(name, level + 0.1 * beyond, "").limit == level
     assert Check(name, np.nan, "", fails=1.0).outcome == "failed"
 
 
