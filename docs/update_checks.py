@@ -8,7 +8,10 @@ from pathlib import Path
 from mlsanm_cli.app.checks.limits import COUNT, LIMITS, Limit
 
 PAGE = Path(__file__).parent / "troubleshooting.md"
-MARKS = "<!-- Generated from app/checks/limits.py by docs/update_checks.py. -->\n", "<!-- End of checks. -->\n"
+MARKS = (
+    "<!-- Generated from app/checks/limits.py by docs/update_checks.py. -->\n",
+    "<!-- End of checks. -->\n",
+)
 
 
 def page() -> str:

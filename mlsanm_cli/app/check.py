@@ -10,7 +10,7 @@ from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.checks.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.recording import model_bodies
+from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files

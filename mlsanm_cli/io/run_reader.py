@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_dir import RUN_FILE
 from mlsanm_cli.io.run_file import FORMAT
+from mlsanm_cli.io.schema import CONTACT_HISTORY
 from mlsanm_cli.io.summary import items_of, path_table
 
 MAX_LISTED = 5
@@ -247,11 +247,8 @@ def _path(root: Any) -> PathData:
 def _contact(group: Any) -> ContactData:
     found = _tree(group)
     count = len(found["points"])
-    kinds = {"status": np.int8}
-    history = {
-        one.name: np.empty((0,) if one.name == "dissipated_work" else (0, count), kinds.get(one.name, float))
-        for one in fields(ContactRecord)
-    }
+    sizes = {"step": 0, "contact_node": count}
+    history = {one.name: np.empty(one.shape(sizes), one.dtype) for one in CONTACT_HISTORY}
     return ContactData(**{**history, **found})
 
 

@@ -13,14 +13,13 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
 from tests.io.run_files import (
     LOADS,
     RESULTANTS,
     M,
-    contact_record,
+    contact_values,
     datasets,
     start_run,
     step_row,
@@ -56,9 +55,9 @@ def test_reader_gives_back_what_was_written_in_the_order_of_the_case(tmp_path: P
     np.testing.assert_array_equal(data.path.resultants["block.bottom"][:, 1], np.arange(5))
     contact = data.contacts["interface"]
     for step in range(5):
-        expected = contact_record(step)
+        expected = contact_values(step)
         for key in ("pressure", "traction", "gap", "slip", "status"):
-            np.testing.assert_array_equal(getattr(contact, key)[step], getattr(expected, key))
+            np.testing.assert_array_equal(getattr(contact, key)[step], expected[key])
     assert [state.position for state in data.states] == [0.5]
     assert list(data.states[0].bodies) == ["upper", "block"]
     np.testing.assert_array_equal(data.states[0].bodies["upper"]["von_mises"], np.arange(5.0))
@@ -69,7 +68,8 @@ def test_a_run_without_contacts_loads_or_candidates_can_be_stored(tmp_path: Path
         empty = np.empty(0)
         run.confirm({f"contacts/far/{name}": np.empty((0, 2)) for name in ("points", "normal")})
         run.confirm({f"contacts/far/{name}": empty for name in ("arc_length", "weight")})
-        nothing = ContactRecord(empty, empty, empty, empty, np.empty(0, np.int8))
+        nothing = {**dict.fromkeys(contact_values(0), empty), "dissipated_work": 0.0}
+        nothing["status"] = np.empty(0, np.int8)
         for _ in range(2):
             run.add([step_row(0, contacts={"far": nothing})])
     data = read_run(tmp_path)

@@ -13,11 +13,10 @@ from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.end import COMMON
 from mlsanm_cli.app.checks.energy import NODE_FORCE_SHIFT, EnergyErrors, thin_part
 from mlsanm_cli.app.checks.limits import LIMITS, level
-from mlsanm_cli.app.finite.estimate import EnergyError
-from mlsanm_cli.app.finite.fields import SceneForces
+from mlsanm_cli.app.finite.estimate import EnergyError, work_error
+from mlsanm_cli.app.finite.fields import SceneForces, extremes
 from mlsanm_cli.app.finite.patches import between_nodes
-from mlsanm_cli.app.finite.recorder import FiniteRecorder
-from mlsanm_cli.app.finite.refinement import MAX_NODES, is_automatic
+from mlsanm_cli.app.finite.refinement import MAX_NODES, Refinement, is_automatic
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, finer_nodes
@@ -29,14 +28,14 @@ from mlsanm_cli.solve.state import State
 
 @dataclass(frozen=True)
 class FiniteEnd:
-    """A completed path: its ``last`` state, the smallest ellipticity in that, and the estimated errors of
-    ``summary.error_estimate``."""
+    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``, the
+    totals of the path (``tally``), and the ``refinement`` of the contacts."""
 
     scene: FiniteScene
-    recorder: FiniteRecorder
     last: State
-    waves: float
+    tally: Mapping[str, Any]
     errors: Mapping[str, Any]
+    refinement: Refinement
 
     @property
     def case(self) -> Case:
@@ -49,14 +48,14 @@ class FiniteEnd:
         if any(body.elastic.held_nodes for body in self.scene.bodies.values()):
             return {}
         forces = SceneForces.of(self.scene, self.last).bodies
-        return {max(forces, key=lambda name: forces[name].rest): self.recorder.balance}
+        return {max(forces, key=lambda name: forces[name].rest): self.tally["balance"]}
 
     @cached_property
     def energies(self) -> EnergyErrors:
         """Work of the stresses less that of the forces, of the body where it is largest."""
-        missing, bodies = self.recorder.missing, self.scene.bodies
+        missing, bodies = self.tally["missing"], self.scene.bodies
         worst = max(missing, key=lambda name: abs(missing[name]), default=next(iter(bodies)))
-        error = self.recorder.energy_error * (-1.0 if missing.get(worst, 0.0) < 0.0 else 1.0)
+        error = work_error(self.tally) * (-1.0 if missing.get(worst, 0.0) < 0.0 else 1.0)
         thin = {name: thin_part(body.elastic.model.cloud) for name, body in bodies.items()}
         name = "series_energy_error" if self.scene.by_series else "energy_error"
         what = "the work of stresses in"
@@ -65,18 +64,16 @@ class FiniteEnd:
 
 def ellipticity(end: FiniteEnd) -> Iterator[Check]:
     """Distance from the loss of ellipticity."""
-    yield Check(
-        "ellipticity",
-        end.waves,
-        f"the law is close to losing ellipticity: acoustic tensor {end.waves:.2g} of the shear modulus",
-    )
+    least = extremes(end.scene, end.last)["ellipticity"]
+    message = f"the law is close to losing ellipticity: acoustic tensor {least:.2g} of the shear modulus"
+    yield Check("ellipticity", least, message)
 
 
 def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
     """Estimated error of the energy by residuals."""
-    estimate, text = end.recorder.estimate, ("", "")
+    estimate, text = end.errors["energy"], ("", "")
     if not estimate <= level("energy_estimate"):
-        kept = end.recorder.kept / end.recorder.energy
+        kept = end.tally["kept"] / end.tally["energy"]
         text = EnergyError.of(end.scene, end.last).message(end.scene, estimate, kept)
     yield Check("energy_estimate", estimate, *text)
 
@@ -96,7 +93,7 @@ def force_estimates(end: FiniteEnd) -> Iterator[Check]:
 
 def refinement(end: FiniteEnd) -> Iterator[Check]:
     """A refinement of contacts that failed or is incomplete."""
-    found = end.recorder.refinement
+    found = end.refinement
     if found.failed:
         message = f"the results are from the run before the last refinement, which failed: {found.failed}"
         yield Check("refinement_pass", 1.0, message)
@@ -228,15 +225,15 @@ def checks_of(end: FiniteEnd) -> Iterator[Check]:
         yield from check(end)
 
 
-def finite_limits(scene: FiniteScene, touches: bool) -> dict[str, Any]:
-    """The levels at which a run at finite strain fails, for summary.json; above ``error_estimate`` and
-    ``estimates`` it warns."""
-    forces = {one.name: level("finite_force_error") for one in scene.contacts.pairs}
+def finite_limits(case: Case, contacts: Sequence[str]) -> dict[str, Any]:
+    """The levels at which a run at finite strain with these ``contacts`` fails, for summary.json; above
+    ``error_estimate`` and ``estimates`` it warns."""
+    forces = dict.fromkeys(contacts, level("finite_force_error"))
     found: dict[str, Any] = {
-        "residual": scene.case.solver.tolerance,
+        "residual": case.solver.tolerance,
         "force_balance": LIMITS["force_balance"].fails,
         "ellipticity": LIMITS["ellipticity"].fails,
         "error_estimate": level("energy_estimate"),
         "estimates": {"energy": level("energy_estimate"), "contacts": forces},
     }
-    return found | ({"stability": CONTACT_LIMIT} if touches else {})
+    return found | ({"stability": CONTACT_LIMIT} if contacts else {})

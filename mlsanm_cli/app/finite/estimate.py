@@ -3,6 +3,7 @@ fits of the next degree."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,3 +119,14 @@ def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[
         "pressure": pressure,
         "contacts": {name: change / largest for name, (_, change) in force.items() if largest},
     }
+
+
+def energy_estimate(tally: Mapping[str, Any]) -> float:
+    """Largest estimated error of the energy over the largest energy on the path."""
+    return float(tally["unaccounted"] / tally["energy"]) if tally["energy"] else 0.0
+
+
+def work_error(tally: Mapping[str, Any]) -> float:
+    """Internal less external work of the bodies over the largest energy."""
+    works = tally["missing"].values()
+    return sum(map(abs, works)) / (0.5 * tally["energy"]) if tally["energy"] else 0.0

@@ -15,7 +15,6 @@ from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place, Platen, Pressure
-from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.pair import BodyContact
@@ -199,7 +198,7 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
     rotation = np.zeros(motion.shape[1])
     for place, load in enumerate(case.load):
         if isinstance(load, ObstacleMotion) and load.obstacle == pairing.name and load.rotation:
-            rotation[place], pivot = load.rotation, pivot_of(found.obstacle, load) or pivot
+            rotation[place], pivot = load.rotation, load.pivot_on(found.obstacle) or pivot
     for driven in (one for one in motions.driven if one.contact == number):
         motion[driven.component, count + driven.number] = 1.0
     for constraint in prepared.rigid_constraints:
