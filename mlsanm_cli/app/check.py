@@ -58,7 +58,7 @@ def check(
         write_parts(write, "body", model_bodies(prepared))
         console.note(f"model written to {write}")
     if picture is not None:
-        from mlsanm_cli.app.results.drawn import draw_model
+        from mlsanm_cli.app.results.marks import draw_model
 
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")

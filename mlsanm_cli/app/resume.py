@@ -19,7 +19,7 @@ from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
-from mlsanm_cli.io.run_reader import RunOrigin, read_origin
+from mlsanm_cli.io.run_reader import RunData, read_origin
 from mlsanm_cli.io.summary import read_json
 
 
@@ -50,7 +50,7 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
         return carry_out(analysis, rundir, loaded, again, earlier)
 
 
-def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
+def stored_case(origin: RunData, rundir: Path) -> LoadedCase:
     """The stored case of a run, with its files inspected again. Raises RunError if it is incomplete."""
     if not origin.case_resolved:
         raise RunError(
