@@ -15,7 +15,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.memo import Memo
-from tests.app.runs import assert_same_results, stored, summary_of, undeclared
+from tests.app.runs import assert_same_results, events_of, stored, summary_of, undeclared
 from tests.app.scenes import BAR, FAST, NODAL, Quiet, done, hertz, solve
 from tests.case_text import pin
 
