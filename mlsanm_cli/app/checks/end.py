@@ -14,7 +14,6 @@ from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.checks.peaks import Peak
-from mlsanm_cli.app.checks.quality import weak_motion_checks
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.arrays import FloatArray
@@ -308,11 +307,6 @@ def no_pressure(end: End) -> Iterator[Check]:
     )
 
 
-def weak_motion(end: End) -> Iterator[Check]:
-    """Motions without loads that are hardly resisted."""
-    yield from weak_motion_checks(end.built.weak)
-
-
 def polish(end: End) -> Iterator[Check]:
     """Change of a regularised solution by the exact laws."""
     change = max((one.overall for one in end.polished), default=0.0)
@@ -333,7 +327,7 @@ END: Sequence[Callable[[End], Iterator[Check]]] = (
     *(linear_residual, pressed_spacings, initial_overlap, contact_end, peak_pressure, strain, transfer),
     *COMMON,
     *(peak_stress, held_motion, lambda end: body_rotation(end.built, end.last)),
-    *(no_pressure, weak_motion, polish),
+    *(no_pressure, polish),
 )
 """Checks of a completed path at small strain."""
 

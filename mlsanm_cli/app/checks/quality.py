@@ -257,13 +257,8 @@ def refinement_pass(found: Refinement) -> Iterator[Check]:
 
 
 def weak_motions(model: Quality) -> Iterator[Check]:
-    """Motions driven by loads that are hardly resisted."""
-    yield from weak_motion_checks(one.warning for one in model.prepared.weak if one.idle is None)
-
-
-def weak_motion_checks(texts: Iterable[str]) -> Iterator[Check]:
-    """Checks of weakly resisted motions, described by ``texts``."""
-    for text in texts:
+    """Motions that are hardly resisted."""
+    for text in model.prepared.weak:
         message, _, hint = text.partition("; ")
         yield Check("weak_motion", 1.0, message, hint, message.partition(" is hardly")[0])
 
