@@ -47,11 +47,13 @@ MAX_STRETCH = 1.6
 half a disk under a plate from 0.84 to -0.03."""
 
 
-def contact_path(scene: FiniteScene, checkpoint: Checkpoint | None = None) -> Iterator[PathStep]:
-    """All steps from the initial state on, or those after a ``checkpoint``. NumericalError if the path
-    cannot be continued."""
+def contact_path(
+    scene: FiniteScene, checkpoint: Checkpoint | None = None, at: tuple[float, ...] = ()
+) -> Iterator[PathStep]:
+    """All steps from the initial state on, or those after a ``checkpoint``; further positions ``at`` are
+    saved. NumericalError if the path cannot be continued."""
     path = _Path(scene)
-    wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
+    wanted = sorted({*(scene.case.output.at or [float(len(scene.stages) - 1)]), *at})
     steps, size, position = 0, FIRST_INCREMENT, 0.0
     if checkpoint is None:
         path.start()
