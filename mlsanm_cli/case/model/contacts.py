@@ -7,7 +7,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.fields import LENGTH, NUMBER, Amount, AutoLength, Coefficient, Name, Positive, Vector
+from mlsanm_cli.case.model.fields import (
+    LENGTH,
+    NUMBER,
+    Amount,
+    AutoLength,
+    Coefficient,
+    Name,
+    Positive,
+    Vector,
+)
 from mlsanm_cli.case.model.model import UNSUPPORTED
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
 from mlsanm_cli.case.model.section import Scope, Section
