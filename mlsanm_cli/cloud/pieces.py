@@ -20,13 +20,11 @@ from mlsanm_cli.startup import cKDTree, connected_components
 
 WIDTH_OVER_DEPTH = 1.0
 """Largest width of a piece over its depth inside the body: in thin bodies large pieces lose force and bending
-stiffness, deep inside they are as accurate and cheaper. Errors are the same with 0.7 to 1.5."""
+stiffness, deep inside they are as accurate and cheaper."""
 MAX_NODES = 400.0
 """Largest number of nodes of a piece."""
 WIDTH_OVER_ROOM, MIN_NODES = 0.4, 2.0
-"""Largest width of a piece over the distance to a hollow plus its radius, and its least number of nodes.
-Without it portal frames with fillets lost up to 6 % of their stiffness; with 0.7 peak stresses at holes lost
-two to three times as much."""
+"""Largest width of a piece over the distance to a hollow plus its radius, and its least number of nodes."""
 CLEARANCE = 3.5
 """Distance of pairs from supports and corners, in spacings."""
 MERGE_FRACTION = 0.25

@@ -2,7 +2,7 @@
 
 The strong form does not use energy. Equality of twice the strain energy and the work of all external forces
 is therefore an independent check. Products of two fields that are linear between nodes are integrated
-exactly: sums over nodal areas were 14 % off for a thin beam with five nodes across.
+exactly.
 
 Equation (30) of docs/method.md.
 """
@@ -26,8 +26,7 @@ from mlsanm_cli.roundoff import FINE_ROUND_OFF
 MAX_STEPS = 500
 """Step limit of the extension of boundary values, whose accuracy hardly matters."""
 TIP_RADIUS = 3.0
-"""Triangles within this many spacings of a reentrant corner are integrated with fitted stresses: linear
-stress loses 10 % of the energy of a bracket with six nodes across."""
+"""Triangles within this many spacings of a reentrant corner are integrated with fitted stresses."""
 GAUSS_POINTS = tuple(
     0.5 * (one + shift) for one, shift in zip(np.polynomial.legendre.leggauss(3), (1.0, 0.0), strict=True)
 )
@@ -127,7 +126,7 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
 
 def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
     """The same correction by all other triangles: near the surface fits are less accurate at nodes than
-    between them; with four nodes across, energies were up to 5 % off without it."""
+    between them."""
     if len(model.nodes) > len(displacement):
         return 0.0
     own = model.cloud.triangles[~_at_tips(model)[0]]
