@@ -22,12 +22,14 @@ from mlsanm_cli.app.finite.estimate import (
     missing_works,
 )
 from mlsanm_cli.app.finite.fields import (
+    CONTACT_PREFIX,
     SceneForces,
     extremes,
     fields_of,
     figures_of_contacts,
     plates_turned,
     quantities,
+    resultants,
 )
 from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.patches import touched_after
@@ -39,6 +41,7 @@ from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Warn
 from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, vtu_states
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.records import Quantities
@@ -82,11 +85,27 @@ class FiniteStrain(Analysis):
         self.clouds = {name: body.elastic.model.cloud for name, body in self.scene.bodies.items()}
 
     def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
-        """The path by power series, or by increments in contact; or its part after a checkpoint."""
-        follow = contact_path if self.scene.in_increments else finite_path
-        for step in follow(self.scene, start):
+        """The path by power series, or by increments in contact, up to a stop of the case; or its part after
+        a checkpoint."""
+        for step in self.stopped(self._follow, start, last, self.case.solver.tolerance):
             self._missed = step.missed
             yield step
+
+    def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
+        """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
+        if self.scene.in_increments:
+            return contact_path(self.scene, start, at)
+        return finite_path(self.scene, start, at=at)
+
+    def forces(self, state: State) -> Mapping[str, FloatArray]:
+        """Forces of loads, supports and contacts."""
+        forces = resultants(self.scene, SceneForces.of(self.scene, state))
+        return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
+
+    @property
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Lengths of the nodes of contacts."""
+        return {contact.name: contact.slave.weight for contact in self.scene.contacts.pairs}
 
     def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
         """Warnings of an inaccurate last state, and its force balance."""

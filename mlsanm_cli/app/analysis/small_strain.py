@@ -47,12 +47,13 @@ from mlsanm_cli.app.checks.verdicts import (
     worst_of,
 )
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Ending, Warn
+from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Warn
 from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
 from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, contact_figures, vtu_states
 from mlsanm_cli.app.output.views import Views, shown_fields
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.causes import strain_warnings
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.limit_load import SlidingError
@@ -61,13 +62,14 @@ from mlsanm_cli.io.records import Quantities, place
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.memo import digest
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
-from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
-from mlsanm_cli.solve.stop_events import StoppedPath, load_path
+from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State, output_positions
+from mlsanm_cli.solve.stop_events import load_path
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""
@@ -104,7 +106,6 @@ class SmallStrain(Analysis):
         self._known = Refinement.read(refinement) if refinement else None
         self._adapted: Adapted | None = None
         self._views = Views({}, {})
-        self._path: StoppedPath | None = None
         self._first: State | None = None
         self._stressed: tuple[State, Mapping[str, Fields]] | None = None
         self._energies: EnergyVerdict | None = None
@@ -136,8 +137,7 @@ class SmallStrain(Analysis):
     def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
         """The path up to a stop of the case, or its part after a checkpoint."""
         built = self._built
-        self._path = StoppedPath(built, start, last, load_path)
-        steps = self._path.steps()
+        steps = self.stopped(self._follow, start, last, FINE_ROUND_OFF)
         while True:
             try:
                 step = next(steps, None)
@@ -159,13 +159,25 @@ class SmallStrain(Analysis):
         """Raises NumericalError for a state that is not reliable."""
         check_state(self._built, state)
 
-    def ending(self, last: State | None) -> Ending:
-        """The end of the path, also by a stop of the case."""
-        reached = self._path.reached if self._path is not None else None
-        if reached is None or last is None:
-            return super().ending(last)
-        stop = reached.description
-        return Ending("done", f"{stop}, at position {last.position:.9g}", stopped_by=stop)
+    def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
+        """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
+        built, output = self._built, self.case.output
+        if at:
+            output = output.model_copy(update={"at": tuple(sorted({*output_positions(built), *at}))})
+            built = replace(built, case=built.case.model_copy(update={"output": output}))
+        return load_path(built, start)
+
+    def forces(self, state: State) -> Mapping[str, FloatArray]:
+        """Forces of loads, supports and contacts."""
+        condensed = self._built.condensed
+        maps = {**condensed.contact_forces, **condensed.forces}
+        return {name: force(*state.unknowns) for name, force in maps.items()}
+
+    @property
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Lengths of the nodes of contacts."""
+        condensed = self._built.condensed
+        return {name: condensed.weight[span] for name, span in condensed.spans.items()}
 
     def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
         """Checks the last state, and estimates its errors."""

@@ -11,13 +11,15 @@ from mlsanm_cli.app.checks.quality import Quality, announce
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.case import Case
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
 Warn = Callable[[str], None]
 BodyFields = Mapping[str, Any]
@@ -49,6 +51,7 @@ class Analysis(ABC):
     def __init__(self, case: Case, prepared: SceneModel, context: RunContext) -> None:
         self.case, self.prepared, self.context = case, prepared, context
         self.quality: Quality
+        self._reached: Stop | None = None
 
     def announce(self, warn: Warn) -> None:
         """Assesses the clouds, prints notes and issues warnings."""
@@ -65,9 +68,38 @@ class Analysis(ABC):
     def check(self, state: State) -> None:  # noqa: B027
         """Raises NumericalError for a state that is not reliable."""
 
+    @abstractmethod
+    def forces(self, state: State) -> Mapping[str, FloatArray]:
+        """Forces (2,) of loads, supports and contacts in a state by name."""
+
+    @property
+    @abstractmethod
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Lengths (m,) of the nodes of contacts."""
+
+    def stopped(
+        self, follow: Follow, start: Checkpoint | None, last: State | None, tolerance: float
+    ) -> Iterator[PathStep]:
+        """The path that ``follow`` returns, up to a ``[[stop]]`` of the case reached within a ``tolerance``.
+        Raises RunError for a stop by an unknown force."""
+        path = StoppedPath(self.case.stop, follow, self._measure, last, tolerance)
+        yield from path.steps(start)
+        self._reached = path.reached
+
+    def _measure(self, stop: Stop, state: State) -> float:
+        """The value of the quantity of a stop."""
+        forces = self.forces(state)
+        if stop.what == "force" and stop.of not in forces:
+            known = f"there are: {', '.join(forces)}"
+            raise RunError(f"[[stop]]: the force of {stop.of} is not known", known)
+        return measured(stop, self.quantities(state), forces, self.weights)
+
     def ending(self, last: State | None) -> Ending:
-        """The end of a completed path."""
-        return Ending("done", "end of the last stage")
+        """The end of a completed path, also by a stop of the case."""
+        if self._reached is None or last is None:
+            return Ending("done", "end of the last stage")
+        stop = self._reached.description
+        return Ending("done", f"{stop}, at position {last.position:.9g}", stopped_by=stop)
 
     @abstractmethod
     def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:

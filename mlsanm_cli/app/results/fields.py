@@ -149,7 +149,7 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
         settings = replace(settings, degree=int(data.degree))
     settings = enough_neighbors(settings, material)
     edges = boundary_edges(data)
-    corners = tips_of(data.points, edges, data.boundary.index, data.boundary.normal)
+    corners = tips_of(data.points, data.boundary.index, data.boundary.normal, data.boundary.name)
     tips, sight = enriched_tips(corners, material, settings), visibility_criterion(data.points, edges)
     return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight, tips=tips)
 
