@@ -63,7 +63,7 @@ def check(
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")
     unknowns = sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
-    nodes = sum(body.nodes for body in quality.bodies.values())
+    nodes = sum(int(body["nodes"]) for body in quality.bodies.values())
     seconds = clock.seconds
     return {
         "case": str(case_path),
@@ -90,12 +90,8 @@ def check(
 def _body(name: str, prepared: SceneModel, quality: Quality) -> dict[str, Any]:
     model, cloud = prepared.models[name], quality.bodies[name]
     return {
-        "nodes": cloud.nodes,
-        "boundary_nodes": cloud.boundary_nodes,
+        **cloud,
         "finest": float(model.cloud.spacing.min()),
-        "closest": cloud.closest,
-        "hole": cloud.hole,
-        "growth": cloud.growth,
         "stencils_enlarged": model.stencils.enlarged,
         "worst_ratio": model.stencils.worst_ratio,
     }

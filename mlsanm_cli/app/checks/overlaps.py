@@ -28,7 +28,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements
@@ -151,8 +150,8 @@ def _with_obstacles(
     """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``. A body
     without a contact with an obstacle that lies inside it initially is not checked against it."""
     moved = platen_displacements(built, state)
-    obstacles = [one for one in built.scene.rigid_constraints if isinstance(one, Obstacle)]
-    shifts = {one.contact: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
+    obstacles = [one for one in built.scene.rigid_constraints if not one.bodies]
+    shifts = {one.name: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
     pairings = {pairing.name: pairing for pairing in built.condensed.reported}
     for contact in built.case.contact:
         if contact.obstacle is None:
