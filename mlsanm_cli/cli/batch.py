@@ -1,4 +1,4 @@
-"""Commands for many runs: ``sweep``, ``collect`` and ``cache``."""
+"""Commands for many runs: ``sweep`` and ``collect``."""
 
 from __future__ import annotations
 
@@ -80,41 +80,4 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
         say(settings, as_json({"runs": rows}))
     elif out is None:
         say(settings, as_csv(rows), newline=False)
-    return 0
-
-
-@click.group()
-def cache() -> None:
-    """Show or delete the disk cache of earlier versions.
-
-    Operators are no longer cached on disk, only compiled kernels.
-    """
-
-
-@cache.command(name="info")
-@common
-@click.pass_obj
-def cache_info(settings: Settings) -> int:
-    """Show location and size of the disk cache of earlier versions."""
-    return _old_cache(settings, "entries", remove=False)
-
-
-@cache.command(name="clear")
-@common
-@click.pass_obj
-def cache_clear(settings: Settings) -> int:
-    """Delete the disk cache of earlier versions; compiled kernels are kept."""
-    return _old_cache(settings, "removed", remove=True)
-
-
-def _old_cache(settings: Settings, counted: str, *, remove: bool) -> int:
-    from mlsanm_cli.kernels.aot.kept import cache_root
-
-    directory = cache_root() / "operators"
-    files = list(directory.rglob("*.mlsanm"))
-    size = sum(file.stat().st_size for file in files)
-    for file in files if remove else ():
-        file.unlink()
-    result = {"directory": str(directory), counted: len(files), "megabytes": round(size / 1e6, 3)}
-    print_result(settings, result, pretty_result(settings, result))
     return 0

@@ -31,7 +31,7 @@ from mlsanm_cli.cli.settings import Settings, numerics, say
 
 LAZY_COMMANDS = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
-    **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
+    **dict.fromkeys(("collect", "sweep"), "batch"),
     **{name: name for name in ("compare", "plot", "probe")},
     "report": "plot",
 }
@@ -39,7 +39,7 @@ LAZY_COMMANDS = {
 
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
-    "Many runs": ("sweep", "collect", "compare", "cache"),
+    "Many runs": ("sweep", "collect", "compare"),
     "Reference": ("explain", "schema", "warmup"),
 }
 """Commands in the order of the help."""

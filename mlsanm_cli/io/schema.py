@@ -300,6 +300,7 @@ SUMMARY: Table = (
         ("wall_seconds", "", "time", "wall time"),
         ("peak_memory_mb", "", "", "peak memory in MB"),
         ("warnings", "", "", "warnings", "text"),
+        ("checks", "", "", "values and limits of all checks", "mapping"),
     ),
 )
 """The keys of summary.json."""

@@ -275,17 +275,3 @@ def test_errors_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     assert (code, "--threads" in problem["message"]) == (2, True)
     install(monkeypatch, "run", raising(ZeroDivisionError("oh")))
     assert told_as_json(capsys, "run", "x.toml")[0] == 70
-
-
-def test_what_an_earlier_version_has_kept_is_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("MLSANM_CACHE_DIR", str(tmp_path))
-    left, kernel = tmp_path / "operators" / "a" / "clouds-1.mlsanm", tmp_path / "kernels" / "k.so"
-    for file in (left, kernel):
-        file.parent.mkdir(parents=True)
-        file.write_bytes(bytes(2000))
-    for command, counted, count in (("info", "entries", 1), ("clear", "removed", 1), ("info", "entries", 0)):
-        assert main(["cache", command, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)[counted] == count
-    assert kernel.is_file()

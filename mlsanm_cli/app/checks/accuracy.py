@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.verdicts import EnergyVerdict
+from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2
@@ -97,7 +97,7 @@ class Accuracy:
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
-    def with_energies(self, energies: EnergyVerdict | None) -> Accuracy:
+    def with_energies(self, energies: EnergyErrors | None) -> Accuracy:
         """Estimates that include the errors of displacements known from energies."""
         if self.displacement is None or energies is None:
             return self

@@ -13,13 +13,13 @@ from itertools import permutations
 
 import numpy as np
 
+from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.deformed import DeformedOutline, distances, outline_of
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -50,11 +50,11 @@ class Overlap:
         return {self.boundary.partition(".")[0], other}
 
 
-def check_overlaps(
+def overlaps(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
-) -> None:
-    """NumericalError if a boundary lies inside another body or an obstacle in a state with the
-    ``displacements`` (n, 2) of all bodies at the points of ``clouds``."""
+) -> Iterator[Check]:
+    """Boundaries inside another body or an obstacle in a state with the ``displacements`` (n, 2) of all
+    bodies at the points of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
     pairings, given = built.condensed.reported, _given_gaps(built)
     found = [
@@ -63,15 +63,16 @@ def check_overlaps(
         for overlap in _of_bodies(one, other, outlines, pairings, max(given[one], given[other]))
     ]
     found += list(_with_obstacles(built, state, outlines, given))
-    if not found:
-        return
-    worst = max(found, key=lambda overlap: overlap.depth)
-    x, y = worst.place
-    raise NumericalError(
-        f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
-        f"position {state.position:.6g}, and no contact is defined there",
-        _hint(built, worst, found),
-    )
+    message = hint = ""
+    if found:
+        worst = max(found, key=lambda overlap: overlap.depth)
+        x, y = worst.place
+        message = (
+            f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
+            f"position {state.position:.6g}, and no contact is defined there"
+        )
+        hint = _hint(built, worst, found)
+    yield Check("overlap", len(found), message, hint)
 
 
 def _given_gaps(built: CondensedScene) -> dict[str, float]:
@@ -86,11 +87,10 @@ def _given_gaps(built: CondensedScene) -> dict[str, float]:
     return found
 
 
-def within_themselves(
-    clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
-) -> dict[str, tuple[float, float]]:
-    """Places where boundaries lie inside their own body, by body, as where slits close."""
-    found = {}
+def self_overlaps(
+    state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> Iterator[Check]:
+    """Boundaries inside their own body, as where slits close."""
     for name, values in displacements.items():
         own = outline_of(clouds[name], values)
         if _is_convex(own):
@@ -110,8 +110,13 @@ def within_themselves(
         if len(inside):
             depth, _ = distances(own.points[inside] + step[inside], own.edges)
             x, y = own.points[inside[int(np.argmax(depth))]].tolist()
-            found[name] = (x, y)
-    return found
+            yield Check(
+                "self_overlap",
+                len(inside),
+                f"body {name} overlaps itself near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: "
+                f"self-contact is not supported, and results beyond that position are invalid",
+                place=f"body {name}",
+            )
 
 
 def _is_convex(outline: DeformedOutline) -> bool:

@@ -10,6 +10,7 @@ from itertools import permutations
 import numpy as np
 
 from mlsanm_cli.app.checks.deformed import DeformedOutline, distances, outline_of
+from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -19,8 +20,6 @@ from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.law import determinant
 
-ELLIPTICITY_WARNING = 0.1
-"""Least eigenvalue of the acoustic tensor over the shear modulus below which a run warns."""
 _LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
 
 
@@ -63,7 +62,7 @@ def path_failure(
     waves = body.ellipticity(displacement, factors)
     soft = int(np.argmin(waves))
     where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
-    if waves[soft] < ELLIPTICITY_WARNING:
+    if waves[soft] < level("ellipticity"):
         place = place_of(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)

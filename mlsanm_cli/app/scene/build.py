@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-
-import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
 from mlsanm_cli.app.scene.causes import pull_hint
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
-from mlsanm_cli.app.scene.free_motions import MOTIONS, held_at_zero
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
@@ -22,18 +19,12 @@ from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.set_search import (
-    EndlessError,
-    NoStateError,
-    UnbalancedError,
-    UnresistedError,
-)
+from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
-from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import FloatingBody, Scene
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
@@ -41,14 +32,6 @@ from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
-MAX_SINGLE_TRIALS = 6
-"""Largest number of motions that are fixed one at a time."""
-MAX_CARRIED = 1e-3
-"""Largest force of a fixed motion relative to the contact force; it is not 0, as clouds are not exactly
-symmetric."""
-Idle = Mapping[tuple[str, int], Mapping[str, FloatArray]]
-"""Motions to be fixed: by body and component that are fixed, the velocities (3,) of every body in the
-motion."""
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
 REACH_GROWTH = 1.5
@@ -134,85 +117,13 @@ def condense_scene(
 ) -> CondensedScene:
     """Assembles the systems of the bodies, condenses, and determines the reach of every contact. Bodies with
     the same model as in the scene ``before`` keep their systems."""
-    idle = {weak.idle: weak.motion for weak in prepared.weak if weak.idle is not None}
-    if idle:
-        driven = tuple(weak for weak in prepared.weak if weak.idle is None)
-        built = _with_fixed_motions(case, replace(prepared, weak=driven), idle, context, before)
-        if built is not None:
-            return built
     try:
         return _condensed_scene(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
-        for group in () if isinstance(error, UnresistedError) else _idle_translations(prepared):
-            built = _with_fixed_motions(case, prepared, group, context, before)
-            if built is not None:
-                return built
         hint = pull_hint(case, prepared.pairings)
         if not hint:
             raise
         raise NumericalError(error.message, hint) from error
-
-
-def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
-    """Translations of floating bodies without a load in their direction, one at a time, then all of one
-    direction. Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the
-    motion is then undetermined, and zero by symmetry. Friction resists it, or the body is idle."""
-    frictional = {body for pairing in prepared.pairings if pairing.friction for body in pairing.bodies}
-    idle = [
-        (constraint.body, motion.component)
-        for constraint in prepared.rigid_constraints
-        if isinstance(constraint, FloatingBody) and constraint.body not in frictional
-        for motion in constraint.motions
-        if motion.prescribed is None and motion.component != ROTATION and not motion.force.any()
-    ]
-    groups = [[one] for one in idle[:MAX_SINGLE_TRIALS]]
-    groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
-    for group in filter(None, groups):
-        yield {(body, component): {body: np.eye(3)[component]} for body, component in group}
-
-
-def _with_fixed_motions(
-    case: Case, prepared: SceneModel, idle: Idle, context: RunContext, before: Scene | None
-) -> CondensedScene | None:
-    """The scene with ``idle`` motions fixed at zero; None if it has no state, or if forces are needed to fix
-    them."""
-    constraints = tuple(
-        held_at_zero(one, _velocities(one, idle)) if isinstance(one, FloatingBody) else one
-        for one in prepared.rigid_constraints
-    )
-    motions = (*prepared.held_motions, *idle.values())
-    held = replace(prepared, rigid_constraints=constraints, held_motions=motions)
-    with suppress(UnbalancedError, NoStateError):
-        built = _condensed_scene(case, held, context, before)
-        if _carry_nothing(built, idle):
-            names = ", ".join(f"body {body}: {MOTIONS[component]}" for body, component in idle)
-            context.console.note(f"{names} is fixed at 0 (no load and no stiffness in this direction)")
-            return built
-    return None
-
-
-def _velocities(body: FloatingBody, idle: Idle) -> dict[int, FloatArray]:
-    """Velocity (2,) of a body's centre in its ``idle`` motions, by component."""
-    found, (x, y) = {}, body.center
-    for (name, component), motion in idle.items():
-        if name == body.body:
-            along_x, along_y, turn = motion[name]
-            found[component] = np.array([along_x - turn * y, along_y + turn * x])
-    return found
-
-
-def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> bool:
-    """Whether no force is needed to fix the motions ``held`` at the end of any stage: a body that its loads
-    push out of its contacts is not in equilibrium."""
-    for state in built.ends:
-        pressed = float(built.condensed.weight @ state.pressure)
-        for body, component in held:
-            carried = built.condensed.holding[body, component](*state.unknowns)[0]
-            if component == ROTATION:
-                carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
-            if abs(carried) > MAX_CARRIED * pressed:
-                return False
-    return not built.ends_early
 
 
 def _condensed_scene(
@@ -239,8 +150,7 @@ def _condensed_scene(
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
         stability = check_coercivity(case, scene, condensed, ends, context.memo)
-    weak = tuple(motion.warning for motion in prepared.weak if motion.idle is not None)
-    return CondensedScene(case, scene, condensed, stages, ends, stability, weak)
+    return CondensedScene(case, scene, condensed, stages, ends, stability)
 
 
 def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:
