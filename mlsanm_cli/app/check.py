@@ -63,7 +63,7 @@ def check(
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")
     unknowns = sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
-    nodes = sum(body.nodes for body in quality.bodies.values())
+    nodes = sum(int(body["nodes"]) for body in quality.bodies.values())
     seconds = clock.seconds
     return {
         "case": str(case_path),
