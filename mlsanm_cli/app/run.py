@@ -108,7 +108,7 @@ def follow(analysis: Analysis, recorder: Recorder) -> Ending:
             step = next(steps, None)
         if step is None:
             return analysis.ending(recorder.last)
-        for state in (*step.saved, step.state):
+        for state in (*(one for one in step.saved if one is not step.state), step.state):
             recorder.checked = state
             recorder.verdicts.judge(analysis.checks(state))
         recorder.step(analysis, step)

@@ -36,6 +36,7 @@ from mlsanm_cli.app.finite.patches import touched_after
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, vtu_states
 from mlsanm_cli.app.scene.assemble import SceneModel
@@ -104,6 +105,11 @@ class FiniteStrain(Analysis):
     def weights(self) -> Mapping[str, FloatArray]:
         """Lengths of the nodes of contacts."""
         return {contact.name: contact.slave.weight for contact in self.scene.contacts.pairs}
+
+    def checks(self, state: State) -> Iterator[Check]:
+        """Deformations and overlaps."""
+        for check in STATE:
+            yield from check(self.scene, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of the last state."""
