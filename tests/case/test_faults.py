@@ -165,6 +165,7 @@ MATERIALS = [
     (WOOD + 'alpha = "1e-5"\n', "stress", "alpha", "expected a number"),
     (FULL + "alpha = 1e-5\n", "strain", "alpha", "[xx, yy, 2xy]"),
 ]
+MORE = '[[load]]\nname = "more"\n'
 TOP, BODY = 'boundary = "square.top"\n', 'body = "square"\n'
 LOADS = [
     (TOP + 'kind = "traction"', "", 'needs one of "traction", "table"'),
