@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.checks.energy import thin_part
 from mlsanm_cli.app.finite.accuracy import Missing
@@ -17,7 +18,6 @@ from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.startup import cKDTree
 
 ESTIMATE_WARNING = 0.015
 """Estimated error of the energy above which a run warns. Accurate scenes have 0.0001 to 0.01; blocks between

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.arrays import FloatArray
@@ -13,7 +14,6 @@ from mlsanm_cli.case.model.obstacles import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.startup import cKDTree
 
 MAX_INITIAL_GAP = 0.25
 """Initial gap over the size of the smaller body above which there is a warning."""

@@ -21,10 +21,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dger
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.startup import dger
 
 MAX_PASSES, MAX_PASSES_AFTER_PIVOTS = 30, 10
 """Passes of the active set, and after pivoting."""
