@@ -80,7 +80,7 @@ def carry_out(
     try:
         while True:
             with Recorder(directory, loaded, provenance, analysis.context, earlier) as recorder:
-                analysis.announce(recorder.warn)
+                analysis.announce(recorder.verdicts)
                 ending = _ended(partial(follow, analysis, recorder), directory)
                 finer = None
                 if ending.status != "stopped":
@@ -99,25 +99,25 @@ def follow(analysis: Analysis, recorder: Recorder) -> Ending:
     """Sets a scene up and follows its path; all states are checked and recorded. Raises NumericalError as
     soon as a state is not reliable."""
     context = analysis.context
-    analysis.set_up(recorder.warn)
+    analysis.set_up(recorder.verdicts)
     context.stop_gently()
-    steps = analysis.steps(recorder.start(analysis), recorder.last, recorder.warn)
+    steps = analysis.steps(recorder.start(analysis), recorder.last, recorder.verdicts)
     while True:
         context.check_stop()
         with context.phase("continuation"):
             step = next(steps, None)
         if step is None:
             return analysis.ending(recorder.last)
-        for state in (*step.saved, step.state):
+        for state in (*(one for one in step.saved if one is not step.state), step.state):
             recorder.checked = state
-            analysis.check(state)
+            recorder.verdicts.judge(analysis.checks(state))
         recorder.step(analysis, step)
 
 
 def _judged(analysis: Analysis, recorder: Recorder, ending: Ending) -> Ending:
     """The ``ending`` of a path whose last state is reliable. Raises NumericalError for another one."""
     assert recorder.last is not None
-    analysis.judge(recorder.last, recorder.tally, recorder.warn)
+    recorder.verdicts.judge(analysis.judge(recorder.last, recorder.tally))
     return ending
 
 

@@ -22,7 +22,6 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
@@ -43,8 +42,6 @@ RIGHT_ANGLE_COSINE = 0.2
 """Product of normals below which a face is at a right angle to a plane of symmetry."""
 STRAIGHT_COSINE = 0.999
 """Product of normals above which two surfaces continue each other."""
-PEAK_WARNING = 0.03
-"""Estimated error of peak stresses above which a run warns."""
 
 
 @dataclass(frozen=True)
@@ -207,17 +204,3 @@ def _singular(body: ElasticBody) -> Iterator[int]:
                 max(held) == 2 or one.normal[-1] @ other.normal[0] > RIGHT_ANGLE_COSINE
             ):
                 yield int(other.index[0])
-
-
-def check_peaks(case: Case, peaks: Mapping[str, Peak]) -> Iterator[str]:
-    """Warnings of peak stresses with large estimated errors."""
-    for body in case.body:
-        peak = peaks.get(body.name)
-        if peak is None or not peak.error > PEAK_WARNING:
-            continue
-        x, y = peak.place
-        yield (
-            f"body {body.name}: the peak stress on its boundary, {peak.stress:.4g} (von Mises) near "
-            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; "
-            f"{finer_nodes(case, [body.name], 'refine')} there"
-        )

@@ -8,7 +8,7 @@ times. Only contacts between bodies with automatic spacings are refined.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,17 +68,6 @@ class Refinement:
             Zone(Segment((a, b), (c, d)), fine, NODAL_BAND * fine, NODAL_GROWTH)
             for a, b, c, d, fine in self.zones.tolist()
         )
-
-    @property
-    def warnings(self) -> Iterator[str]:
-        """Warnings of a refinement that failed or is incomplete."""
-        if self.failed:
-            yield f"the results are from the run before the last refinement, which failed: {self.failed}"
-        if self.fewer:
-            yield (
-                f"contacts have fewer nodes than their accuracy requires: more than {MAX_NODES} nodes would "
-                "be needed; raise contact.accuracy, or refine where bodies touch with body.refine"
-            )
 
 
 def refined(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.quality import Quality, announce
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.parts import model_bodies
@@ -21,7 +22,6 @@ from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
-Warn = Callable[[str], None]
 BodyFields = Mapping[str, Any]
 """Fields of a state by body."""
 
@@ -41,8 +41,8 @@ class Ending:
 class Analysis(ABC):
     """The scene of a ``case`` on the clouds ``prepared``, its path, and the results of its states.
 
-    A run calls `set_up`, follows `steps`, calls `check` with every state, and `judge` at the end. ``tally``
-    are the totals of the path so far, plain values that a checkpoint keeps; ``warn`` issues a warning.
+    A run calls `set_up`, follows `steps`, and judges the `checks` of every state and those of `judge` at the
+    end. ``tally`` are the totals of the path so far, plain values that a checkpoint keeps.
     """
 
     clouds: Mapping[str, Cloud]
@@ -53,20 +53,21 @@ class Analysis(ABC):
         self.quality: Quality
         self._reached: Stop | None = None
 
-    def announce(self, warn: Warn) -> None:
-        """Assesses the clouds, prints notes and issues warnings."""
-        self.quality = announce(self.case, self.prepared, self.context, warn)
+    def announce(self, verdicts: Verdicts) -> None:
+        """Assesses the clouds, prints notes and judges the model."""
+        self.quality = announce(self.case, self.prepared, self.context, verdicts)
 
     @abstractmethod
-    def set_up(self, warn: Warn) -> None:
+    def set_up(self, verdicts: Verdicts) -> None:
         """Assembles the scene. Raises NumericalError for one that cannot be set up."""
 
     @abstractmethod
-    def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
+    def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path, or its part after a checkpoint, whose row was ``last``. Raises NumericalError."""
 
-    def check(self, state: State) -> None:  # noqa: B027
-        """Raises NumericalError for a state that is not reliable."""
+    def checks(self, state: State) -> Iterator[Check]:
+        """Checks of every state."""
+        yield from ()
 
     @abstractmethod
     def forces(self, state: State) -> Mapping[str, FloatArray]:
@@ -102,8 +103,8 @@ class Analysis(ABC):
         return Ending("done", f"{stop}, at position {last.position:.9g}", stopped_by=stop)
 
     @abstractmethod
-    def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
-        """Checks a completed path by its last state. Raises NumericalError if it is not reliable."""
+    def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
+        """Checks of a completed path by its last state."""
 
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
         """The analysis on finer clouds by which the run is repeated; None if its results are final."""
@@ -145,8 +146,8 @@ class Analysis(ABC):
         """The fields of saved states at the points written, and figures of their accuracy. Raises
         NumericalError for states that are not admissible."""
 
-    def faults(self, state: State, fields: BodyFields) -> Iterator[tuple[str, str]]:
-        """Warnings of a saved state, each in two parts, the first of which is the same in all states."""
+    def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
+        """Checks of a saved state with its fields."""
         yield from ()
 
     @abstractmethod

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import model_validator
 
 from mlsanm_cli.case.model.conditions import Kind
+from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.fields import FORCE, LENGTH, MOMENT, RADIANS, Rotation, Vector
 from mlsanm_cli.case.model.loads import (
     BodyForce,
@@ -18,7 +19,6 @@ from mlsanm_cli.case.model.loads import (
     Traction,
 )
 from mlsanm_cli.case.model.model import NEEDS_FINITE
-from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.places import PlateBoundaries
 from mlsanm_cli.case.model.section import Point, Scope
 from mlsanm_cli.case.report import suggestion

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.checks.verdicts import LINEAR_LIMIT
+from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.results.path_lookup import INTERPOLATED, level_at, pressures_at
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
@@ -168,7 +168,7 @@ def test_both_formulations_reach_the_same_states(scene: str, tmp_path: Path) -> 
         assert np.abs(a.motion - b.motion).max(initial=0.0) <= AGREE * np.abs(a.motion).max(initial=0.0)
         fields, _ = fields_of(one, [a], stress=False)[0]
         found, linear = fields_of(other, [b], stress=False)[0]
-        assert linear <= LINEAR_LIMIT
+        assert linear <= level("linear_residual")
         for name in fields:
             largest = np.abs(fields[name].displacement).max()
             assert np.abs(fields[name].displacement - found[name].displacement).max() <= AGREE * largest

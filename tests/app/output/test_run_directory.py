@@ -15,7 +15,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.memo import Memo
-from tests.app.runs import assert_same_results, stored, summary_of, undeclared
+from tests.app.runs import assert_same_results, events_of, stored, summary_of, undeclared
 from tests.app.scenes import BAR, FAST, NODAL, Quiet, done, hertz, solve
 from tests.case_text import pin
 
@@ -249,7 +249,10 @@ def test_console_is_told(tmp_path: Path) -> None:
     assert console.steps[0] == 0.0
     assert console.steps[-1] == 1.0
     assert any("ux is fixed at 0" in note for note in console.notes)
-    assert console.warnings == summary["warnings"]
+    assert [text.partition(" [")[0] for text in console.warnings] == summary["warnings"]
+    assert [one["check"] for one in events_of(tmp_path / "run", "warning")] == [
+        text.rpartition(" [")[2].rstrip("]") for text in console.warnings
+    ]
     assert "grows by 0.31" in console.warnings[0]
 
 
