@@ -14,7 +14,6 @@ Where nothing can be stored, every process compiles, and :class:`Loaded` gives t
 
 from __future__ import annotations
 
-import functools
 import importlib
 import pkgutil
 import threading
@@ -24,37 +23,10 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.functions import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Machine, UnloadableError
-from mlsanm_cli.kernels.aot.signature import Signature
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-class Inner:
-    """A function that kernels may call."""
-
-    __wrapped__: Callable[..., Any]
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        functools.update_wrapper(self, function)
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self.__wrapped__(*arguments)
-
-
-class Kernel(Inner):
-    """A function that is called as machine code, loaded at the first call."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self.name = f"{function.__module__}.{function.__name__}"
-        self.signature = Signature.of(self.name, function)
-        self._call: Callable[..., Any] | None = None
-
-    def __call__(self, *arguments: Any) -> Any:
-        if self._call is None:
-            self._call = load().machine.function(self.name, self.signature)
-        return self._call(*arguments)
 
 
 KERNELS: dict[str, Kernel] = {}
@@ -63,7 +35,7 @@ KERNELS: dict[str, Kernel] = {}
 
 def kernel(function: Function) -> Function:
     """Make ``function`` a kernel; it runs without the GIL and without fast-math."""
-    made = Kernel(function)
+    made = Kernel(function, lambda called: load().machine.function(called.name, called.signature))
     KERNELS[made.name] = made
     return cast(Function, made)
 
