@@ -19,10 +19,11 @@ from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
-BodyFields = Mapping[str, Any]
+BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
 
 
@@ -50,7 +51,7 @@ class Analysis(ABC):
 
     def __init__(self, case: Case, prepared: SceneModel, context: RunContext) -> None:
         self.case, self.prepared, self.context = case, prepared, context
-        self.quality: Quality
+        self.quality = Quality(case, prepared, {}, {}, {})
         self._reached: Stop | None = None
 
     def announce(self, verdicts: Verdicts) -> None:
@@ -59,7 +60,7 @@ class Analysis(ABC):
 
     @abstractmethod
     def set_up(self, verdicts: Verdicts) -> None:
-        """Assembles the scene. Raises NumericalError for one that cannot be set up."""
+        """Announces and assembles the scene. Raises NumericalError for one that cannot be set up."""
 
     @abstractmethod
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
@@ -106,9 +107,9 @@ class Analysis(ABC):
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of a completed path by its last state."""
 
+    @abstractmethod
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
         """The analysis on finer clouds by which the run is repeated; None if its results are final."""
-        return None
 
     @property
     @abstractmethod

@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import dgecon, dgetrf, dgetrs
 
 SINGULAR = 1e-15
 """Reciprocal condition number of a singular matrix."""

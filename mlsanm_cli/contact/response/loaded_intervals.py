@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
@@ -24,7 +25,6 @@ from mlsanm_cli.mechanics.near_field import (
     as_real,
 )
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
 """Distance in interval lengths, and number of Gauss points from there on, for nearby intervals."""
