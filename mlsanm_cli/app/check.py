@@ -77,23 +77,16 @@ def check(
         "stages": len(case.stage),
         "estimated_memory_mb": round(estimate(case).memory_mb),
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
-        "bodies": {name: _body(name, prepared, quality) for name in prepared.models},
+        "bodies": {
+            name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}
+            for name, figures in quality.figures["bodies"].items()
+        },
         "contacts": {p.name: _contact(p, quality.spacing_ratio[p.name]) for p in prepared.pairings},
         "boundaries": _conditions(case),
         "notes": [*prepared.notes, *_notes(prepared, quality, warnings)],
         "warnings": warnings,
         "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
-    }
-
-
-def _body(name: str, prepared: SceneModel, quality: Quality) -> dict[str, Any]:
-    model, cloud = prepared.models[name], quality.bodies[name]
-    return {
-        **cloud,
-        "finest": float(model.cloud.spacing.min()),
-        "stencils_enlarged": model.stencils.enlarged,
-        "worst_ratio": model.stencils.worst_ratio,
     }
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.load_checks import load_resolution, loaded_length
-from mlsanm_cli.app.checks.refinement import Refinement
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.quality import measure

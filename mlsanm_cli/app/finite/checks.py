@@ -16,8 +16,9 @@ from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.finite.estimate import EnergyError, work_error
 from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.patches import between_nodes
-from mlsanm_cli.app.finite.refinement import MAX_NODES, Refinement, is_automatic
+from mlsanm_cli.app.finite.refinement import MAX_NODES, is_automatic
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.contact.finite.pair import BodyContact
