@@ -18,6 +18,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
@@ -30,7 +31,6 @@ from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.startup import cKDTree
 
 NEIGHBORHOOD = 3.2
 """Nodes within so many spacings are in the neighbourhood of a node."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.results.path_lookup import Level, displacement_at
 from mlsanm_cli.app.scene.assemble import mls_settings
@@ -28,7 +29,6 @@ from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 SCALARS = schema.scalars(schema.FIELDS)
 Quantities = Mapping[str, FloatArray]
