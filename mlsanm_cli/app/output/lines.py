@@ -77,7 +77,7 @@ def _contact(
     normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
     data = contact_data(record, slave_arc(pairing), pairing.name in built.condensed.tangential)
     load = record["pressure"][:, None] * normal + record["traction"][:, None] * tangent
-    moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
+    moved = along_boundary(cloud, shown[pairing.slave_body]["displacement"], points)
     data |= {"displacement": moved, "normal": normal, "contact_stress": load}
     return VtuPart(points, _neighbours(pairing), data)
 
