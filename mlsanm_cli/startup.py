@@ -115,6 +115,8 @@ class _DeferredModule(ModuleType):
     before."""
 
     def __getattr__(self, name: str) -> Any:
+        if name == "__path__":
+            raise AttributeError(f"module {self.__name__} is no package")
         if self.__name__ not in _loading and not name.startswith("__"):
             if name.startswith("_") and "__path__" in vars(self):
                 with suppress(ModuleNotFoundError):
