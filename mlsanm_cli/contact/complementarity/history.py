@@ -188,11 +188,13 @@ def increment(
     lam: float,
     start: ContactStatus | None = None,
     basis: Basis | None = None,
+    allowed: Changes | None = None,
 ) -> State:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
-    ``state``. Raises Ray."""
+    ``state``, and all changes of status ``allowed`` if not given. Raises Ray."""
     p, before = problem, state.w[problem.m : problem.contacts]
-    found = solve(p, free, start or state.status, before, state.x, basis, thorough=False)
+    search = Search(p, free, before, allowed or p.everything, state.x)
+    found = search.solved(start or state.status, basis=basis)
     slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
