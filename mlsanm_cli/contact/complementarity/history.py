@@ -189,12 +189,13 @@ def increment(
     start: ContactStatus | None = None,
     basis: Basis | None = None,
     allowed: Changes | None = None,
+    thorough: bool = True,
 ) -> State:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
     ``state``, and all changes of status ``allowed`` if not given. Raises Ray."""
     p, before = problem, state.w[problem.m : problem.contacts]
     search = Search(p, free, before, allowed or p.everything, state.x)
-    found = search.solved(start or state.status, basis=basis)
+    found = search.solved(start or state.status, basis=basis, thorough=thorough)
     slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
@@ -221,13 +222,13 @@ def _jumped(
     try:
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)
-        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis)
+        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis, thorough=False)
     except (Ray, SingularError):
         pass
     for part in INCREMENTS:
         lam = min(state.lam + part * span, most)
         try:
-            return increment(p, state, constant + lam * load, lam)
+            return increment(p, state, constant + lam * load, lam, thorough=False)
         except (Ray, SingularError):
             continue
     raise Ray(ray.direction, state.lam) from ray

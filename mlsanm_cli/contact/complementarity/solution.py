@@ -180,14 +180,11 @@ class Search:
         load = v - p.product(y) - self.free
         start = Point(status, y, v, 1.0, basis)
         point = trace(p, start, load, self.reference, self.allowed, 0.0)
-        x, w = point.basis.to(point.status).solve(self.free, p.aim(self.reference), self.near)
-        rows = np.abs(self.free + p.product(x) - w)
-        if (
-            self._violations(point.status, x, w, 100.0)
-            or (rows > 100.0 * FEASIBLE * p.size(x) * p.grain).any()
-        ):
-            raise Ray(x)
-        return Solution(point.status, x, w, point.basis, systems + 1, point.pivots)
+        # Round-off of many pivots may have misled the last ones.
+        found, _, count = self._newton(point.status, point.basis, set())
+        if found is None:
+            raise Ray(point.x)
+        return replace(found, systems=systems + count, pivots=point.pivots)
 
     def _covered(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Unknowns and rows near those of a status that satisfy its conditions, by irregular amounts, so that
