@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.context import Clock, RunContext
-from mlsanm_cli.app.scene.build import build_scene, condense_scene
+from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.scene.condense import condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import State

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from mlsanm_cli.app.checks.limits import COUNT, LIMITS, Limit
+from mlsanm_cli.app.checks.limits import ANY, LIMITS, Limit
 
 PAGE = Path(__file__).parent / "troubleshooting.md"
 MARKS = (
@@ -23,17 +23,17 @@ def page() -> str:
 
 def table() -> Iterator[str]:
     """Lines of the table."""
-    yield "| check | warns | fails | value | remedy |\n|---|---|---|---|---|\n"
+    yield "| check | warns | fails | value |\n|---|---|---|---|\n"
     for name, limit in LIMITS.items():
         levels = " | ".join(_level(limit, level) for level in (limit.warns, limit.fails))
-        yield f"| `{name}` | {levels} | {limit.meaning} | {limit.remedy} |\n"
+        yield f"| `{name}` | {levels} | {limit.meaning} |\n"
 
 
 def _level(limit: Limit, level: float | None) -> str:
     """A level in words."""
     if level is None:
         return ""
-    return f"below {level:g}" if limit.lower else f"above {level:g}" if level != COUNT else "any"
+    return f"below {level:g}" if limit.lower else f"above {level:g}" if level != ANY else "any"
 
 
 if __name__ == "__main__":

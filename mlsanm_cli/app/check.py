@@ -63,7 +63,7 @@ def check(
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")
     unknowns = sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
-    nodes = sum(body.nodes for body in quality.bodies.values())
+    nodes = sum(int(body["nodes"]) for body in quality.bodies.values())
     seconds = clock.seconds
     return {
         "case": str(case_path),
@@ -77,27 +77,16 @@ def check(
         "stages": len(case.stage),
         "estimated_memory_mb": round(estimate(case).memory_mb),
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
-        "bodies": {name: _body(name, prepared, quality) for name in prepared.models},
+        "bodies": {
+            name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}
+            for name, figures in quality.figures["bodies"].items()
+        },
         "contacts": {p.name: _contact(p, quality.spacing_ratio[p.name]) for p in prepared.pairings},
         "boundaries": _conditions(case),
         "notes": [*prepared.notes, *_notes(prepared, quality, warnings)],
         "warnings": warnings,
         "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
-    }
-
-
-def _body(name: str, prepared: SceneModel, quality: Quality) -> dict[str, Any]:
-    model, cloud = prepared.models[name], quality.bodies[name]
-    return {
-        "nodes": cloud.nodes,
-        "boundary_nodes": cloud.boundary_nodes,
-        "finest": float(model.cloud.spacing.min()),
-        "closest": cloud.closest,
-        "hole": cloud.hole,
-        "growth": cloud.growth,
-        "stencils_enlarged": model.stencils.enlarged,
-        "worst_ratio": model.stencils.worst_ratio,
     }
 
 

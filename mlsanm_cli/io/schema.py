@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 COMPONENTS: Mapping[str, tuple[str, ...]] = {
     "xy": ("x", "y"),
@@ -23,7 +23,8 @@ class Quantity(NamedTuple):
 
     ``path`` is its dataset, column, array or key; ``dimensions`` name its axes, in order; ``unit`` is length,
     stress, force, angle, time or "" for numbers, products with ``*``; forces and works are per unit
-    thickness. ``description`` is what labels call it, ``dtype`` that of numpy, "text" or "mapping".
+    thickness. ``description`` is what labels call it, ``dtype`` that of numpy, "text" or "mapping"; ``rest``
+    is the value in the undeformed body.
     """
 
     path: str
@@ -31,6 +32,7 @@ class Quantity(NamedTuple):
     unit: str
     description: str
     dtype: str = "float64"
+    rest: float = 0.0
 
     @property
     def name(self) -> str:
@@ -52,10 +54,12 @@ class Scalar(NamedTuple):
     component: int | None
     label: str
     unit: str
+    rest: float = 0.0
 
 
-def _table(prefix: str, *rows: tuple[str, str, str, str] | tuple[str, str, str, str, str]) -> Table:
-    """Quantities below a prefix, from path, dimensions separated by spaces, unit, description and type."""
+def _table(prefix: str, *rows: tuple[Any, ...]) -> Table:
+    """Quantities below a prefix, from path, dimensions separated by spaces, unit, description and what
+    follows."""
     return tuple(Quantity(prefix + path, tuple(axes.split()), *rest) for path, axes, *rest in rows)
 
 
@@ -65,8 +69,8 @@ FIELDS: Table = _table(
     ("stress", "node tensor", "stress", "stress"),
     ("von_mises", "node", "stress", "von Mises stress"),
     ("strain", "node tensor", "", "strain"),
-    ("stretch", "node principal", "", "principal stretch"),
-    ("volume_ratio", "node", "", "volume ratio"),
+    ("stretch", "node principal", "", "principal stretch", "float64", 1.0),
+    ("volume_ratio", "node", "", "volume ratio", "float64", 1.0),
 )
 """Saved fields; stresses are Cauchy stresses. The last two at finite strain only."""
 
@@ -314,7 +318,7 @@ def scalars(table: Table) -> dict[str, Scalar]:
     """The scalars of fields by name: von_mises, ux, uy and displacement, xx, yy and xy, strain_xx, ...
 
     >>> scalars(FIELDS)["uy"]
-    Scalar(quantity='displacement', component=1, label='displacement in y', unit='length')
+    Scalar(quantity='displacement', component=1, label='displacement in y', unit='length', rest=0.0)
     """
     chosen: dict[str, Scalar] = {}
     for one in table:
@@ -322,9 +326,9 @@ def scalars(table: Table) -> dict[str, Scalar]:
         word = " in " if axis == "xy" else " "
         for number, part in enumerate(COMPONENTS.get(axis, ())):
             name = PREFIXES.get(one.name, f"{one.name}_") + part
-            chosen[name] = Scalar(one.name, number, f"{one.description}{word}{part}", one.unit)
+            chosen[name] = Scalar(one.name, number, f"{one.description}{word}{part}", one.unit, one.rest)
         if axis == "xy" or axis not in COMPONENTS:
-            chosen[one.name] = Scalar(one.name, None, one.description, one.unit)
+            chosen[one.name] = Scalar(one.name, None, one.description, one.unit, one.rest)
     return chosen
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
@@ -34,12 +33,13 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.patches import touched_after
 from mlsanm_cli.app.finite.path import finite_path
-from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
+from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, vtu_states
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
@@ -51,21 +51,17 @@ from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 
 class FiniteStrain(Analysis):
-    """The analysis at finite strain, on the clouds of a ``refinement``, or of its plain values."""
+    """The analysis at finite strain, on the clouds of a ``refinement``."""
 
     def __init__(
         self,
         case: Case,
         prepared: SceneModel,
         context: RunContext,
-        refinement: Mapping[str, Any] | Refinement | None = None,
+        refinement: Refinement | None = None,
     ) -> None:
-        known = refinement if isinstance(refinement, Refinement) else Refinement()
-        if isinstance(refinement, Mapping):
-            known = Refinement.read(refinement)
-            prepared = place(case, context, known.asked)
         super().__init__(case, prepared, context)
-        self._refinement = known
+        self._refinement = refinement or Refinement()
         self._scene: FiniteScene | None = None
         self._missed: Callable[[], Any] | None = None
         self._estimates: tuple[State, dict[str, Any]] | None = None
@@ -78,6 +74,7 @@ class FiniteStrain(Analysis):
 
     def set_up(self, verdicts: Verdicts) -> None:
         """Assembles the scene."""
+        self.announce(verdicts)
         with self.context.phase("operators"):
             self._scene = finite_scene(self.case, self.prepared)
         self.clouds = {name: body.elastic.model.cloud for name, body in self.scene.bodies.items()}
@@ -105,6 +102,11 @@ class FiniteStrain(Analysis):
         """Lengths of the nodes of contacts."""
         return {contact.name: contact.slave.weight for contact in self.scene.contacts.pairs}
 
+    def checks(self, state: State) -> Iterator[Check]:
+        """Deformations and overlaps."""
+        for check in STATE:
+            yield from check(self.scene, state)
+
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of the last state."""
         errors = self._errors(last, tally)
@@ -123,7 +125,7 @@ class FiniteStrain(Analysis):
     def refinement(self) -> Mapping[str, Any]:
         """Zones of this run, and the passes before."""
         known = self._refinement
-        return asdict(known) if known.passes or known.failed else {}
+        return known.plain if known.passes or known.failed else {}
 
     def model_datasets(self) -> dict[str, Value]:
         """Bodies and contacts before loading."""

@@ -17,13 +17,14 @@ from mlsanm_cli.app.checks.overlaps import overlaps, self_overlaps
 from mlsanm_cli.app.checks.peaks import Peak, boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
 from mlsanm_cli.app.checks.references import reference_profile
-from mlsanm_cli.app.checks.refinement import Adapted, Refinement, adapt, refine_again
+from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, contact_figures, vtu_states
 from mlsanm_cli.app.output.views import Views, shown_fields
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
@@ -54,10 +55,7 @@ def set_up(
 ) -> Adapted:
     """Condenses the scene, refined as the case requires or by a ``refinement`` found before. Raises
     NumericalError for a scene that cannot be set up."""
-    if refinement is None:
-        adapted = adapt(case, prepared, context)
-    else:
-        adapted = refine_again(case, refinement, context)
+    adapted = adapt(case, prepared, context, refinement)
     nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
     verdicts.judge(refinement_pass(adapted.refinement))
     verdicts.judge(nodal_contacts(adapted.prepared, nodal, adapted.prepared.models))
@@ -65,17 +63,17 @@ def set_up(
 
 
 class SmallStrain(Analysis):
-    """The analysis at small strain; ``refinement`` is that of an earlier process."""
+    """The analysis at small strain; the clouds may be those of a ``refinement`` of an earlier process."""
 
     def __init__(
         self,
         case: Case,
         prepared: SceneModel,
         context: RunContext,
-        refinement: Mapping[str, Any] | None = None,
+        refinement: Refinement | None = None,
     ) -> None:
         super().__init__(case, prepared, context)
-        self._known = Refinement.read(refinement) if refinement else None
+        self._known = refinement
         self._adapted: Adapted | None = None
         self._views = Views({}, {})
         self._first: State | None = None
@@ -97,6 +95,7 @@ class SmallStrain(Analysis):
 
     def set_up(self, verdicts: Verdicts) -> None:
         """Condenses and refines the scene."""
+        self.announce(verdicts)
         adapted = set_up(self.case, self.prepared, self.context, verdicts, self._known)
         self._adapted, self.prepared = adapted, adapted.prepared
         if adapted.refined:
@@ -191,11 +190,14 @@ class SmallStrain(Analysis):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
         return replace(self._adapted, accuracy=accuracy.with_energies(self._energies))
 
+    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
+        """None: clouds are refined before the path is followed."""
+
     @property
     def refinement(self) -> Mapping[str, Any]:
         """Zones and passes of refined clouds."""
         adapted = self._adapted
-        return asdict(adapted.refinement) if adapted is not None and adapted.refined else {}
+        return adapted.refinement.plain if adapted is not None and adapted.refined else {}
 
     def model_datasets(self) -> dict[str, Value]:
         """Bodies and contacts before loading, and the maps of bonds."""
@@ -316,7 +318,7 @@ class SmallStrain(Analysis):
         bodies = built.scene.bodies
         nodes = sum(len(body.model.cloud.points) for body in bodies.values())
         if self._adapted.refined:
-            sizes["adapt"] = [asdict(one) for one in self._adapted.passes]
+            sizes["adapt"] = self._adapted.refinement.passes
         return sizes | {
             "nodes": nodes,
             "unknowns": 2 * nodes,

@@ -26,7 +26,6 @@ from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, correct
-from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -240,12 +239,7 @@ def corrected_bodies(
 ) -> dict[str, Corrected]:
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
     condensed, scene = built.condensed, built.scene
-    plates = {
-        side
-        for constraint, _ in scene.unknown_motions
-        if isinstance(constraint, Platen)
-        for side in constraint.held
-    }
+    plates = {side for constraint, _ in scene.unknown_motions for side in constraint.held}
     found = {}
     for name, body in scene.bodies.items():
         moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)

@@ -22,7 +22,6 @@ from mlsanm_cli.cloud.cloud import continuations
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.geometry.profile import regular_peak
-from mlsanm_cli.mechanics.scene import FloatingBody
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -363,7 +362,7 @@ def idle_note(built: CondensedScene, state: State) -> str:
         for body in pairing.bodies
         if (state.pressure[built.condensed.spans[pairing.name]] > least).any()
     }
-    free = {one.body for one, _ in built.scene.unknown_motions if isinstance(one, FloatingBody)}
+    free = {one.name for one, _ in built.scene.unknown_motions if one.floats}
     idle = sorted(free - loaded)
     if not idle:
         return ""

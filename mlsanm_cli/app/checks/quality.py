@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -13,12 +13,12 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.load_checks import load_resolution, loaded_length
-from mlsanm_cli.app.checks.refinement import Refinement
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.cloud.joined import corners_of
-from mlsanm_cli.cloud.quality import CloudQuality, measure
+from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
@@ -35,7 +35,7 @@ class Quality:
 
     case: Case
     prepared: SceneModel
-    bodies: Mapping[str, CloudQuality]
+    bodies: Mapping[str, Mapping[str, float]]
     models: Mapping[str, BodyModel]
     spacing_ratio: Mapping[str, float]
 
@@ -44,8 +44,8 @@ class Quality:
         """Quality measures as plain values."""
         return {
             "bodies": {
-                name: asdict(cloud)
-                | {
+                name: {
+                    **cloud,
                     "degree": self.models[name].settings.degree,
                     "stencils_enlarged": self.models[name].stencils.enlarged,
                     "worst_ratio": self.models[name].stencils.worst_ratio,
@@ -100,22 +100,22 @@ def clouds(model: Quality) -> Iterator[Check]:
         place = f"body {name}"
         yield Check(
             "node_distance",
-            cloud.closest,
-            f"{place}: two nodes are only {cloud.closest:.2g} of the local spacing apart",
+            cloud["closest"],
+            f"{place}: two nodes are only {cloud['closest']:.2g} of the local spacing apart",
             even or f"{lower}try another body.{name}.seed",
             place,
         )
         yield Check(
             "node_hole",
-            cloud.hole,
-            f"{place}: the largest gap between nodes has a radius of {cloud.hole:.3g} spacings",
+            cloud["hole"],
+            f"{place}: the largest gap between nodes has a radius of {cloud['hole']:.3g} spacings",
             even or f"{lower}make body.{name}.spacing smaller",
             place,
         )
         yield Check(
             "mesh_growth" if body.has_nodes else "spacing_growth",
-            cloud.growth,
-            f"{place}: the spacing grows by {cloud.growth:.3g} per unit length",
+            cloud["growth"],
+            f"{place}: the spacing grows by {cloud['growth']:.3g} per unit length",
             even or f"lower {grade} to {level('spacing_growth'):g} or less",
             place,
         )

@@ -14,10 +14,11 @@ from mlsanm_cli.app.checks.end import COMMON
 from mlsanm_cli.app.checks.energy import NODE_FORCE_SHIFT, EnergyErrors, thin_part
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.finite.estimate import EnergyError, work_error
-from mlsanm_cli.app.finite.fields import SceneForces, extremes
+from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.patches import between_nodes
-from mlsanm_cli.app.finite.refinement import MAX_NODES, Refinement, is_automatic
+from mlsanm_cli.app.finite.refinement import MAX_NODES, is_automatic
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.contact.finite.pair import BodyContact
@@ -60,13 +61,6 @@ class FiniteEnd:
         name = "series_energy_error" if self.scene.by_series else "energy_error"
         what = "the work of stresses in"
         return EnergyErrors({worst: error}, {}, pointed(self.scene, self.last), thin, name=name, what=what)
-
-
-def ellipticity(end: FiniteEnd) -> Iterator[Check]:
-    """Distance from the loss of ellipticity."""
-    least = extremes(end.scene, end.last)["ellipticity"]
-    message = f"the law is close to losing ellipticity: acoustic tensor {least:.2g} of the shear modulus"
-    yield Check("ellipticity", least, message)
 
 
 def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
@@ -213,7 +207,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(ellipticity, energy_estimate, force_estimates, refinement, few_contact_nodes),
+    *(energy_estimate, force_estimates, refinement, few_contact_nodes),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""

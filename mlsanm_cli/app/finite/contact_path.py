@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
 from mlsanm_cli.app.finite.limits import motion_ratio, slip_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
-from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
+from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Correction, no_correction, side_correction
@@ -73,8 +73,6 @@ def contact_path(
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
             state = path.state(reached)
-            check_deformation(scene, reached, state.factors, state.displacement)
-            check_overlaps(scene, reached, state.driven, scene.shown(state))
             _check_stability(reached, path.now.stability)
             missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())

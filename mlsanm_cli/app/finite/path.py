@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
+from mlsanm_cli.app.finite.states import path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
 from mlsanm_cli.continuation.roots import root
@@ -144,8 +144,6 @@ class _Stage:
             moved = 0
             for step in follower.steps():
                 moved += 1
-                factors = self.problem.factors(step.lam)
-                check_deformation(self._scene, self._stage + step.lam, factors, step.x)
                 finished = self._finished(step)
                 self.x, self._lam, self._previous = step.x, step.lam, step.branch
                 if self._is_left(step.x, step.lam):

@@ -50,7 +50,7 @@ class Analysis(ABC):
 
     def __init__(self, case: Case, prepared: SceneModel, context: RunContext) -> None:
         self.case, self.prepared, self.context = case, prepared, context
-        self.quality: Quality
+        self.quality = Quality(case, prepared, {}, {}, {})
         self._reached: Stop | None = None
 
     def announce(self, verdicts: Verdicts) -> None:
@@ -59,7 +59,7 @@ class Analysis(ABC):
 
     @abstractmethod
     def set_up(self, verdicts: Verdicts) -> None:
-        """Assembles the scene. Raises NumericalError for one that cannot be set up."""
+        """Announces and assembles the scene. Raises NumericalError for one that cannot be set up."""
 
     @abstractmethod
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
@@ -106,9 +106,9 @@ class Analysis(ABC):
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of a completed path by its last state."""
 
+    @abstractmethod
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
         """The analysis on finer clouds by which the run is repeated; None if its results are final."""
-        return None
 
     @property
     @abstractmethod

@@ -1,41 +1,24 @@
-"""The condensed problem of a case, phase by phase."""
+"""The scene of a case on its clouds: kernels, nodes, operators, pairs and conditions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
-from mlsanm_cli.app.scene.causes import pull_hint
+from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, prepare
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.scene.symmetry import line_of
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
-from mlsanm_cli.contact.response.condensation import condense
-from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.errors import CaseError, NumericalError
+from mlsanm_cli.errors import CaseError
 from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
-from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import digest
-from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
-from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
-from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.limit_loads import beyond_limit
-from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
-REACH_GROWTH = 1.5
-MAX_ENLARGEMENTS = 6
 _SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
 _CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
 """Sections of a case and keys of its contacts that do not affect its size."""
@@ -54,9 +37,9 @@ def load_kernels(context: RunContext) -> Loaded:
     return loaded
 
 
-def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
-    """The scene on its initial clouds, with all checks that precede solving. Raises CaseError for a scene
-    that exceeds the memory, and for invalid contacts and platens."""
+def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...] = ()) -> SceneModel:
+    """The scene on its clouds, refined in ``zones``, with all checks that precede solving. Raises CaseError
+    for a scene that exceeds the memory, and for invalid contacts and platens."""
     load_kernels(context)
     try:
         with context.phase("cloud"):
@@ -64,7 +47,7 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
         if sum(size.nodes.values()) > ANNOUNCED_NODES:
             nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
             context.console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
-        prepared = place(loaded.case, context)
+        prepared = place(loaded.case, context, zones)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
     except CaseError as error:
@@ -72,7 +55,7 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
     return prepared
 
 
-def _placing_key(case: Case) -> str:
+def placing_key(case: Case) -> str:
     """A key that is equal for cases that differ only in output and in positive coefficients of friction."""
     content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
     contacts = zip(content.pop("contact", []), case.contact, strict=True)
@@ -97,7 +80,7 @@ def place(
     equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
     if zones or before is not None:
         return _placed(case, context, zones, before)
-    kept = context.memo.value("placed", _placing_key(case), partial(_placed, case, context))
+    kept = context.memo.value("placed", placing_key(case), partial(_placed, case, context))
     friction = {contact.name: contact.coefficient for contact in case.contact}
     pairings = (replace(one, friction=friction[one.name]) for one in kept.pairings)
     return replace(kept, pairings=tuple(pairings))
@@ -110,94 +93,3 @@ def _placed(
         placed = clouds(case, zones, context.memo, line_of(case))
     with context.phase("operators", "building operators"):
         return prepare(case, placed, context.memo, before.models if before is not None else NOTHING)
-
-
-def condense_scene(
-    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None = None
-) -> CondensedScene:
-    """Assembles the systems of the bodies, condenses, and determines the reach of every contact. Bodies with
-    the same model as in the scene ``before`` keep their systems."""
-    try:
-        return _condensed_scene(case, prepared, context, before)
-    except (UnbalancedError, NoStateError) as error:
-        hint = pull_hint(case, prepared.pairings)
-        if not hint:
-            raise
-        raise NumericalError(error.message, hint) from error
-
-
-def _condensed_scene(
-    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None
-) -> CondensedScene:
-    @contextmanager
-    def factorising() -> Iterator[None]:
-        with context.phase("factorization", "factorising"):
-            yield
-
-    with context.phase("operators"):
-        bodies = before.bodies if before is not None else NOTHING
-        scene = assemble_bodies(case, prepared, case.solver.linear, factorising, context.memo, bodies)
-    stages = stage_factors(case)
-    if prepared.ranges:
-        with context.phase("condensation", "refining contact grids"):
-            search = partial(searched_ends, case, scene, stages)
-            key = digest(_placing_key(case), scene)
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, key)
-        if found is None:
-            return _condensed_scene(case, _without_grids(case, prepared, context), context, None)
-        condensed, ends = found
-    else:
-        condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
-    with context.phase("condensation"):
-        stability = check_coercivity(case, scene, condensed, ends, context.memo)
-    return CondensedScene(case, scene, condensed, stages, ends, stability)
-
-
-def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:
-    """A scene whose contact grids do not converge, at the low degree, which may help; if it has that, with
-    nodal pressures."""
-    placed = {name: model.cloud for name, model in prepared.models.items()}
-    with context.phase("operators"):
-        low = prepare(case, placed, context.memo, prepared.models, low=True)
-        if any(model is not prepared.models[name] for name, model in low.models.items()):
-            return low
-        return prepare(case, placed, context.memo, prepared.models, grids=False)
-
-
-def _condense(
-    case: Case, scene: Scene, pairings: tuple[Pairing, ...], stages: FloatArray, context: RunContext
-) -> tuple[Condensed, tuple[ExactState, ...]]:
-    """Condenses; an automatic reach of a contact is enlarged until no excluded node touches."""
-    fixed = {contact.name: contact.reach for contact in case.contact}
-    for _ in range(MAX_ENLARGEMENTS):
-        with context.phase(
-            "condensation", f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes"
-        ):
-            condensed = condense(scene, pairings, context.memo)
-            if not condensed.pairings:
-                return condensed, ()
-            try:
-                ends = exact_ends(scene, condensed, stages)
-            except EndlessError:
-                check_candidates_coercivity(case, scene, condensed, context.memo)
-                raise
-            except UnbalancedError as error:
-                raise beyond_limit(scene, condensed, stages, error) from error
-            touched = touched_nodes(condensed, ends)
-        if not any(mask.any() for mask in touched.values()):
-            return condensed, ends
-        for pairing in condensed.pairings:
-            if touched[pairing.name].any() and fixed[pairing.name] != "auto":
-                raise reach_error(pairing.name, float(pairing.gap[touched[pairing.name]].max()))
-        pairings = tuple(
-            pairing
-            if pairing.bonded
-            else pairing.with_reach(
-                REACH_GROWTH * float(pairing.gap[touched[pairing.name] | pairing.candidate].max())
-            )
-            for pairing in pairings
-        )
-    raise NumericalError(
-        f"the contact zone was still growing after {MAX_ENLARGEMENTS} enlargements",
-        "refine the surfaces over the whole contact zone, or set contact.NAME.reach",
-    )

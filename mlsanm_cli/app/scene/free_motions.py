@@ -27,7 +27,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
-from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint
+from mlsanm_cli.mechanics.scene import RigidConstraint
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import stage_factors
 
@@ -91,7 +91,7 @@ def constrain_free_rigid_modes(
             notes.append(_note(kept, pivot, direction, along))
             held.setdefault(id(owner), {})[component] = along
             unresisted.append(_of_bodies(kept, direction))
-            if all(isinstance(one.constraint, FloatingBody) for one in _moving(kept, direction)):
+            if all(one.constraint.floats for one in _moving(kept, direction)):
                 loose.append(unresisted[-1])
             found.append(kept[pivot])
         kept = [one for one in kept if one not in found]
@@ -241,11 +241,8 @@ def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[
 
 
 def _owner(one: UnknownMotion) -> str:
-    if isinstance(one.constraint, Platen):
-        return f"platen on {one.constraint.name}"
-    if isinstance(one.constraint, Obstacle):
-        return f"the obstacle of contact {one.constraint.contact}"
-    return f"body {one.constraint.body}"
+    kind = "body" if one.constraint.floats else "platen on" if one.bodies else "the obstacle of contact"
+    return f"{kind} {one.constraint.name}"
 
 
 def _way(one: UnknownMotion) -> str:
@@ -253,6 +250,6 @@ def _way(one: UnknownMotion) -> str:
 
 
 def _prescribe_hint(one: UnknownMotion) -> str:
-    if isinstance(one.constraint, FloatingBody) or one.motion.component == ROTATION:
+    if one.constraint.floats or one.motion.component == ROTATION:
         return ""
     return f", or prescribe {_way(one)} of the {'platen' if one.bodies else 'obstacle'}"

@@ -21,14 +21,16 @@ Value = Callable[[float, float], float]
 Operation = Callable[..., float]
 
 _UNARY = ("acos", "asin", "atan", "cos", "cosh", "exp", "log", "sin", "sinh", "sqrt", "tan", "tanh")
-FUNCTIONS: Mapping[str, tuple[Operation, int, int]] = {
-    **{name: (getattr(math, name), 1, 1) for name in _UNARY},
+_OTHERS = {
     "abs": (math.fabs, 1, 1),
     "atan2": (math.atan2, 2, 2),
     "hypot": (math.hypot, 2, 2),
     "max": (max, 2, 20),
     "min": (min, 2, 20),
 }
+FUNCTIONS: Mapping[str, tuple[Operation, int, int]] = dict(
+    sorted({**{name: (getattr(math, name), 1, 1) for name in _UNARY}, **_OTHERS}.items())
+)
 """Functions with their smallest and largest number of arguments."""
 NAMES: Mapping[str, Value] = {"x": lambda x, y: x, "y": lambda x, y: y, "pi": lambda x, y: math.pi}
 _BINARY: Mapping[type[ast.operator], Operation] = {

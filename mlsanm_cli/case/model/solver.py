@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mlsanm_cli.case.model.fields import LENGTH, NUMBER, AutoCount, AutoDegree, Name, Unit, Vector
-from mlsanm_cli.case.model.model import UNSUPPORTED
 from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
 
@@ -39,10 +38,9 @@ class Mls(Section):
             elif self.neighbors > most:
                 hint = f'at most {most}, or "auto"'
                 yield Fault(("neighbors",), f"{self.neighbors} nodes are too many {of}", hint)
-        if scope.strain == "finite" and self.scheme != "least-squares":
-            yield Fault(("scheme",), f'"{self.scheme}" {UNSUPPORTED}', '"least-squares"')
-        if scope.strain == "finite" and self.degree == 1:
-            yield Fault(("degree",), f"degree 1 {UNSUPPORTED}", "at least 2")
+        square = self.scheme != "least-squares"
+        yield from scope.refused(square, ("scheme",), f'"{self.scheme}"', '"least-squares"')
+        yield from scope.refused(self.degree == 1, ("degree",), "degree 1", "at least 2")
 
 
 class Adapt(Section):
@@ -63,8 +61,7 @@ class Adapt(Section):
         if case.contact and not case.touching:
             hint = "write 0, and refine along the bonds and at their ends with [[body.refine]]"
             yield Fault(("passes",), "bonded contacts are not refined automatically", hint)
-        if scope.strain == "finite":
-            yield Fault(("passes",), f"refinement {UNSUPPORTED}", "write 0")
+        yield from scope.refused(self.passes, ("passes",), "refinement", "write 0")
 
 
 class Solver(Section):
@@ -186,5 +183,4 @@ class Reference(Section):
     """Hertz' line contact or a uniform pressure; a solution that does not match the scene is an error."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if scope.strain == "finite":
-            yield Fault((), f"an analytical solution {UNSUPPORTED}", "remove the table")
+        yield from scope.refused(True, (), "an analytical solution", "remove the table")

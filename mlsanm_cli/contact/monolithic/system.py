@@ -34,7 +34,7 @@ from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.functionals import candidate_rows, spring_rows
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.response.short_waves import slip_fit
-from mlsanm_cli.mechanics.scene import Platen, Scene
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.refinement import Progress, refine
 
 GAP_RATIO = 10.0
@@ -189,7 +189,6 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
         return whole
 
     for platen, motion in scene.unknown_motions:
-        assert isinstance(platen, Platen), "checked with the case"
         for owner in platen.bodies:
             for surface in scene.bodies[owner].soft_springs:
                 springs[owner, surface] = measured_by(owner, spring_rows(scene.bodies[owner], surface))

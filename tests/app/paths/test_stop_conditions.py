@@ -160,8 +160,8 @@ def test_a_stopped_path_is_resumed_to_the_same_end(steps: int | None, tmp_path: 
     ("stop", "key", "message"),
     [
         ({"what": "force", "of": "pres", "above": 1.0}, "stop.0.of", "no load or contact or support"),
-        ({"what": "force", "of": "press"}, "stop.0", "exactly one of above and below"),
-        ({"what": "force", "of": "press", "above": 1.0, "below": 2.0}, "stop.0", "exactly one"),
+        ({"what": "force", "of": "press"}, "stop.0", 'one of "above", "below"'),
+        ({"what": "force", "of": "press", "above": 1.0, "below": 2.0}, "stop.0.below", "is given too"),
         ({"what": "slip", "of": "interface", "above": 1.0}, "stop.0.of", "frictionless"),
         (
             {"what": "area", "of": "interface", "above": 1.0, "component": "x"},
