@@ -122,11 +122,19 @@ class Search:
             yield resting(self.problem, status)
             yield replace(status, slip_sign=-status.slip_sign)
 
-    def _violations(self, status: ContactStatus, x: FloatArray, w: FloatArray, factor: float = 1.0) -> int:
+    def _violations(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> int:
         """Number of violated conditions."""
         p = self.problem
         left = p.distances(status, self.allowed, x, w, self.reference)
-        return int((left < -factor * FEASIBLE * p.size(x) * p.grain[: p.m]).sum())
+        return int((left < -FEASIBLE * p.size(x) * p.grain[: p.m]).sum())
+
+    def error(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> float:
+        """Largest error of rows and violation of conditions over round-off."""
+        p, size = self.problem, FEASIBLE * self.problem.size(x)
+        missed = np.abs(self.free + p.product(x) - w) / p.grain
+        left = p.distances(status, self.allowed, x, w, self.reference) / p.grain[: p.m]
+        worst = max(float(missed.max(initial=0.0)), -float(left.min(initial=0.0)))
+        return worst / size if size else 0.0
 
     def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
         """The status of a semismooth Newton step."""
