@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.startup import cKDTree
 
 SNAP_DISTANCE = 0.3
 """Nodes closer to the line than this fraction of the spacing are moved onto it."""
 HOLE_RADIUS = 0.85
-"""A point of the line farther than this many spacings from all nodes gets a node: better than equal steps."""
+"""A point of the line farther than this many spacings from all nodes gets a node."""
 HOLE_STEP = 0.1
 """Step of the search for such points, in spacings."""
 

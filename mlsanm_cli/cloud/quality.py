@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.startup import cKDTree
 
 BATCH_SIZE = 256
 """Triangles processed at once, largest first."""

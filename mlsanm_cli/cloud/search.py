@@ -7,14 +7,16 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
-from mlsanm_cli.startup import cKDTree
 
 Result = TypeVar("Result")
 
 BATCH_SIZE = 8192
 """Points per batch: a few hundredths of a second."""
+MAX_PAIRS = 2**18
+"""Pairs processed at once: large for speed, small for memory."""
 POLL_SECONDS = 0.1
 """Polling interval of a waiting thread, s, on systems where signals do not wake it."""
 

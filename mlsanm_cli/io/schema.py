@@ -176,49 +176,23 @@ PATH_COLUMNS: Table = _table(
 )
 """The columns of path.csv, one row per step; vectors have two columns that end in _x and _y."""
 
-INTERFACE_COLUMNS: Table = _table(
-    "",
-    ("x", "", "length", "x"),
-    ("y", "", "length", "y"),
-    ("arc_length", "", "length", "arc length"),
-    ("gap", "", "length", "gap"),
-    ("pressure", "", "stress", "pressure"),
-    ("traction", "", "stress", "traction"),
-    ("slip", "", "length", "slip"),
-    ("status", "", "", "status: 0 open, 1 stick, 2 slip", "int8"),
+INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
+"""The columns of interface.csv, quantities of the contact in its last row; x and y are its points."""
+BODY_ARRAYS = (
+    *("displacement", "stress", "von_mises", "strain", "stretch_1", "stretch_2", "volume_ratio"),
+    "boundary_tag",
 )
-"""The columns of interface.csv, one row per slave node."""
-
-BODY_ARRAYS: Table = _table(
-    "",
-    ("displacement", "xy", "length", "displacement"),
-    ("stress", "tensor", "stress", "stress, with the component zz"),
-    ("von_mises", "", "stress", "von Mises stress"),
-    ("strain", "tensor", "", "in-plane strain"),
-    ("boundary_tag", "", "", "number of the boundary, 0 inside", "int32"),
-    ("stretch_1", "", "", "larger principal stretch"),
-    ("stretch_2", "", "", "smaller principal stretch"),
-    ("volume_ratio", "", "", "volume ratio"),
+CONTACT_ARRAYS = (
+    *("pressure", "traction", "gap", "status", "arc_length", "slip"),
+    "displacement",
+    "normal",
+    "contact_stress",
+    "contact",
 )
-CONTACT_ARRAYS: Table = _table(
-    "",
-    ("pressure", "", "stress", "pressure"),
-    ("traction", "", "stress", "traction"),
-    ("gap", "", "length", "gap"),
-    ("status", "", "", "status: 0 open, 1 stick, 2 slip", "int32"),
-    ("arc_length", "", "length", "arc length"),
-    ("slip", "", "length", "slip, with friction"),
-    ("displacement", "xy", "length", "displacement"),
-    ("normal", "xy", "", "normal"),
-    ("contact_stress", "xy", "stress", "pressure and traction on the slave"),
-    ("contact", "", "", "number of the contact", "int64"),
-)
-OBSTACLE_ARRAYS: Table = _table(
-    "",
-    ("displacement", "xy", "length", "displacement"),
-    ("obstacle", "", "", "number of the obstacle", "int64"),
-)
-"""The arrays of fields_0000.vtu, contacts_0000.vtu, obstacles_0000.vtu and so on, one value per point."""
+OBSTACLE_ARRAYS = ("displacement", "obstacle")
+"""The arrays of fields_0000.vtu, contacts_0000.vtu, obstacles_0000.vtu and so on, quantities of the same
+names; boundary_tag, contact and obstacle are numbers, contact_stress is pressure and traction on the slave as
+a vector."""
 
 CONTACT_FIGURES: Table = _table(
     "contacts.{contact}.",

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.settings import ONE_SIDED_RADIUS, MlsSettings
-from mlsanm_cli.startup import cKDTree
 
 EXTRA_NODES = 8
 """Extra nodes searched where more are equidistant than a stencil takes."""
@@ -17,7 +17,7 @@ TIE_TOLERANCE = 1e-7
 """Relative tolerance for equal distances."""
 CENTERED, HALF_DISK = 0.25, 4.0 / (3.0 * np.pi)
 """Distance of a stencil's mean node from its target, in radii: from the second row of nodes inwards at most
-the first, at a straight boundary the second. Errors are the same with 0.2 to 0.3 and 0.35."""
+the first, at a straight boundary the second."""
 
 
 def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.mirror import Mirror
@@ -18,13 +19,12 @@ from mlsanm_cli.operators.neighbors import neighbors_of, weight_radius
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import enriched, singular_corners
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.startup import cKDTree
 
 ENLARGEMENT = 1.3
 MAX_GROWTH = 3.0
 CONDITION_MARGIN, MARGIN_DEGREE, MARGIN_GROWTH = 20.0, 3, 1.9
 """From degree MARGIN_DEGREE on, fits are first sought CONDITION_MARGIN times above the rank tolerance, with
-up to MARGIN_GROWTH times the neighbours: a few fits below spoiled the displacement of a structured mesh."""
+up to MARGIN_GROWTH times the neighbours: a few fits below spoil the displacement of a structured mesh."""
 BLOCK_SIZE = 4096
 """Stencils fitted at once: a tenth of a second at high degrees."""
 

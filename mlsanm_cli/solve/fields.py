@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -22,19 +22,11 @@ MAX_STATES = 4
 NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 
 
-@dataclass(frozen=True)
-class Fields:
-    """Fields of a body in a state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,), strain
-    (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the displacement of its elastic system,
-    ghosts last, and ``near`` (n, 3), the stress of the near fields of contacts."""
-
-    displacement: FloatArray
-    stress: FloatArray
-    stress_zz: FloatArray
-    von_mises: FloatArray
-    strain: FloatArray
-    rest: FloatArray
-    near: FloatArray
+Fields: TypeAlias = Mapping[str, FloatArray]
+"""Fields of a body in a state by name: ``displacement`` (n, 2), ``stress`` (n, 3), ``stress_zz`` and
+``von_mises`` (n,), ``strain`` (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the
+displacement of its elastic system, ghosts last, and ``near`` (n, 3), the stress of the near fields of
+contacts."""
 
 
 def fields_of(
@@ -71,7 +63,15 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
     across = model.material.out_of_plane_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
     strain = model.material.strain(sigma, degrees)
-    return Fields(whole, sigma, across, von_mises(sigma, across), strain, displacement, near)
+    return {
+        "displacement": whole,
+        "stress": sigma,
+        "stress_zz": across,
+        "von_mises": von_mises(sigma, across),
+        "strain": strain,
+        "rest": displacement,
+        "near": near,
+    }
 
 
 def _displacements(

@@ -90,19 +90,24 @@ def test_resume_uses_the_threads_of_the_run(monkeypatch: pytest.MonkeyPatch, tmp
     assert calls == [(tmp_path, None, "1"), (tmp_path, 9.0, "2"), (tmp_path, None, "3")]
 
 
+def chatty(case: Path, **options: Any) -> dict[str, Any]:
+    """A run that uses all that the console offers."""
+    console = options["console"]
+    console.phase("clouds")
+    console.step(1, 0.5, 1e-9, "")
+    console.note("working")
+    console.table("sizes", [("nodes", "5210")])
+    console.warning("look here")
+    return {**SUMMARY, "stability": float("nan"), "path": Path("x")}
+
+
 def test_json_is_all_there_is_on_stdout(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def run(case: Path, **options: Any) -> dict[str, Any]:
-        options["console"].note("working")
-        options["console"].table("sizes", [("nodes", "5210")])
-        return {**SUMMARY, "stability": float("nan"), "path": Path("x")}
-
-    install(monkeypatch, "run", run)
+    install(monkeypatch, "run", chatty)
     assert main(["run", "a.toml", "--json"]) == 0
     out, err = capsys.readouterr()
-    expected = {**SUMMARY, "stability": None, "path": "x"}
-    assert json.loads(out) == expected
+    assert json.loads(out) == {**SUMMARY, "stability": None, "path": "x"}
     assert "working" in err
     assert "5210" in err
 
@@ -110,19 +115,9 @@ def test_json_is_all_there_is_on_stdout(
 def test_quiet_shows_warnings_only(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def run(case: Path, **options: Any) -> dict[str, Any]:
-        console = options["console"]
-        console.phase("clouds")
-        console.step(1, 0.5, 1e-9, "")
-        console.note("note")
-        console.table("t", [("a", "b")])
-        console.warning("look here")
-        return SUMMARY
-
-    install(monkeypatch, "run", run)
+    install(monkeypatch, "run", chatty)
     assert main(["run", "a.toml", "--quiet"]) == 0
-    out, err = capsys.readouterr()
-    assert (out, err) == ("", "warning: look here\n")
+    assert capsys.readouterr() == ("", "warning: look here\n")
 
 
 @pytest.mark.parametrize(("status", "code"), [("done", 0), ("failed", 3), ("stopped", 75)])

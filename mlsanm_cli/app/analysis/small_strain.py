@@ -171,7 +171,8 @@ class SmallStrain(Analysis):
     def _overlaps(self, last: State, fields: Mapping[str, Fields]) -> Iterator[Check]:
         """Overlaps of a path without saved states, at the nodes."""
         clouds = {name: body.model.cloud for name, body in self._built.scene.bodies.items()}
-        return overlaps(self._built, last, clouds, {name: one.displacement for name, one in fields.items()})
+        moved = {name: one["displacement"] for name, one in fields.items()}
+        return overlaps(self._built, last, clouds, moved)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
         """The fields of all bodies with stresses; recomputed unless the state was the last one saved."""
@@ -249,7 +250,7 @@ class SmallStrain(Analysis):
 
     def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
         """Overlaps, and surfaces that slide far."""
-        moved = {name: one.displacement for name, one in fields.items()}
+        moved = {name: one["displacement"] for name, one in fields.items()}
         yield from overlaps(self._built, state, self.clouds, moved)
         yield from sliding_distance(self._built, state, self.clouds, moved)
         yield from self_overlaps(state, self.clouds, moved)

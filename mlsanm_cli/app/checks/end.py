@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -374,51 +374,65 @@ def idle_note(built: CondensedScene, state: State) -> str:
 def estimates(
     built: CondensedScene, figures: Mapping[str, Any], from_law: float, missing: str
 ) -> Iterator[Check]:
-    """Estimated errors of displacements, forces and pressures, or why they are ``missing``; ``from_law`` is
-    the part of the displacements due to a regularised law."""
-    displacement = figures["displacement"]
-    if displacement is None and missing:
+    """Estimated errors at small strain, or why they are ``missing``; ``from_law`` is the part of the
+    displacements due to a regularised law."""
+    if figures["displacement"] is None and missing:
         yield Check("missing_estimates", 1.0, f"errors are not estimated: {missing}")
         return
-    coarse = finer_nodes(built.case, built.scene.bodies)
-    probes = figures.get("probes", {})
-    errors = {f"the displacement at probe {name} is": error for name, error in probes.items()}
-    law = None
-    if displacement is not None:
-        law = Check(
-            "law_error",
-            from_law,
-            f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
-            f"lightly loaded bodies float on it",
-            'use contact.regularization.law = "exact", or a lower contact.regularization.eta',
+    law = Check(
+        "law_error",
+        from_law,
+        f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
+        f"lightly loaded bodies float on it",
+        'use contact.regularization.law = "exact", or a lower contact.regularization.eta',
+    )
+    yield law
+    if law.outcome == "passed":
+        yield from displacement_estimate(built.case, figures)
+    for pairing in built.condensed.pairings:
+        name = pairing.name
+        if name in figures.get("force", {}):
+            yield force_estimate("force_error", built.case, name, built.scene.bodies, figures["force"][name])
+        finer = f" and a smaller contact.{name}.accuracy" if pairing.grid and pairing.friction else ""
+        yield from pressure_estimate(
+            pressure_limit(pairing), built.case, name, pairing.bodies, figures["pressure"].get(name), finer
         )
-        yield law
-        errors["displacements are"] = displacement
-    if errors and (law is None or law.outcome == "passed"):
-        worst = worst_of(errors)
+
+
+def displacement_estimate(case: Case, figures: Mapping[str, Any]) -> Iterator[Check]:
+    """The largest estimated error of displacements, of all or at a probe."""
+    probes = figures.get("probes", {}).items()
+    errors = {f"the displacement at probe {name} is": error for name, error in probes}
+    if figures["displacement"] is not None:
+        errors["displacements are"] = figures["displacement"]
+    if errors:
+        worst, names = worst_of(errors), [body.name for body in case.body]
         yield Check(
             "displacement_error",
             errors[worst],
             f"{worst} estimated to be off by {100 * errors[worst]:.2g} %",
-            f"{coarse}, above all where bodies are held, loaded or bent",
+            f"{finer_nodes(case, names)}, above all where bodies are held, loaded or bent",
         )
-    for pairing in built.condensed.pairings:
-        place, hint = f"contact {pairing.name}", finer_nodes(built.case, pairing.bodies)
-        force = figures.get("force", {}).get(pairing.name)
-        if force is not None:
-            yield Check(
-                "force_error",
-                force,
-                f"{place}: its force is estimated to be off by {100 * force:.2g} %",
-                f"{coarse}, above all where bodies are held",
-                place,
-            )
-        error = figures["pressure"].get(pairing.name)
-        if error is not None:
-            if pairing.grid is not None and pairing.friction:
-                hint += f" and a smaller contact.{pairing.name}.accuracy"
-            message = f"{place}: pressures are estimated to be off by {100 * error:.2g} %"
-            yield Check(pressure_limit(pairing), error, message, hint, place)
+
+
+def force_estimate(limit: str, case: Case, contact: str, bodies: Collection[str], error: float) -> Check:
+    """Estimated error of the force of a contact that finer nodes in ``bodies`` reduce."""
+    return Check(
+        limit,
+        error,
+        f"contact {contact}: its force is estimated to be off by {100 * error:.2g} %",
+        f"{finer_nodes(case, bodies)}, above all where bodies are held or touch",
+        f"contact {contact}",
+    )
+
+
+def pressure_estimate(
+    limit: str, case: Case, contact: str, bodies: Collection[str], error: float | None, more: str = ""
+) -> Iterator[Check]:
+    """Estimated error of the pressures of a contact, if there is one; ``more`` of a hint."""
+    if error is not None:
+        message = f"contact {contact}: pressures are estimated to be off by {100 * error:.2g} %"
+        yield Check(limit, error, message, f"{finer_nodes(case, bodies)}{more}", f"contact {contact}")
 
 
 def pressure_limit(pairing: Pairing) -> str:

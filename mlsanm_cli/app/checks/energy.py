@@ -63,14 +63,14 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
         single = single_nodes(built.case, name, cloud)
-        rests[name] = rest = found.rest[: len(cloud.points)], found.stress - found.near
-        moved = found.displacement - rest[0]
-        strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
+        rests[name] = rest = found["rest"][: len(cloud.points)], found["stress"] - found["near"]
+        moved = found["displacement"] - rest[0]
+        strains[name] = strain_of(cloud.points, found["displacement"], found["von_mises"], material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
         energies[name] += energy_at_tips(body.model, rest[0], rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
-        strain = COARSE_ROUND_OFF * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
+        strain = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / np.ptp(cloud.points, axis=0).max()
         degrees, free = built.scene.degrees(name, state.factors), material.expansion
         blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
         least[name] = (
@@ -113,7 +113,7 @@ def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapp
     frames at degree 4 they gave down to a thirtieth of the error, the energies two thirds or more. At lower
     degrees fits of the next degree are accurate, and quadratures of energies are not.
     """
-    squares = {name: float((one.displacement**2).sum()) for name, one in fields.items()}
+    squares = {name: float((one["displacement"] ** 2).sum()) for name, one in fields.items()}
     lost = 0.0
     for name, body in built.scene.bodies.items():
         if body.model.settings.degree >= MIN_ENERGY_DEGREE and any(map(all, body.restrained.values())):

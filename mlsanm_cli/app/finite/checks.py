@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.end import COMMON
+from mlsanm_cli.app.checks.end import COMMON, displacement_estimate, force_estimate, pressure_estimate
 from mlsanm_cli.app.checks.energy import NODE_FORCE_SHIFT, EnergyErrors, thin_part
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.finite.estimate import EnergyError, work_error
@@ -20,7 +20,7 @@ from mlsanm_cli.app.finite.refinement import MAX_NODES, is_automatic
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
@@ -72,17 +72,15 @@ def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
     yield Check("energy_estimate", estimate, *text)
 
 
-def force_estimates(end: FiniteEnd) -> Iterator[Check]:
-    """Estimated errors of the forces of contacts."""
-    for name, error in end.errors.get("contacts", {}).items():
-        sides = next(one for one in end.scene.contacts.pairs if one.name == name).sides
-        yield Check(
-            "finite_force_error",
-            error,
-            f"contact {name}: the force is estimated to be off by {100.0 * error:.2g} %",
-            finer_nodes(end.case, [side.body for side in sides]),
-            f"contact {name}",
-        )
+def estimates(end: FiniteEnd) -> Iterator[Check]:
+    """Estimated errors of displacements, forces and pressures."""
+    forces, pressures = end.errors.get("contacts", {}), end.errors.get("pressure", {})
+    yield from displacement_estimate(end.case, end.errors)
+    for contact in end.scene.contacts.pairs:
+        name, bodies = contact.name, [side.body for side in contact.sides]
+        if name in forces:
+            yield force_estimate("finite_force_error", end.case, name, bodies, forces[name])
+        yield from pressure_estimate("rough_pressure_error", end.case, name, bodies, pressures.get(name))
 
 
 def refinement(end: FiniteEnd) -> Iterator[Check]:
@@ -207,7 +205,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, force_estimates, refinement, few_contact_nodes),
+    *(energy_estimate, estimates, refinement, few_contact_nodes),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""
@@ -228,6 +226,11 @@ def finite_limits(case: Case, contacts: Sequence[str]) -> dict[str, Any]:
         "force_balance": LIMITS["force_balance"].fails,
         "ellipticity": LIMITS["ellipticity"].fails,
         "error_estimate": level("energy_estimate"),
-        "estimates": {"energy": level("energy_estimate"), "contacts": forces},
+        "estimates": {
+            "energy": level("energy_estimate"),
+            "displacement": level("displacement_error"),
+            "pressure": dict.fromkeys(contacts, level("rough_pressure_error")),
+            "contacts": forces,
+        },
     }
     return found | ({"stability": CONTACT_LIMIT} if contacts else {})

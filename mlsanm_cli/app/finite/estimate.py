@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
@@ -15,7 +16,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.startup import cKDTree
 
 PRESSED_DISTANCE = 1.5
 """Distance in spacings from pressed nodes within which the estimate is not evaluated: the near field of

@@ -19,10 +19,11 @@ from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
-BodyFields = Mapping[str, Any]
+BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
 
 

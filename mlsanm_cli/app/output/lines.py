@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.arrays import FloatArray, IntArray
@@ -21,7 +22,6 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import contact_values, platen_displacements, slave_arc
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.startup import cKDTree
 
 MAX_NEIGHBOR_DISTANCE = 3.0
 """Contact nodes are neighbours up to this distance, relative to the mean of their weights (lengths)."""
@@ -77,7 +77,7 @@ def _contact(
     normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
     data = contact_data(record, slave_arc(pairing), pairing.name in built.condensed.tangential)
     load = record["pressure"][:, None] * normal + record["traction"][:, None] * tangent
-    moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
+    moved = along_boundary(cloud, shown[pairing.slave_body]["displacement"], points)
     data |= {"displacement": moved, "normal": normal, "contact_stress": load}
     return VtuPart(points, _neighbours(pairing), data)
 

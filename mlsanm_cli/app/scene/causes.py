@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.arrays import FloatArray
@@ -13,7 +14,6 @@ from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.startup import cKDTree
 
 STRAIN_QUANTILE = 0.99
 """Larger strains are those at corners, where they are unbounded."""

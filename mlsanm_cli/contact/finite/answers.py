@@ -21,6 +21,7 @@ from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
@@ -32,7 +33,6 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.rigid import free_motions
-from mlsanm_cli.startup import cKDTree
 
 CORNER_NODES = 2
 """Up to this many nodes from corners without near field no correction is made, from twice as many on the full
@@ -118,7 +118,7 @@ def _deep(body: FiniteBody) -> tuple[IntArray, Callable[[FloatArray], FloatArray
     (2n, d) of places (n, 2); none of others.
 
     What clouds answer is seen from pins, and there it is as wrong as next to the sides: as a motion of one
-    side against all others that would be a spring. A pad between rough plates was 11 % too stiff.
+    side against all others that would be a spring.
     """
     elastic = body.elastic
     cloud, bearing = elastic.model.cloud, elastic.held_nodes[: len(elastic.held_nodes) - body.pins]

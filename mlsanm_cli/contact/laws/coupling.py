@@ -17,11 +17,11 @@ from typing import Any, Protocol, Self, cast
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.scales import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.startup import dgetrf, dgetrs
 
 Rows = FloatArray | sparse.csr_array
 
