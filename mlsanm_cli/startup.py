@@ -40,8 +40,8 @@ DEFERRED = frozenset(
         "numpy._core._add_newdocs",
         "numpy._core._add_newdocs_scalars",
         "pydoc",
-        # Parses metadata of packages as mail, which imports sockets; not needed to find packages.
-        "importlib.metadata._adapters",
+        # Imports mail, archives and sockets, to find plugins of pydantic.
+        "importlib.metadata",
     }
 )
 """Modules whose code runs on first access; their submodules can be imported before."""
@@ -103,6 +103,11 @@ class _DeferringLoader(Loader):
             # Called by numpy's sets and scipy's triangulation; before numpy.ma has run there are no masked
             # arrays.
             vars(module).update(dict.fromkeys(("isMaskedArray", "is_masked"), lambda array: False))
+        if module.__name__ == "importlib.metadata":
+            # Imported by pydantic, which does not call it; the call executes the module, which replaces it.
+            vars(module)["entry_points"] = lambda **given: (
+                module.distribution and module.entry_points(**given)
+            )
 
 
 _loading: set[str] = set()
