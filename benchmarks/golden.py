@@ -5,8 +5,9 @@
     python benchmarks/golden.py --accept NAME ... --reason TEXT --evidence TEXT
 
 The table (``results/golden.json``) holds, for every run, its exit code, all figures of ``summary.json`` but
-times and memory, the checks that warned or failed, and its warnings without their numbers. Figures agree if they differ by at most 1e-6 of the
-largest of their group (components of a force: of all forces of the run). NAME is a part of a name.
+times and memory, the checks that warned or failed, and its warnings without their numbers. Figures agree if
+they differ by at most 1e-6 of the largest of their group (components of a force: of all forces of the run).
+NAME is a part of a name.
 ``--quick`` reruns the runs that took at most 3 CPU seconds when recorded. ``--accept`` replaces the entries
 of runs whose figures were meant to change and writes each change, with its reason and evidence, into the
 table.
