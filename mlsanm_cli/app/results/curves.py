@@ -39,15 +39,8 @@ from mlsanm_cli.io.run_reader import Dataset, RunData
 
 MAX_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
-CURVE_POINTS, LINE_POINTS, MIN_INSIDE = 801, 301, 2
-"""Points of closed formulas and of lines, and least number of those in a body that a line crosses."""
 MIN_TANGENTIAL_MOTION = 1e-3
 """Tangential displacement of a platen, relative to the slip, below which a loop is drawn over the slip."""
-MIN_CLOSED_NODES, CLOSED_SPACINGS = 6, 1.5
-"""A surface with at least so many nodes is closed if its last node is within so many spacings of the
-first."""
-MAX_LOADS = 3
-"""Largest number of loads in a title."""
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 ZONES = {STICK: ("stick", COLOURS[2]), SLIP: ("slip", COLOURS[1])}
 POSITION = "position on the load path (stages)"
@@ -56,11 +49,12 @@ SLIP_LABEL = "mean slip of the surfaces"
 
 
 def load_words(run: RunData, case: Case, position: float) -> str:
-    """A position in words: the stage if there are several, and the factors of the loads that change in it."""
+    """A position in words: the stage if there are several, and the factors of three loads that change in
+    it."""
     stages = len(case.stage)
     number = min(max(int(np.ceil(position)), 1), stages)
     factors = dict(zip(run.path.factors, level_at(run, position).factors, strict=True))
-    moving = [name for name in case.stage[number - 1] if name in factors][:MAX_LOADS]
+    moving = [name for name in case.stage[number - 1] if name in factors][:3]
     parts = [f"stage {number} of {stages}"] if stages > 1 else []
     return ", ".join([*parts, *(f"{name} x {factors[name]:.4g}" for name in moving)])
 
@@ -72,13 +66,10 @@ def position_words(run: RunData, case: Case, position: float) -> str:
 
 def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
     """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
-    surface that closes around a body begin where pressures (m,) are furthest away."""
+    surface that closes around a body begin where pressures (m,) are furthest away. A surface of six nodes or
+    more is closed if the last one is within 1.5 spacings of the first, and far along the surface."""
     arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
-    if (
-        len(arc) < MIN_CLOSED_NODES
-        or step > CLOSED_SPACINGS * float(np.diff(arc).max())
-        or MIN_CLOSED_NODES * step > arc[-1] - arc[0]
-    ):
+    if len(arc) < 6 or step > 1.5 * float(np.diff(arc).max()) or 6 * step > arc[-1] - arc[0]:
         return np.arange(len(arc)), arc
     return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
 
@@ -108,7 +99,7 @@ def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     if profile is None:
         order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
         return profile_picture(name, arc, pressure[:, order], levels, highest, words, case=case)
-    x = np.linspace(profile.coordinate[0], profile.coordinate[-1], CURVE_POINTS)
+    x = np.linspace(profile.coordinate[0], profile.coordinate[-1], 801)
     # The curve includes the ends of the loaded part, however far the candidates extend.
     edges = np.array([-profile.half_width, profile.half_width])
     x = np.union1d(x, edges[(edges > x[0]) & (edges < x[-1])])
@@ -326,16 +317,16 @@ def _along(
     except ValueError:
         message = f'"{along}" is neither a boundary nor a line'
         raise RunError(message, "as in --along block.top or --along 0,0:0,-1") from None
-    share = np.linspace(0.0, 1.0, LINE_POINTS)
+    share = np.linspace(0.0, 1.0, 301)
     points = first + share[:, None] * (last - first)
     level = level_at(run, position)
     crossed = []
     for name, body in run.bodies.items():
         within = inside(body, points)
-        if within.sum() < MIN_INSIDE:
+        if within.sum() < 2:
             continue
         ((seen, _),) = fields_at(run, case, name, points[within], [level])
-        values = np.full(LINE_POINTS, np.nan)
+        values = np.full(len(points), np.nan)
         values[within] = scalar(seen, field)
         crossed.append((name, share * float(np.hypot(*(last - first))), values))
     if not crossed:

@@ -18,10 +18,6 @@ from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.roundoff import ROUND_OFF
 
-DPI = 110
-"""Resolution of pictures, at which a report on three runs is below 3 MB."""
-MAX_VARIED_KEYS = 15
-"""Largest number of differing keys that are compared."""
 MAX_CONTACTS = 4
 """Largest number of contacts that are drawn, those with the largest pressures."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
@@ -169,7 +165,7 @@ def _pictures(run: RunData, case: Case) -> Iterator[str]:
         )
     order = list(CAPTIONS)
     wanted = [one for one in pictures(run, case, Choice()) if one[0] in order]
-    with tempfile.TemporaryDirectory() as place, resolution(DPI):
+    with tempfile.TemporaryDirectory() as place, resolution(110):
         for kind, subject, make in sorted(wanted, key=lambda one: order.index(one[0])):
             if kind in OF_CONTACT and subject not in drawn:
                 continue
@@ -205,7 +201,7 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     last = next((index for index, key in enumerate(keys) if key == "position"), len(keys))
     varied = keys[first:last]
     # The files of very different cases are shown below.
-    varied = varied if len(varied) <= MAX_VARIED_KEYS else []
+    varied = varied if len(varied) <= 15 else []
     chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
     lines = [[_named(key), *(_number(row[key]) for row in rows)] for key in chosen]
     return html.table("The runs side by side", ["", *titles], lines)

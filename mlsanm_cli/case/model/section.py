@@ -8,8 +8,8 @@ import inspect
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol
+from itertools import pairwise, takewhile
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mlsanm_cli.case.model.shapes import AnyShape
 
 Point = tuple[float, float]
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,10 @@ class Section(BaseModel):
     def given(self, *keys: str) -> list[str]:
         """Those of the keys that have a value."""
         return [key for key in keys if getattr(self, key) is not None]
+
+    def earlier(self, items: Iterable[Item]) -> list[Item]:
+        """The items of its list that precede this table."""
+        return list(takewhile(lambda item: item is not self, items))
 
     def exclusive(self, *keys: str, required: bool = True) -> Iterator[Fault]:
         """A fault if more than one of the keys is given, or none although one is ``required``."""
