@@ -36,6 +36,7 @@ from mlsanm_cli.app.finite.patches import touched_after
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, vtu_states
 from mlsanm_cli.app.scene.assemble import SceneModel
@@ -94,6 +95,11 @@ class FiniteStrain(Analysis):
         """Forces of loads, supports and contacts."""
         forces = resultants(self.scene, SceneForces.of(self.scene, state))
         return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
+
+    def checks(self, state: State) -> Iterator[Check]:
+        """Deformations and overlaps."""
+        for check in STATE:
+            yield from check(self.scene, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of the last state."""

@@ -94,7 +94,7 @@ def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     formula in percent of its peak. Markers show the nodes, and thereby oscillations from node to node; values
     far above the largest regular one are cut off."""
     levels, pressure, profile = pressure_levels(run, case, name, choice)
-    highest = max(regular_peak(run.contacts[name].arc_length, one) for one in pressure)
+    highest = max(regular_peak(run.contacts[name].arc_length, values) for values in pressure)
     words = load_words(run, case, levels[-1]) if len(levels) == 1 else ""
     if profile is None:
         order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
@@ -161,15 +161,15 @@ def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     """The traction at the nodes of a contact with its friction limits, and the stick and slip zones, which
     end half-way between nodes."""
     contact = run.contacts[name]
-    friction = next(one.coefficient for one in case.contact if one.name == name)
+    friction = next(described.coefficient for described in case.contact if described.name == name)
     # Bonds have no friction limit.
     coefficient = friction if np.isfinite(friction) else 0.0
     position = choice.at[-1] if choice.at else float(run.path.position[-1])
-    (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
-    pressure = np.maximum(found["pressure"], 0.0)
-    most = np.maximum(coefficient * pressure, np.abs(found["traction"]))
+    (values,) = probe_contact(run, [position], name, ("pressure", "traction"))
+    pressure = np.maximum(values["pressure"], 0.0)
+    most = np.maximum(coefficient * pressure, np.abs(values["traction"]))
     order, arc = along_surface(contact, pressure)
-    limit, traction = coefficient * pressure[order], found["traction"][order]
+    limit, traction = coefficient * pressure[order], values["traction"][order]
     status = level_at(run, position)[f"contacts/{name}/status"][order]
     high, cut_off = cut_off_above(float(most.max(initial=0.0)), regular_peak(contact.arc_length, most))
     high = 1.05 * high
@@ -207,7 +207,7 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     force, tangent = tangential_force(run, name), mean_tangent(run, name)
     along = {load: moved @ tangent for load, moved in run.path.displacements.items()}
     moved, label = mean_slip(run.contacts[name]), SLIP_LABEL
-    load = max(along, key=lambda one: float(np.ptp(along[one])), default="")
+    load = max(along, key=lambda name: float(np.ptp(along[name])), default="")
     if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
     ends = [
@@ -340,9 +340,11 @@ def _on_boundary(
     """Arc lengths (k,) and values (k,) at the nodes of a boundary."""
     name, _, edge = boundary.partition(".")
     body = run.bodies.get(name)
-    edges = [] if body is None else list(dict.fromkeys(one.partition("/")[0] for one in body.boundary.name))
+    edges = (
+        [] if body is None else list(dict.fromkeys(piece.partition("/")[0] for piece in body.boundary.name))
+    )
     if edge not in edges:
-        known = ", ".join(f"{name}.{one}" for one in edges) or ", ".join(run.bodies)
+        known = ", ".join(f"{name}.{edge}" for edge in edges) or ", ".join(run.bodies)
         raise RunError(f'there is no boundary "{boundary}"', f"there are: {known}")
     assert body is not None
     index, _ = boundary_nodes(body, Place((boundary,)))

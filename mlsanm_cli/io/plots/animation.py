@@ -110,7 +110,7 @@ def _write_gif(path: Path, pixels: Sequence[ByteArray], colours: int) -> None:
     from PIL import Image
 
     dither = Image.Dither.NONE
-    first, *others = (Image.fromarray(one).quantize(colours, dither=dither) for one in pixels)
+    first, *others = (Image.fromarray(frame).quantize(colours, dither=dither) for frame in pixels)
     times = [_frame_ms(pixels)] * len(others) + [LAST_FRAME_MS]
     comment = f"mlsanm {__version__}".encode()
     first.save(
@@ -133,7 +133,7 @@ def _write_mp4(path: Path, pixels: Sequence[ByteArray]) -> None:
     coded = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
     named = ["-metadata", f"comment=mlsanm {__version__}", "-f", "mp4", str(path)]
     command = [program, "-y", "-loglevel", "error", *raw, "-i", "-", *coded, *named]
-    done = subprocess.run(command, input=b"".join(one.tobytes() for one in frames), capture_output=True)
+    done = subprocess.run(command, input=b"".join(frame.tobytes() for frame in frames), capture_output=True)
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines()
         raise RunError(
