@@ -138,7 +138,7 @@ def _acting(
     touching: Mapping[str, FloatArray],
     shift: FloatArray,
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Points (2,) where a load is drawn, its vectors (2,) and the outward normals (2,) there; ``shift`` is the
+    """Points (2,) where a load is drawn, its vectors (2,) and outward normals (2,) there; ``shift`` is the
     displacement of its obstacle."""
     if isinstance(load, BodyForce):
         middle = shown[load.owner].mean(axis=0)
