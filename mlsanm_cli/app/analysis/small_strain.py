@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.analysis.small_lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error
 from mlsanm_cli.app.checks.overlaps import overlaps, self_overlaps
-from mlsanm_cli.app.checks.peaks import Peak, boundary_peaks
+from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.output.parts import ContactNodes, contact_figures, vtu_states
 from mlsanm_cli.app.output.views import Views, shown_fields
 from mlsanm_cli.app.scene.assemble import SceneModel
@@ -42,8 +42,8 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State, output_positions
-from mlsanm_cli.solve.stop_events import load_path
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""
@@ -81,7 +81,7 @@ class SmallStrain(Analysis):
         self._first: State | None = None
         self._stressed: tuple[State, Mapping[str, Fields]] | None = None
         self._energies: EnergyErrors | None = None
-        self._peaks: Mapping[str, Peak] = {}
+        self._peaks: Mapping[str, Mapping[str, Any]] = {}
 
     @property
     def _built(self) -> CondensedScene:
@@ -294,7 +294,7 @@ class SmallStrain(Analysis):
         cause = diagnose(built, state)
         fields, _ = fields_of(built, [state], stress=True)[0]
         bodies = vtu_states(self.nodes, fields, ("displacement", "stress", "von_mises"))
-        if len(cause.residual):
+        if len(cause["residual"]):
             more = node_fields(built, cause)
             bodies = {k: replace(body, data={**body.data, **more[k]}) for k, body in bodies.items()}
         return list(bodies.values()), {
@@ -343,7 +343,7 @@ class SmallStrain(Analysis):
         return plates | {
             "contacts": contacts,
             "error_estimate": adapted.accuracy.figures(built, state),
-            "peak_stress": {name: asdict(peak) for name, peak in self._peaks.items()},
+            "peak_stress": dict(self._peaks),
             "force_balance": imbalance[worst_of(imbalance)],
             "force_balance_bodies": imbalance,
             "energy_error": energies[worst_of(energies)] if energies else None,

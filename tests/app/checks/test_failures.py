@@ -19,8 +19,8 @@ from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
-from mlsanm_cli.solve.stop_events import load_path
 from tests.app.runs import events_of
 from tests.app.scenes import ANM, BAR, EXACT_LAW, NODAL, PATCH, SHEARED, hertz, solve
 from tests.case_text import Scene
