@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.linear.interface import Factor
-from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
+from mlsanm_cli.operators.linear.superlu import THRESHOLD, SuperLUFactor, elimination_order, factor_in_order
 from mlsanm_cli.operators.refinement import (
     BLOCK_COLUMNS,
     FULL_TOLERANCE,
@@ -30,7 +29,7 @@ class Square(LinearSystem):
 
     matrix: sparse.csr_array
     choice: sparse.csr_array
-    factor: Factor
+    factor: SuperLUFactor
 
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         rhs = self.scaled(sources)
@@ -82,7 +81,7 @@ class Square(LinearSystem):
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """(K^T K)^-1 times ``vectors`` (n, c)."""
-        return self.factor.solve(self.factor.solve(vectors, transposed=True))
+        return self.factor.solve(self.factor.solve_transposed(vectors))
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         """Right-hand sides (n, c) of the equations for those of the rows (r, c)."""
