@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -46,6 +45,8 @@ def nearest(word: object, valid: Iterable[str]) -> str:
     synonym = SYNONYMS.get(wanted, "").lower()
     if synonym in options:
         return options[synonym]
+    import difflib
+
     found = difflib.get_close_matches(wanted, options, n=1, cutoff=0.6)
     if found:
         return options[found[0]]

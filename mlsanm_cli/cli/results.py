@@ -162,7 +162,7 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
         rows.append(("error estimate", _percent(estimates["energy"], "of the energy")))
     peaks = summary.get("peak_stress") or {}
     if peaks:
-        body, peak = max(peaks.items(), key=lambda one: float(one[1]["error"]))
+        body, peak = max(peaks.items(), key=lambda item: float(item[1]["error"]))
         x, y = (number(value) for value in peak["place"])
         error = _percent(peak["error"], "error")
         rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {error}"))

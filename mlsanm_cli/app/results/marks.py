@@ -98,7 +98,7 @@ def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> Condi
 def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, float]) -> FloatArray:
     """Points (k, 2) of an obstacle, rotated by its loads."""
     angle, pivot = 0.0, (0.0, 0.0)
-    obstacle = next(one.obstacle for one in case.contact if one.name == contact)
+    obstacle = next(described.obstacle for described in case.contact if described.name == contact)
     for load in case.load:
         if isinstance(load, ObstacleMotion) and load.obstacle == contact and load.rotation and obstacle:
             angle += load.rotation * factors.get(load.name, 0.0)
@@ -202,7 +202,7 @@ def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
         CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)
         for cloud in clouds.values()
     ]
-    touching = {one.name: one.points[[int(one.gap.argmin())]] for one in prepared.pairings}
+    touching = {pairing.name: pairing.points[[int(pairing.gap.argmin())]] for pairing in prepared.pairings}
     stored = {
         name: Dataset(
             {
