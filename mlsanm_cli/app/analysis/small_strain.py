@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.analysis.small_lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check, Verdicts
@@ -21,7 +22,6 @@ from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.output.parts import ContactNodes, contact_figures, vtu_states
 from mlsanm_cli.app.output.views import Views, shown_fields
 from mlsanm_cli.app.scene.assemble import SceneModel
@@ -42,8 +42,8 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State, output_positions
-from mlsanm_cli.solve.stop_events import load_path
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""
