@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.tagged import TaggedNodes
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.self_contained import check_hdf5
 
@@ -23,9 +22,10 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 """Largest deviation of normals from unit length; they are normalised."""
 
 
-def read_points(path: Path) -> TaggedNodes:
-    """Nodes from a ``.csv`` file or, with any other suffix, an HDF5 file; their places are lines or rows.
-    Raises GeometryError, naming the line or row, if the file is invalid."""
+def read_points(path: Path) -> tuple[FloatArray, tuple[str, ...], FloatArray, tuple[str, ...]]:
+    """Points (n, 2), tags (n,) ("": interior), normals (n, 2) (nan: not given), and the line or row (n,) of
+    each, from a ``.csv`` file or, with any other suffix, an HDF5 file. Raises GeometryError, naming the line
+    or row, if the file is invalid."""
     table, places = _csv(path) if path.suffix.lower() == ".csv" else _hdf5(path)
     numbers = {name: _numbers(name, table[name], places) for name in table if name != "tag"}
     tags = tuple(text.strip() for text in table["tag"])
@@ -49,7 +49,7 @@ def read_points(path: Path) -> TaggedNodes:
     if bad.any():
         first = int(np.argmax(bad))
         raise GeometryError(f"{places[first]}: the normal has length {length[first]:.4g}, not 1")
-    return TaggedNodes(points, tags, normals / length[:, None], places)
+    return points, tags, normals / length[:, None], places
 
 
 def _too_many(count: int) -> GeometryError:

@@ -32,7 +32,7 @@ from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle
 from mlsanm_cli.cloud.elements import boundary_loops
 from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, trace
 from mlsanm_cli.cloud.membership import first_crossing
-from mlsanm_cli.cloud.tagged import check_normals, tagged_loops
+from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
 from mlsanm_cli.errors import GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
@@ -119,7 +119,7 @@ def _read(shape: FileShape) -> ImportedGeometry:
         points = mesh.points
         loops = boundary_loops(points, mesh.rings, mesh.lines, mesh.names, mesh.node_sets)
     else:
-        nodes = read_points(path)
+        nodes = TaggedNodes(*read_points(path))
         points, normals = nodes.points, nodes.normals
         loops = tagged_loops(nodes)
         check_normals(nodes, loops)
