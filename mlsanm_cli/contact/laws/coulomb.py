@@ -15,8 +15,9 @@ from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, Contact
 from mlsanm_cli.contact.complementarity.solution import solve, touching
 from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution
-from mlsanm_cli.contact.laws.limit_load import SlidingError, slides_freely
-from mlsanm_cli.contact.laws.set_search import NoStateError, kkt_residual
+from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
+from mlsanm_cli.contact.laws.limit_load import slides_freely
+from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
