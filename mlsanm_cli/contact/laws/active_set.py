@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
-from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.contact.complementarity.problem import FEASIBLE, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import solve
 from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
@@ -90,7 +90,9 @@ def _solved(
             "only may be free there; prescribe the displacement instead",
         ) from error
     x = p.columns * found.x
-    return found.status.closed, x[: p.m], x[p.m :], found.systems
+    # Nodes that only touch, with pressures of round-off, are open.
+    pressed = x[: p.m] > FEASIBLE * float(x[: p.m].max(initial=0.0))
+    return found.status.closed & pressed, np.where(pressed, x[: p.m], 0.0), x[p.m :], found.systems
 
 
 def _only_moved(condensed: Condensed, factors: FloatArray, pressure: FloatArray) -> bool:

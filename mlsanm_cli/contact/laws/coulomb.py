@@ -169,7 +169,7 @@ def event_driven_path(
         yield from (Event(stop, replace(state, factors=begin + stop * change), 0) for stop in stops)
         return
     constant, load = condensed.free_rows(begin), condensed.free_rows(change, rates=True)
-    now = _scaled(condensed, state, fraction)
+    now, settled = _scaled(condensed, state, fraction), bool(state.sets.closed.any())
     path = history.follow(condensed.problem, now, constant, load, stops)
     while True:
         try:
@@ -182,7 +182,7 @@ def event_driven_path(
             raise NoStateError(sliding=False) from ray
         if found.rates is not None and _slides(condensed, now, found, begin, change):
             raise SlidingError(now.lam)
-        jumped = found.jumped and bool(now.status.closed.any())
+        jumped, settled = found.jumped and settled, settled or not found.jumped
         yield Event(found.lam, _unscaled(condensed, found, begin + found.lam * change), found.systems, jumped)
         now = found
 
