@@ -159,7 +159,7 @@ class Search:
     def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
         """The status of a semismooth Newton step: that of nodes without a violated condition is kept."""
         p, allowed, slip = self.problem, self.allowed, w[self.problem.m : self.problem.contacts]
-        wrong = self._violated(status, x, w).any(axis=0)
+        wrong: BoolArray = np.asarray(self._violated(status, x, w).any(axis=0))
         push = x[: p.m] - p.exchange[: p.m] * w[: p.m]
         closed = np.where(status.closed, ~allowed.opens | (push > 0.0), allowed.closes & (push > 0.0))
         pull = x[p.m : p.contacts] - p.exchange[p.m :] * (slip - self.reference)
