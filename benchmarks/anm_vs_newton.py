@@ -39,9 +39,10 @@ from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.laws.active_set import solve_exact  # noqa: E402
 from mlsanm_cli.continuation import AnmOptions, Follower, NewtonOptions, follow  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
-from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at  # noqa: E402
+from mlsanm_cli.solve.condensed_scene import CondensedScene  # noqa: E402
 from mlsanm_cli.solve.paths import path_of  # noqa: E402
 from mlsanm_cli.solve.series import coupling_of, problem_of, regularization, start_point  # noqa: E402
+from mlsanm_cli.solve.stages import factors_at  # noqa: E402
 from mlsanm_cli.solve.state import PathStep  # noqa: E402
 from tests.app.scenes import Quiet, hertz  # noqa: E402
 

@@ -13,8 +13,9 @@ from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
+from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import near_limit
+from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions, stops
 
 LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)
@@ -23,6 +24,15 @@ MIN_ROWS = 20
 """Least number of states of a path without friction, even between the requested ones."""
 MIN_ROWS_OF_MANY = 1
 """The same for contacts with many unknowns, whose states take seconds each."""
+
+
+def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
+    """The path of the scene, or its remaining part, polished if requested."""
+    if not built.case.polished or built.follows_exactly:
+        return path_of(built, start)
+    from mlsanm_cli.solve.polish import polished
+
+    return polished(built, start)
 
 
 def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:

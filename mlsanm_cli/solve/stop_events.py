@@ -15,10 +15,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Stop
-from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.io.records import Quantities
-from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 LIMIT_TOLERANCE = 1e-10
@@ -29,15 +26,6 @@ Follow = Callable[[Checkpoint | None, tuple[float, ...]], Iterator[PathStep]]
 """Returns the path, or the part after a checkpoint, with further positions of saved states."""
 Measure = Callable[[Stop, State], float]
 """Returns the value in a state of the quantity of a stop."""
-
-
-def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """The path of the scene, or its remaining part, polished if requested."""
-    if not built.case.polished or built.follows_exactly:
-        return path_of(built, start)
-    from mlsanm_cli.solve.polish import polished
-
-    return polished(built, start)
 
 
 class _NotSaved(Exception):
@@ -112,6 +100,8 @@ class StoppedPath:
             return found[place][0]
 
         if last - first > near and value > 0.0:
+            from mlsanm_cli.continuation.roots import root  # for few runs
+
             with suppress(_NotSaved):
                 root(beyond, first, last, near)
         slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))

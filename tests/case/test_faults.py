@@ -11,6 +11,7 @@ from tests.case.scenes import BLOCK, CLAMP, HERTZ, PLATE, PULL, SQUARE, WAVY, pa
 Change = str | tuple[str, str]
 Row = tuple[Change, str, str]
 PULLED = SQUARE + CLAMP + PULL
+PLATEN = "[[load]]\nname = 'plate'\nboundary = 'square.top'\nkind = 'platen'\nfx = 0.0\n"
 
 
 VALUES: list[Row] = [
@@ -54,6 +55,7 @@ VALUES: list[Row] = [
     ("reference.solution='hertz'", "reference.solution", 'did you mean "hertz-line"'),
     ("[[stage]]\npress = nan", "stage.0.press", "nan and inf"),
 ]
+ON_DISK = 'friction = "bonded"\nobstacle = {kind = "disk", center = [0, 0], radius = 1}'
 RELATIONS: list[Row] = [
     ("body.0.material='steal'", "body.cylinder.material", 'did you mean "steel"'),
     (('name = "block"', 'name = "cylinder"'), "body.cylinder.name", "already"),
@@ -84,6 +86,19 @@ RELATIONS: list[Row] = [
     ("[[stage]]\npress = 1.0\n[output]\nat = [0.0, 1.0, 1.01]", "output.at.2", "from 0 to 1"),
     ("output.fields=['stress', 'stress']", "output.fields", "2 times"),
     ("[mls]\ndegree = 4\nneighbors = 14", "mls.neighbors", "15 terms"),
+    ('contact.0.friction="glued"', "contact.interface.friction", '"bonded"'),
+    (('"block.top"', '"block.top"\nfriction = "bonded"\ngap = 1'), "contact.interface.gap", "bonded"),
+    (('master = "block.top"', ON_DISK), "contact.interface.friction", "rigid obstacle"),
+    ("[[stop]]\nwhat = 'force'\nof = 'pres'\nabove = 1.0", "stop.0.of", "no load or contact or support"),
+    ("[[stop]]\nwhat = 'force'\nof = 'press'", "stop.0", 'one of "above", "below"'),
+    ("[[stop]]\nwhat = 'force'\nof = 'press'\nabove = 1.0\nbelow = 2.0", "stop.0.below", "is given too"),
+    ("[[stop]]\nwhat = 'slip'\nof = 'interface'\nabove = 1.0", "stop.0.of", "frictionless"),
+    (
+        "[[stop]]\nwhat = 'area'\nof = 'interface'\nabove = 1.0\ncomponent = 'x'",
+        "stop.0.component",
+        "no components",
+    ),
+    ("[[stop]]\nwhat = 'fold'\nabove = 1.0", "stop.0.above", "fold"),
 ]
 PARTS: list[Row] = [
     ("[[support]]\nbody = 'square'\nux = 0", "support.1", "near"),
@@ -99,6 +114,10 @@ PARTS: list[Row] = [
     ("support.0.uy=0.1", "support.0.uy", "not supported yet"),
     ("support.0.from=[0, 0]", "support.0.from", 'needs "to" too'),
     ("stage=[{}]", "load.pull", "no stage applies"),
+    (PLATEN + "moment = 1.0\nrotation = 'fixed'", "load.plate.moment", "free to rotate"),
+    (PLATEN + "moment = 1.0\nrotation = 0.1", "load.plate.moment", "free to rotate"),
+    (PLATEN + "hinge = [0.0, 0.0]\nrotation = 'fixed'", "load.plate.hinge", "can rotate"),
+    (PLATEN + "rotation = 'loose'", "load.plate.rotation", 'expected "fixed", "free", or an angle'),
     ("load.0.traction=[1, 'x +']", "load.pull.traction.1", "not an expression"),
 ]
 OUTLINES = [

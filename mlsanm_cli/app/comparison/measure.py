@@ -14,8 +14,8 @@ from mlsanm_cli.app.checks.states import checks_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from mlsanm_cli.solve.stop_events import load_path
 
 ANM, NEWTON, ACTIVE_SET, POLISHED = "anm", "newton", "active-set", "anm polished"
 MONOLITHIC = " monolithic"

@@ -162,7 +162,7 @@ class ObstacleMotion(_RigidMotion):
         obstacles = {contact.name: contact.obstacle for contact in scope.case.contact}
         obstacle = obstacles.get(self.obstacle)
         if self.obstacle not in scope.names["contact"]:
-            fitting = [name for name in obstacles if obstacles[name] is not None] or obstacles
+            fitting = [name for name in obstacles if obstacles[name] is not None] or scope.names["contact"]
             hint = suggestion(self.obstacle, fitting, "contacts with an obstacle")
             yield Fault(("obstacle",), f'there is no contact "{self.obstacle}"', hint)
         elif self.obstacle in obstacles and obstacle is None:

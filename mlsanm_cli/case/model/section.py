@@ -7,7 +7,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -50,12 +50,14 @@ class GeometryInspector(Protocol):
 @dataclass(frozen=True)
 class Scope:
     """The valid tables of a case. ``names`` are those of all items by section, also of invalid ones,
-    ``incomplete`` the sections with invalid parts, ``geometries`` those of the valid shapes by body."""
+    ``incomplete`` the sections with invalid parts, ``numbers`` those of the valid list items in the file,
+    ``geometries`` those of the valid shapes by body."""
 
     case: Case
     names: Mapping[str, tuple[str, ...]]
     incomplete: frozenset[str]
-    geometries: Mapping[str, Geometry]
+    numbers: Mapping[str, tuple[int, ...]]
+    geometries: Mapping[str, Geometry] = field(default_factory=dict)
 
     @property
     def strain(self) -> str:
@@ -70,6 +72,13 @@ class Scope:
     def complete(self, *sections: str) -> bool:
         """Whether all items of the sections are valid, so that something missing there is missing."""
         return self.incomplete.isdisjoint(sections)
+
+    def in_file(self, path: KeyPath) -> KeyPath:
+        """The path in the file of a path in the case."""
+        match path:
+            case (str(section), int(number), *rest) if section in self.numbers:
+                return (section, self.numbers[section][number], *rest)
+        return path
 
     def refused(self, given: object, key: KeyPath, what: str, hint: str) -> Iterator[Fault]:
         """A fault if something is ``given`` that finite strain does not support."""

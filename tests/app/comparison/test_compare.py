@@ -22,8 +22,8 @@ from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from mlsanm_cli.solve.stop_events import load_path
 from tests.app.scenes import (
     ANM,
     AS_SERIES,

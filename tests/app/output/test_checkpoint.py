@@ -10,8 +10,8 @@ import pytest
 
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from mlsanm_cli.solve.stop_events import load_path
 from tests.app.scenes import (
     ANM,
     BAR,

@@ -15,7 +15,7 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.state import PathStep, State
 from mlsanm_cli.solve.stop_events import turning
 from tests.app.runs import resumed_differences, summary_of
-from tests.app.scenes import ANM, AS_SERIES, BAR, EXACT_LAW, FAST, NEWTON, PATCH, Quiet, hertz, refused, solve
+from tests.app.scenes import ANM, AS_SERIES, BAR, EXACT_LAW, FAST, NEWTON, PATCH, Quiet, hertz, solve
 from tests.case_text import body, box, contact, head, item, load, material, pin, pushed, support
 
 HERTZ_STOP = item("stop", what="pressure", of="interface", above=1500.0)
@@ -156,28 +156,6 @@ def test_a_stopped_path_is_resumed_to_the_same_end(steps: int | None, tmp_path: 
     assert resumed_differences(whole, place) == []
 
 
-@pytest.mark.parametrize(
-    ("stop", "key", "message"),
-    [
-        ({"what": "force", "of": "pres", "above": 1.0}, "stop.0.of", "no load or contact or support"),
-        ({"what": "force", "of": "press"}, "stop.0", 'one of "above", "below"'),
-        ({"what": "force", "of": "press", "above": 1.0, "below": 2.0}, "stop.0.below", "is given too"),
-        ({"what": "slip", "of": "interface", "above": 1.0}, "stop.0.of", "frictionless"),
-        (
-            {"what": "area", "of": "interface", "above": 1.0, "component": "x"},
-            "stop.0.component",
-            "no components",
-        ),
-        ({"what": "fold", "above": 1.0}, "stop.0.above", "fold"),
-        ({"what": "force", "of": "press", "abov": 1.0}, "stop.0.abov", "unknown key"),
-    ],
-)
-def test_stops_that_make_no_sense_are_refused(
-    stop: dict[str, Any], key: str, message: str, tmp_path: Path
-) -> None:
-    refused(hertz().item("stop", **stop), tmp_path / "run", key, message)
-
-
 def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
     none = np.zeros(0)
     state = State(0.9, none, none, none, none, np.zeros(0, np.int8))
@@ -203,7 +181,8 @@ def test_the_summary_of_a_patch_test_names_its_stop(tmp_path: Path) -> None:
 RUBBER = (
     head("strain", strain="finite")
     + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-    + body("block", "rubber", 0.25, box([0.0, 2.0], [0.0, 1.0]))
+    + body("block", "rubber", 0.2, box([0.0, 2.0], [0.0, 1.0]))
+    + item("body.refine", at=[1.0, 1.0], spacing=0.05, radius=0.3, growth=0.2)
     + support("block.bottom", ux=0.0, uy=0.0)
 )
 PUSHED = pushed("press", "c", uy=-0.2) + contact(
