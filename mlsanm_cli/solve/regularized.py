@@ -11,9 +11,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.limit_load import SlidingError, limit_load, slides_freely
+from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
+from mlsanm_cli.contact.laws.limit_load import limit_load, slides_freely
 from mlsanm_cli.contact.laws.regularized_friction import FactorisationCount, RegularizedFriction
-from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError

@@ -30,7 +30,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.limit_load import SlidingError
+from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.records import Quantities, place
 from mlsanm_cli.io.run_file import Value
