@@ -152,6 +152,15 @@ def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
     return first_row, total
 
 
+def node_rows(
+    model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]], springs: Springs
+) -> sparse.csr_array:
+    """All rows (r, 2N) of the nodes: equilibrium, conditions of surfaces, single held components."""
+    first_row, total = _first_rows(model.cloud)
+    table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
+    return sparse.csr_array(_rows(model, held, single) + spring_rows(model.cloud, table, len(model.nodes)))
+
+
 def _rows(
     model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]]
 ) -> sparse.csr_array:

@@ -31,9 +31,9 @@ def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[
         return linear_path(built, start)
     # Imported when needed, as each method imports another package.
     if built.case.touching[0].regularization.law != "exact" and not built.follows_exactly:
-        from mlsanm_cli.solve.regularized import regularized_path
+        from mlsanm_cli.paper.path import paper_path
 
-        return _limited(built, start, regularized_path(built, start))
+        return _limited(built, start, paper_path(built, start))
     if len(built.condensed.friction_nodes):
         from mlsanm_cli.solve.event_driven import friction_path
 

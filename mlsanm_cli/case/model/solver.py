@@ -47,6 +47,8 @@ class Solver(Section):
     polish: bool | Literal["auto"] = "auto"
     """Solve saved load levels again with the exact laws; `"auto"` does so unless friction depends on the
     history."""
+    increments: Annotated[int, Field(ge=1, le=10_000)] = 10
+    """Parts of every stage at whose ends regularised friction moves its stick references (backward Euler)."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu"] = "auto"
