@@ -93,7 +93,7 @@ def factorise_twins() -> None:
 
 def build_anew() -> None:
     """All bodies made anew in every pass."""
-    from mlsanm_cli.app.assessment import refinement as adapt
+    from mlsanm_cli.app.checks import refinement as adapt
 
     place, condense_scene = adapt.place, adapt.condense_scene
     adapt.place = lambda *given: place(*given[:3])

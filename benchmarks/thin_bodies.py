@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.app.assessment.checks import ENERGY_LIMIT, ENERGY_WARNING
+from mlsanm_cli.app.checks.verdicts import ENERGY_LIMIT, ENERGY_WARNING
 from mlsanm_cli.app.scene.assemble import HIGH_DEGREE, LOW_DEGREE, MIN_HIGH_SPACINGS
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.assessment.quality import Quality, assess, ratio_message
-from mlsanm_cli.app.assessment.references import check_reference
+from mlsanm_cli.app.checks.quality import Quality, assess, ratio_message
+from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.recording import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel

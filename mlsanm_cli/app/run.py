@@ -8,7 +8,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.assessment.checks import (
+from mlsanm_cli.app.checks.end_state import (
+    check_held,
+    check_limit,
+    check_rolling,
+    end_warnings,
+    idle_note,
+    overlap_warnings,
+    tip_warnings,
+)
+from mlsanm_cli.app.checks.energy import energy_error
+from mlsanm_cli.app.checks.peaks import boundary_peaks, check_peaks
+from mlsanm_cli.app.checks.quality import Warn, announce, assess, factor_notes, nodal_warnings
+from mlsanm_cli.app.checks.references import check_reference
+from mlsanm_cli.app.checks.refinement import Adapted, Refinement, adapt, refine_again
+from mlsanm_cli.app.checks.verdicts import (
     check_balance,
     check_energy,
     check_estimates,
@@ -21,20 +35,6 @@ from mlsanm_cli.app.assessment.checks import (
     check_transfer,
     force_balance,
 )
-from mlsanm_cli.app.assessment.end_state import (
-    check_held,
-    check_limit,
-    check_rolling,
-    end_warnings,
-    idle_note,
-    overlap_warnings,
-    tip_warnings,
-)
-from mlsanm_cli.app.assessment.energy import energy_error
-from mlsanm_cli.app.assessment.peaks import boundary_peaks, check_peaks
-from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
-from mlsanm_cli.app.assessment.references import check_reference
-from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.output.summary import Ending, summarise
@@ -162,7 +162,7 @@ def carry_out(
             at = f"at position {recorder.last.position:.9g}"
             ending = Ending("done", f"{reached.description}, {at}", stopped_by=reached.description)
         if recorder.last is not None and len(built.condensed.friction_nodes):
-            from mlsanm_cli.app.assessment.friction_accuracy import with_friction
+            from mlsanm_cli.app.checks.friction_accuracy import with_friction
 
             with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last, context.memo)

@@ -17,6 +17,7 @@ from mlsanm_cli.cli.options import FILE, common, console_for, pretty_result, pri
 from mlsanm_cli.cli.settings import Settings, numerics, say
 from mlsanm_cli.cli.text import grid, label, number
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.toml import plain
 
 _ORIGINS = {
@@ -27,8 +28,6 @@ _ORIGINS = {
 }
 POINT_HINT = "as in --body block --point 0,-0.5"
 _ORIGIN_KEYS = ("how", "error")
-_ROUND_OFF = 1e-9
-"""Relative error below which an interpolation is exact to round-off."""
 
 
 class PointType(click.ParamType[tuple[float, float]]):
@@ -162,7 +161,7 @@ def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:
 def _origin(row: Mapping[str, Any]) -> str:
     """The origin of a row in words, "" if it is stored."""
     error = float(row.get("error", 0.0))
-    if row["how"] == "interpolated" and error < _ROUND_OFF:
+    if row["how"] == "interpolated" and error < ROUND_OFF:
         return "interpolated to round-off"
     return _ORIGINS[row["how"]].format(error=100.0 * error)
 

@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.front import fill_region, relax
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body
-from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, Mirror, SymmetryLine
+from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
@@ -25,6 +25,7 @@ from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
@@ -295,7 +296,7 @@ class Places:
         """Whether all interior points are on a ``line``."""
         points = self.points[self.curve < 0]
         size = np.abs(points).max(initial=0.0) + abs(line.at)
-        return bool((np.abs(points[:, line.axis] - line.at) <= IMAGE_TOLERANCE * size).all())
+        return bool((np.abs(points[:, line.axis] - line.at) <= ROUND_OFF * size).all())
 
     def inside(self, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing) -> FloatArray:
         """Interior points (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""

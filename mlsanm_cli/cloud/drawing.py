@@ -15,14 +15,11 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import inside_polygon, signed_area
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.errors import Fault, OutlineError
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 Point = tuple[float, float]
 Named = tuple[str, Curve]
 
-ZERO_LENGTH = 1e-9
-"""Lengths below this fraction of the outline's size are zero."""
-JOIN_TOLERANCE = 1e-6
-"""Ends closer than this fraction of the outline's size coincide: coordinates in files are rounded."""
 ARC_CHORDS = 16
 """Chords per arc in the search for crossings."""
 MAX_CHORDS = 4000
@@ -60,7 +57,7 @@ def polygon(
     Raises OutlineError for repeated points, collinear points, and radii that are too large.
     """
     count = len(points)
-    size, small = extent(points), ZERO_LENGTH * extent(points)
+    size, small = extent(points), ROUND_OFF * extent(points)
     _refuse(_point_faults(points, small, size))
     order = list(range(count))
     if signed_area(np.array(points)) < 0.0:
@@ -105,7 +102,7 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
     that do not join, and for collinear points."""
     known = [point for side in sides for point in (side.points or (side.to,)) if point is not None]
     size, count = extent(known or [(0.0, 0.0)]), len(sides)
-    _refuse(_join_faults(sides, JOIN_TOLERANCE * size))
+    _refuse(_join_faults(sides, COARSE_ROUND_OFF * size))
     chain: list[tuple[str, tuple[Point, ...]]] = []
     closed = False
     for number, side in enumerate(sides):
@@ -129,7 +126,7 @@ def closed_chain(sides: Sequence[Side]) -> list[Named]:
     area = signed_area(corners)
     if len(corners) > MAX_CHORDS:
         raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MAX_CHORDS}")])
-    if abs(area) <= ZERO_LENGTH * size**2:
+    if abs(area) <= ROUND_OFF * size**2:
         raise OutlineError([Fault(("sides",), "all points lie on a line")])
     if area < 0.0:
         chain = [(name, points[::-1]) for name, points in reversed(chain)]
@@ -149,9 +146,9 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
     chords = np.concatenate(parts)
     names = [name for (name, _), part in zip(outer, parts, strict=True) for _ in part]
     size = float(np.ptp(chords[:, :2], axis=0).max())
-    meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, ZERO_LENGTH * size))
+    meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, ROUND_OFF * size))
     _refuse(Fault((key,), f'the boundaries "{one}" and "{other}" cross or touch') for one, other in meeting)
-    _refuse(_hole_faults(outer, chords, holes, ZERO_LENGTH * size))
+    _refuse(_hole_faults(outer, chords, holes, ROUND_OFF * size))
     circles = [(name, Arc(center, r, 0.5 * math.pi, -2.0 * math.pi)) for name, center, r in holes]
     chain = [*outer, *circles]
     starts = (0, *range(len(outer), len(chain)))
@@ -199,7 +196,7 @@ def _rounding_faults(
         following = (place + 1) % len(order)
         if radius[place] and cut[place] <= small:
             yield Fault(("rounding", number), "there is no corner to round at this point", "write 0.0")
-        elif cut[place] + cut[following] > room[place] * (1.0 + ZERO_LENGTH):
+        elif cut[place] + cut[following] > room[place] * (1.0 + ROUND_OFF):
             larger, other = (place, following) if cut[place] >= cut[following] else (following, place)
             rest = float(room[place] - cut[other])
             text = f"a radius of {radius[larger]:g} takes {cut[larger]:g} of a side that has {rest:g} left"
@@ -270,7 +267,7 @@ def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
             first, then = chords[[one, other] if (other - one) % count == 1 else [other, one]]
             came, goes = first[2:] - first[:2], then[2:] - then[:2]
             back = float(came @ goes)
-            if back < 0.0 and abs(_cross(came, goes)) <= ZERO_LENGTH * abs(back):
+            if back < 0.0 and abs(_cross(came, goes)) <= ROUND_OFF * abs(back):
                 yield one, other
         others = others[~neighbour]
         for other in others[_apart(chords[one], chords[others]) <= small].tolist():

@@ -13,10 +13,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop
 from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
-
-DEGENERATE = 1e-9
-"""Relative tolerance for coincident nodes (of the extent) and flat elements (of the squared size)."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ def _at(points: FloatArray, nodes: IntArray | Sequence[int]) -> str:
 
 def _refuse_coincident(points: FloatArray) -> None:
     size = float(np.ptp(points, axis=0).max())
-    pairs = cKDTree(points).query_pairs(DEGENERATE * size, output_type="ndarray")
+    pairs = cKDTree(points).query_pairs(ROUND_OFF * size, output_type="ndarray")
     if len(pairs):
         raise GeometryError(
             f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[:1, 0])}",
@@ -78,7 +76,7 @@ def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
     x, y = np.moveaxis(corners - corners[:, :1], 2, 0)
     area = 0.5 * (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
     extent = np.ptp(corners, axis=1).max(axis=1)
-    flat = np.abs(area) <= DEGENERATE * extent**2
+    flat = np.abs(area) <= ROUND_OFF * extent**2
     # Curved sides may be slightly concave, but a corner that turns the wrong way is a folded element.
     bends = (turn * np.sign(area)[:, None]) < 0.0
     step = 1 if ring.shape[1] in (3, 4) else 2

@@ -13,13 +13,12 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, chord_zones
 from mlsanm_cli.cloud.splines import SplinePart
+from mlsanm_cli.roundoff import ROUND_OFF
 
 SMOOTH_ANGLE = math.radians(1.0)
 """Largest angle between two curves that counts as a smooth joint: the stress effect of a kink scales with its
 angle."""
 MAX_CHORDS, MAX_TURN = 64, 0.2
-ROUND_OFF = 1e-9
-"""Relative differences below this are round-off."""
 
 
 @dataclass(frozen=True, eq=False)

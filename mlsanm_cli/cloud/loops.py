@@ -21,10 +21,9 @@ from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.roundoff import ROUND_OFF
 
 ALIGNED = 0.9
-COLLINEARITY_TOLERANCE = 1e-8
-"""Nodes within this fraction of the body's extent of a line lie on it."""
 
 
 @dataclass(frozen=True)
@@ -60,10 +59,7 @@ def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
     share a name.
     """
     size = float(np.ptp(points, axis=0).max())
-    cut = [
-        list(_pieces(points, _begun(points, loop, corner), corner, COLLINEARITY_TOLERANCE * size))
-        for loop in loops
-    ]
+    cut = [list(_pieces(points, _begun(points, loop, corner), corner, ROUND_OFF * size)) for loop in loops]
     outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
     cut = [cut[k] for k in sorted(range(len(cut)), key=lambda k: not outer[k])]
     pieces = [piece for loop in cut for piece in loop]

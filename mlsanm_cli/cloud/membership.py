@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 SAGITTA_FACTOR = 1.1
 """Factor on the sagitta of an arc through two nodes: allowance for curves that are not arcs."""
-ROUND_OFF = 1e-9
 BATCH_SIZE = 2**18
 """Point-edge pairs processed at once: large for speed, small for memory."""
 

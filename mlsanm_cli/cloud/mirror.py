@@ -9,10 +9,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
-
-IMAGE_TOLERANCE = 1e-9
-"""A node within this fraction of the spacing of an image is that image."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +37,12 @@ class SymmetryLine:
         return signs
 
     def images(self, points: FloatArray, size: FloatArray) -> IntArray | None:
-        """Indices (n,) of the images of ``points`` (n, 2), within IMAGE_TOLERANCE times ``size`` (n,); None
+        """Indices (n,) of the images of ``points`` (n, 2), within ROUND_OFF times ``size`` (n,); None
         if the points are not mirror-symmetric."""
         away, image = nearest(cKDTree(points), self.reflect(points))
         found: IntArray = np.asarray(image, dtype=np.int64)
         paired = np.array_equal(found[found], np.arange(len(points)))
-        return found if paired and (np.asarray(away) <= IMAGE_TOLERANCE * size).all() else None
+        return found if paired and (np.asarray(away) <= ROUND_OFF * size).all() else None
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree, connected_components
 
 WIDTH_OVER_DEPTH = 1.0
@@ -28,8 +29,6 @@ Without it portal frames with fillets lost up to 6 % of their stiffness; with 0.
 two to three times as much."""
 CLEARANCE = 3.5
 """Distance of pairs from supports and corners, in spacings."""
-TIE_TOLERANCE = 1e-9
-"""Relative tolerance for equal moments of inertia, and for equal distances over the body's size."""
 MERGE_FRACTION = 0.25
 """Pieces below this fraction of the wanted size are merged with a neighbour."""
 
@@ -129,11 +128,11 @@ def _along(points: FloatArray, labels: IntArray, count: IntArray) -> FloatArray:
     x, y = (points - middle[labels]).T
     xx, yy, xy = (np.bincount(labels, one) for one in (x * x, y * y, x * y))
     # Round-off must not choose the axis of a square part of a regular mesh, nor among equally distant nodes.
-    least = TIE_TOLERANCE * (xx + yy)
+    least = ROUND_OFF * (xx + yy)
     across, twice = (np.where(np.abs(one) > least, one, 0.0) for one in (xx - yy, 2.0 * xy))
     angle = 0.5 * np.arctan2(twice, across)
     along = np.cos(angle)[labels] * x + np.sin(angle)[labels] * y
-    return np.asarray(np.round(along / (TIE_TOLERANCE * float(np.ptp(points, axis=0).max()))))
+    return np.asarray(np.round(along / (ROUND_OFF * float(np.ptp(points, axis=0).max()))))
 
 
 def _connected(labels: IntArray, pairs: IntArray) -> IntArray:

@@ -12,6 +12,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 MIN_DETOUR = 3.0
@@ -23,7 +24,6 @@ INWARD_SHIFT = 1e-3
 """Points on the outline are shifted inward by this fraction of the edge length before visibility tests."""
 FACE_SHIFT = 0.3
 """Each face of a slit is shifted by this fraction of the edge length for the triangulation."""
-FLAT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCrite
     if len(begins) == 1:
         following = np.roll(step, -1, axis=0)
         turn = step[:, 0] * following[:, 1] - step[:, 1] * following[:, 0]
-        if (turn >= -FLAT * length * np.roll(length, -1)).all():
+        if (turn >= -FINE_ROUND_OFF * length * np.roll(length, -1)).all():
             return None  # a convex outline does not face itself across a void
     number = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(edges))))
     end = np.cumsum(length)

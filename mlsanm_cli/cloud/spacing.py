@@ -12,10 +12,11 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.search import BATCH_SIZE, in_batches
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
+from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_STEPS = 2_000_000
 """Largest number of nodes along one curve; with more, the interior nodes would not fit in memory."""
@@ -66,9 +67,9 @@ class Spacing:
         """Whether every zone is symmetric about ``line`` or has its mirror image among the zones."""
         marks, asked = _zone_points(self.table())
         images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
-        slack = IMAGE_TOLERANCE * asked[:, :1, None]
+        slack = ROUND_OFF * asked[:, :1, None]
         for image, wanted in zip(images, asked, strict=True):
-            like = np.isclose(asked, wanted, rtol=IMAGE_TOLERANCE, atol=0.0).all(axis=1)
+            like = np.isclose(asked, wanted, rtol=ROUND_OFF, atol=0.0).all(axis=1)
             near = [np.abs(marks - way).max(axis=(1, 2)) <= slack[:, 0, 0] for way in (image, image[::-1])]
             if not (like & (near[0] | near[1])).any():
                 return False
@@ -128,7 +129,7 @@ class Spacing:
 def _halved(curve: Curve, line: SymmetryLine) -> bool:
     """Whether the middle of a curve is on the symmetry ``line``."""
     middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
-    return bool(abs(middle - line.at) <= IMAGE_TOLERANCE * curve.length)
+    return bool(abs(middle - line.at) <= ROUND_OFF * curve.length)
 
 
 def _zone_points(table: FloatArray) -> tuple[FloatArray, FloatArray]:

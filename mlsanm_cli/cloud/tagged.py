@@ -11,6 +11,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop, turns
 from mlsanm_cli.cloud.membership import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 GAP_RATIO = 4.0
@@ -19,7 +20,6 @@ BACKWARD_ANGLE = np.radians(150.0)
 """A boundary that turns by more than this runs backwards."""
 MIN_COSINE = 0.9
 """Least cosine between a given normal and the outline's own."""
-SMALL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _at(point: FloatArray) -> str:
 
 def _refuse_coincident(nodes: TaggedNodes) -> None:
     size = float(np.ptp(nodes.points, axis=0).max())
-    pairs = cKDTree(nodes.points).query_pairs(SMALL * size, output_type="ndarray")
+    pairs = cKDTree(nodes.points).query_pairs(ROUND_OFF * size, output_type="ndarray")
     if len(pairs):
         one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
         raise GeometryError(

@@ -8,9 +8,9 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.search import run_interruptible
 from mlsanm_cli.cloud.sight import VisibilityCriterion
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import Delaunay
 
-FLAT = 1e-9
 INTERRUPTIBLE_SIZE = 10_000
 """Below so many points the triangulation is too short to need interrupting."""
 
@@ -30,7 +30,7 @@ def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion 
     # slits are opened: drawn, those next to a slit's end may turn about and lie over their neighbours.
     on_boundary = np.zeros(len(points), dtype=bool)
     on_boundary[edges] = True
-    outside = np.abs(twice) <= FLAT * ((b - a) ** 2).sum(axis=1)
+    outside = np.abs(twice) <= ROUND_OFF * ((b - a) ** 2).sum(axis=1)
     doubtful = np.flatnonzero(on_boundary[triangles].all(axis=1) & ~outside)
     centers = placed[triangles[doubtful]].mean(axis=1)
     outside[doubtful] = ~inside_polygon(placed[edges].reshape(-1, 4), centers)

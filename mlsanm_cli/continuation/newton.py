@@ -23,6 +23,7 @@ from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 # A failed step is repeated with half its length; many iterations shorten the next step by no more than that.
 _HALF = 0.5
@@ -40,7 +41,6 @@ _MAX_EVENT_ITERATIONS = 20
 # Events are searched on the cubic beyond its end, to this multiple of its length.
 _EXTRAPOLATION = 1.25
 # So near the start, as a part of the step, the first cubic is exact to round-off.
-_NEAR_START = 1e-6
 # After an event at some part of a step, the next step is at most this multiple of that part.
 _GROWTH_AFTER_EVENT = 2.0
 
@@ -116,7 +116,7 @@ class NewtonFollower(Follower):
             ways = {v: abs(v - here.lam) for v in self._targets if (v - here.lam) * along[1] > 0.0}
             level = min(ways, key=ways.__getitem__)
             room = ways[level]
-            length, level = (room, level) if length >= (1.0 - _NEAR_START) * room else (length, None)
+            length, level = (room, level) if length >= (1.0 - COARSE_ROUND_OFF) * room else (length, None)
         shortest = self._options.min_length / self._metric.norm(*along)
         while True:
             try:
@@ -234,7 +234,7 @@ class NewtonFollower(Follower):
             return leg
         for _ in range(_MAX_EVENT_ITERATIONS):
             leg = self._at(here, along, leg, a)
-            if a <= _NEAR_START * whole:
+            if a <= COARSE_ROUND_OFF * whole:
                 break
             found = locate_event(leg.piece.shortened(min(_EXTRAPOLATION * leg.piece.length, whole)))
             if found == np.inf:
@@ -247,14 +247,14 @@ class NewtonFollower(Follower):
         else:
             message = f"the location of an event does not converge near load factor {leg.end.lam:.9g}"
             raise _Failed(StopReason.CORRECTION_FAILED, message)
-        if leg.piece.length > _NEAR_START * whole:
+        if leg.piece.length > COARSE_ROUND_OFF * whole:
             self._step_length = min(self._step_length, _GROWTH_AFTER_EVENT * leg.piece.length)
         return replace(leg, event=True)
 
     def _at(self, here: ExpansionPoint, along: tuple[FloatArray, float], leg: _Step, a: float) -> _Step:
         """Return the step that ends at ``a``; near the start it needs no iteration."""
         x, lam = leg.piece.evaluate(a)
-        if a > _NEAR_START * leg.piece.length:
+        if a > COARSE_ROUND_OFF * leg.piece.length:
             return self._solved(here, along, leg.piece, a)
         residual = float(np.abs(self._problem.residual(x, lam)).max(initial=0.0))
         return _Step(leg.piece.shortened(a), Correction(x, lam, residual), here)

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.self_contained import bounded_unpacking, check_includes, check_self_contained
+from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     import meshio
 
 
-COPLANARITY_TOLERANCE = 1e-9
-"""Largest variation of z, relative to the extent."""
 PHYSICAL = "gmsh:physical"
 _NOT_NAMES = ("gmsh:geometrical", "gmsh:bounding_entities")
 
@@ -162,7 +161,7 @@ def _plane(points: NDArray[Any]) -> FloatArray:
         node = int(np.argmin(np.isfinite(points).all(axis=1))) + 1
         raise GeometryError(f"the coordinates of node {node} are not finite")
     extent = np.ptp(points, axis=0)
-    if points.shape[1] == 3 and extent[2] > COPLANARITY_TOLERANCE * extent.max():
+    if points.shape[1] == 3 and extent[2] > ROUND_OFF * extent.max():
         raise GeometryError(f"the nodes are not coplanar: z varies by {extent[2]:g}", "z = 0 for all nodes")
     return np.ascontiguousarray(points[:, :2])
 

@@ -12,7 +12,7 @@ import h5py
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
 from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
-from mlsanm_cli.io.summary import INTERFACE_COLUMNS
+from mlsanm_cli.io.schema import INTERFACE_COLUMNS, members
 
 RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"
@@ -217,7 +217,7 @@ def _is_ours(path: Path) -> bool:
     if _INTERFACE.fullmatch(name):
         # A table of the user may be called interface_notes.csv: the header decides.
         with path.open("rb") as stream:
-            return stream.readline().strip() == ",".join(INTERFACE_COLUMNS).encode()
+            return stream.readline().strip() == ",".join(members(INTERFACE_COLUMNS)).encode()
     if name == REPORT_FILE:
         # Imported only if there is a report.
         from mlsanm_cli.io.html import is_ours

@@ -21,8 +21,6 @@ from mlsanm_cli.io.atomic import cannot_write, write_text
 from mlsanm_cli.system import open_regular
 from mlsanm_cli.toml import plain
 
-INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
-
 
 def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
     """Writes ``mapping`` as indented JSON, nan and inf as null. Raises RunError if that fails."""

@@ -12,22 +12,17 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth_step
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, summed, traction
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 RANGE_BELOW, RANGE_ABOVE = 9.0, 16.0
 """Range of the forces along the faces, in the logarithm of the distance, below the nearest source and beyond
 the farthest; forces beyond are lumped at the ends."""
 FADE_LENGTH = 2.0
 """Logarithmic length over which forces along faces of limited span fade out."""
-FACE_TOLERANCE = 1e-9
-"""Points within this fraction of a straight face's length of it lie on it."""
 MIN_TIP_DISTANCE = 1e-3
 """Tractions on curved faces are evaluated no closer to the tip than this fraction of the span."""
 NORMAL_TOLERANCE = 1e-2
 """Points at the tip belong to the face whose normal agrees to this tolerance on 1 - cos."""
-MIN_DISTANCE = 1e-12
-"""Lower bound of distances from the tip, as a fraction of the length: fields are singular at the tip."""
-ROUND_OFF = 1e-12
-"""Densities below this are zero."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +87,8 @@ class Corner:
         found = []
         for face in self.faces[:1] if self.wedge.sliding or self.wedge.clamped else self.faces:
             w = (z - self.tip) * np.conj(face.along)
-            on = (np.abs(w.imag) <= FACE_TOLERANCE * self.length) & (w.real >= -FACE_TOLERANCE * self.length)
-            on &= np.abs((normal * np.conj(face.along)).real) <= FACE_TOLERANCE
+            on = (np.abs(w.imag) <= ROUND_OFF * self.length) & (w.real >= -ROUND_OFF * self.length)
+            on &= np.abs((normal * np.conj(face.along)).real) <= ROUND_OFF
             found.append(on & (self.curved is None))
         return found[0], found[-1] if len(found) > 1 else np.zeros(len(z), dtype=bool)
 
@@ -139,7 +134,7 @@ class Corner:
         kept = 1.0 - smooth_step((np.log(self.span) - logarithm) / FADE_LENGTH)
         found = []
         for face, table in zip(self.faces, self.wedge.densities, strict=True):
-            if np.abs(table).max() <= ROUND_OFF:
+            if np.abs(table).max() <= FINE_ROUND_OFF:
                 continue  # walls at right angles need images alone
             by = interpolated(table, logarithm[:, None] - np.log(source))
             for row, more in ((0, before), (-1, after)):
@@ -151,7 +146,7 @@ class Corner:
     def beyond_wedge(self, z: ComplexArray) -> FloatArray:
         """Displacements (k, k, 2, 2) of points ``z`` (k,) of the first face due to unit forces there, minus
         :meth:`Wedge.compliance`, for curved faces."""
-        count, x = len(z), np.maximum(self.distance(z), MIN_DISTANCE * self.length)
+        count, x = len(z), np.maximum(self.distance(z), FINE_ROUND_OFF * self.length)
         lines = self.face_forces(x, _unit(count))
         moved = sum((line.displacement(z) for line in lines), start=np.zeros((count, 2, 2 * count)))
         whole = [[self.wedge.compliance(x, x, c, d) for d in (0, 1)] for c in (0, 1)]

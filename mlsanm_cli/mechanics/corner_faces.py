@@ -23,19 +23,16 @@ from mlsanm_cli.mechanics.near_field import (
     traction,
 )
 from mlsanm_cli.mechanics.wedge import cubic
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 LOG_STEP = 0.1
 """Step of the forces along a face in the logarithm of their distance from the tip."""
-FACE_TOLERANCE = 1e-6
-"""Tolerance for points and directions on a curved face."""
 NEAR_ANGLE = 0.2
 """Below this angle to the face the distribution is integrated instead of summed."""
 BLEND_START, BLEND_END = 0.2, 1.6
 """Blending interval between both, in the logarithm of the distance."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 """Gauss points of these integrals on either side of the closest point."""
-MIN_ANGLE = 1e-6
-"""Points on a face are shifted to this angle inside, as fields jump on it."""
 Field: TypeAlias = Callable[[SurfaceForces, ComplexArray], FloatArray]
 
 
@@ -94,8 +91,8 @@ class FaceForces:
         place, inward = self.face.places(x)
         # Not the length of the face, which may be infinite: other sides may be parallel to it.
         size = np.abs(z - self.face.tip).max(initial=0.0)
-        on = (np.abs(z - self.face.tip - place) <= FACE_TOLERANCE * size) & (
-            np.abs(normal + inward) <= FACE_TOLERANCE
+        on = (np.abs(z - self.face.tip - place) <= COARSE_ROUND_OFF * size) & (
+            np.abs(normal + inward) <= COARSE_ROUND_OFF
         )
         total = np.zeros((len(z), 2, self.density.shape[2]))
         if not on.all():
@@ -120,10 +117,10 @@ class FaceForces:
         w = (z - self.face.tip - place) * np.conj(inward)
         deep = w.real
         near = np.flatnonzero(
-            (x > 0.0) & (np.abs(deep) < NEAR_ANGLE * x) & (np.abs(w.imag) <= FACE_TOLERANCE * x)
+            (x > 0.0) & (np.abs(deep) < NEAR_ANGLE * x) & (np.abs(w.imag) <= COARSE_ROUND_OFF * x)
         )
         apart = self.logarithm - np.log(x[near, None])
-        slope = np.maximum(deep[near] / x[near], MIN_ANGLE)
+        slope = np.maximum(deep[near] / x[near], COARSE_ROUND_OFF)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
         total = summed(partial(by_all, self._forces), inside, self.density)

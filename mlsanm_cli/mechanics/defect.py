@@ -30,6 +30,7 @@ from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE, MAX_UPDATES, S
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 MAX_KEPT_NODES = 2000
@@ -52,8 +53,6 @@ ALGEBRAIC_FRACTION = 0.15
 """Accepted algebraic error of the displacements, as a fraction of the correction computed from them: it is
 smooth and has a small defect itself (with 0.3 estimates agree to 2e-3). In nearly incompressible bodies it
 may be 500 times as large, and displacements are refined as far as possible."""
-ALGEBRAIC_FLOOR = 1e-13
-"""The same as a fraction of the displacements, for scenes that the fits represent exactly."""
 
 
 def next_degree(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
@@ -127,7 +126,7 @@ def correct(
         length = float(np.linalg.norm(step))
         rough = max(rough, length / size if size > 0.0 else 0.0)
         if (
-            length <= max(part * float(np.linalg.norm(change)), ALGEBRAIC_FLOOR * size)
+            length <= max(part * float(np.linalg.norm(change)), FINE_ROUND_OFF * size)
             or length >= STALL_RATIO * before
         ):
             break

@@ -21,9 +21,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes
-
-RANK_TOLERANCE = 1e-13
-"""Rigid motions with a mean square below this fraction of a unit motion's are undetermined (round-off)."""
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 MAX_STEPS = 500
 """Step limit of the extension of boundary values, whose accuracy hardly matters."""
@@ -189,7 +187,7 @@ def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArr
         weight = one.ravel() / max(float(one.sum()), np.finfo(float).tiny)
         motions, missing = patterns @ free, displacement.ravel() - patterns @ chosen
         size_of, axes = np.linalg.eigh(motions.T @ (weight[:, None] * motions))
-        decided = size_of > RANK_TOLERANCE
+        decided = size_of > FINE_ROUND_OFF
         found = (axes.T @ (motions.T @ (weight * missing)))[decided] / size_of[decided]
         chosen = chosen + free @ (axes[:, decided] @ found)
         free = free @ axes[:, ~decided]

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.kernels.radial import radial_displacements, radial_stresses
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.roundoff import ROUND_OFF
 
 ComplexArray = NDArray[np.complex128]
 
@@ -267,7 +268,7 @@ class SurfaceForces:
         one, other = first[:, None] - self.place, last[:, None] - self.place
         ahead = -1j * self.inward
         # A force at the end of a part: use the tangent there as the line of sight.
-        none = ZERO_DISTANCE * np.abs(last - first)[:, None]
+        none = ROUND_OFF * np.abs(last - first)[:, None]
         starts, ends = np.abs(one) <= none, np.abs(other) <= none
         one, other = np.where(starts, ahead, one), np.where(ends, -ahead, other)
         behind, before = (one / ahead).real < 0.0, (other / ahead).real > 0.0
@@ -283,7 +284,5 @@ class SurfaceForces:
 AT_FORCE = 5e-6
 """Points closer to a force than this fraction of the coordinates get the traction at the force: w . n, of
 order |w|^2, is lost in round-off."""
-ZERO_DISTANCE = 1e-9
-"""Distances below this fraction of a part's length are zero."""
 ON_PART = 1.01
 """A force lies on a part of the outline if both ends are within this times its length."""

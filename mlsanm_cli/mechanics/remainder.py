@@ -22,9 +22,7 @@ from mlsanm_cli.mechanics.corner import CorneredForces, Forces
 from mlsanm_cli.mechanics.corner_faces import smooth_step
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
-
-SURFACE_TOLERANCE = 1e-6
-"""Points within this fraction of a surface's length of it lie on it."""
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 HELD_RANGE = 4.0
 """Distance, in spacings, within which forces next to a held node count as next to it."""
@@ -159,7 +157,7 @@ def _bears(surface: Surface, place: ComplexArray) -> bool:
     """Whether some of the forces at ``place`` (k,) act on a surface."""
     points = as_real(place)
     away = surface.curve.points(surface.curve.closest(points)) - points
-    return bool((np.abs(away) <= SURFACE_TOLERANCE * surface.curve.length).all(axis=1).any())
+    return bool((np.abs(away) <= COARSE_ROUND_OFF * surface.curve.length).all(axis=1).any())
 
 
 def _halves(surface: Surface, forces: Forces) -> Halves:

@@ -21,13 +21,12 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.refinement import FULL_TOLERANCE
 from mlsanm_cli.operators.system import Equations, LinearSystem
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import dgeqp3
 
 ROTATION = 2
 PIN_DIGITS = 9
 """Digits of node positions, relative to the body's size, that decide where it is pinned."""
-RANK_TOLERANCE = 1e-9
-"""Singular values of the constraints below this fraction of the largest are round-off."""
 
 
 def rigid_pattern(points: FloatArray, center: tuple[float, float], component: int) -> FloatArray:
@@ -71,7 +70,7 @@ def left_free(rows: FloatArray, center: tuple[float, float], size: float) -> Rig
     if not len(rows) or not np.abs(rows).max():
         return RigidBodyModes(center, (0, 1, ROTATION))
     _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= RANK_TOLERANCE * sizes[0]]
+    free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= ROUND_OFF * sizes[0]]
     along = [axis for axis in (0, 1) if np.abs(rows[:, axis]).max() == 0.0]
     if len(free) == len(along):
         return RigidBodyModes(center, tuple(along))

@@ -8,9 +8,7 @@ import numpy as np
 
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-
-TRANSLATION_TOLERANCE = 1e-9
-"""Tolerance for node positions up to a translation, in spacings."""
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 def is_translated_copy(one: BodyModel, other: BodyModel) -> bool:
@@ -20,9 +18,7 @@ def is_translated_copy(one: BodyModel, other: BodyModel) -> bool:
         return False
     same = one.settings == other.settings and np.array_equal(one.material.stiffness, other.material.stiffness)
     shift = b.points[0] - a.points[0]
-    near = np.abs(b.points - a.points - shift).max(axis=1) <= TRANSLATION_TOLERANCE * np.minimum(
-        a.spacing, b.spacing
-    )
+    near = np.abs(b.points - a.points - shift).max(axis=1) <= ROUND_OFF * np.minimum(a.spacing, b.spacing)
     rows = all(np.array_equal(a.surfaces[name].index, b.surfaces[name].index) for name in a.surfaces)
     return bool(same and rows and near.all())
 

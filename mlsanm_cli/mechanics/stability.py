@@ -8,10 +8,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 ITERATIONS = 8
-LOAD_TOLERANCE = 1e-6
-"""Loads whose scaled right-hand side is below this fraction of the largest are discarded."""
 
 
 def bulk_stability(body: ElasticBody) -> float:
@@ -47,7 +46,7 @@ def bulk_stability(body: ElasticBody) -> float:
     scaled = system.scaled(loads, strong=False)
     # Discard loads that vanish or coincide on a few nodes.
     _, sizes, turned = np.linalg.svd(scaled, full_matrices=False)
-    kept = sizes > LOAD_TOLERANCE * sizes[0]
+    kept = sizes > COARSE_ROUND_OFF * sizes[0]
     smooth = np.linalg.norm(response @ turned[kept].T / sizes[kept], 2) ** 2
     rough = np.random.default_rng(0).normal(size=(len(measure), 2))
     space: FloatArray = np.concatenate([response, rough], axis=1)

@@ -14,14 +14,13 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
+from mlsanm_cli.roundoff import ROUND_OFF
 
 RANK = 8
 """Initial number of random columns; on published cases 12 give no smaller error, 6 up to ten times as
 much."""
 CHECK_COLUMNS = 4
 """Columns for the error estimate."""
-TOLERANCE = 1e-9
-"""Accepted relative error."""
 NOISE_RATIO = 5.0
 """Accepted error outside the basis over that inside, which is due to the refined solutions."""
 SEED = 0
@@ -47,7 +46,7 @@ def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArra
         within = basis.T @ left
         noise = np.linalg.norm(within)
         if np.linalg.norm(left - basis @ within) <= max(
-            TOLERANCE * np.linalg.norm(found[:, rank:]), NOISE_RATIO * noise
+            ROUND_OFF * np.linalg.norm(found[:, rank:]), NOISE_RATIO * noise
         ):
             return np.asarray(result)
         rank *= 2

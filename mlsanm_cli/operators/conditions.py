@@ -17,11 +17,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-
-DEPENDENCE_TOLERANCE = 1e-9
-"""Relative tolerance for constraints that vanish by cancellation or depend on others."""
-ROUND_OFF = 1e-13
-"""Relative tolerance for single entries that vanish by cancellation."""
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -47,9 +43,9 @@ def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sp
     sums that cancel, such as forces on a floating body, are dropped."""
     taken = sparse.csr_array(sums @ rows)
     size = _largest(sparse.csr_array(abs(sums) @ abs(rows)))
-    taken.data[np.abs(taken.data) <= ROUND_OFF * np.repeat(size, np.diff(taken.indptr))] = 0.0
+    taken.data[np.abs(taken.data) <= FINE_ROUND_OFF * np.repeat(size, np.diff(taken.indptr))] = 0.0
     taken.eliminate_zeros()
-    kept = np.flatnonzero(_largest(taken) > DEPENDENCE_TOLERANCE * size)
+    kept = np.flatnonzero(_largest(taken) > ROUND_OFF * size)
     return sparse.csr_array(taken[kept]), kept
 
 
@@ -59,7 +55,7 @@ def conditions_of(rows: sparse.csr_array, answer: FloatArray) -> Conditions:
     soft = np.asarray(rows @ answer)
     unit = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft)))
     count = len(soft)
-    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > DEPENDENCE_TOLERANCE:
+    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > ROUND_OFF:
         count -= 1
     # Not symmetrised, so that constraints hold to round-off for any accuracy of the response.
     stiffness = np.linalg.inv(soft[:count, :count])

@@ -30,6 +30,7 @@ from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances, neighbors_of
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 ENRICHMENT_RADIUS = 2.0
@@ -46,8 +47,6 @@ PER_COEFFICIENT = 2.5
 VOID_ANGLE = 0.2
 """Nodes farther than this angle (radians) beyond a corner's faces lie across a void: stencils with such nodes
 are not enriched."""
-TIP_TOLERANCE = 1e-9
-"""Points closer to a tip than this fraction of a fit's radius coincide with it."""
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
@@ -83,7 +82,7 @@ class SingularCorner:
     def beyond(self, points: FloatArray) -> BoolArray:
         """Mask (n,) of ``points`` (n, 2) beyond the corner's faces."""
         seen = self._local(points)
-        return np.asarray((np.abs(np.angle(seen)) > self.half + VOID_ANGLE) & (np.abs(seen) > TIP_TOLERANCE))
+        return np.asarray((np.abs(np.angle(seen)) > self.half + VOID_ANGLE) & (np.abs(seen) > ROUND_OFF))
 
     def derivatives(self, where: FloatArray, orders: tuple[int, int]) -> FloatArray:
         """Derivatives (..., kinds, m) of the functions at points (..., 2); 0 at the tip, where they are
@@ -91,7 +90,7 @@ class SingularCorner:
         seen = self._local(where)
         kinds = [(order - dy, dy) for order in range(orders[0], orders[1] + 1) for dy in range(order + 1)]
         found = np.zeros((*seen.shape, len(kinds), 2 * len(self.modes)))
-        off = np.abs(seen) > TIP_TOLERANCE
+        off = np.abs(seen) > ROUND_OFF
         size, angle = np.abs(seen[off]), np.angle(seen[off])
         for number, (power, opens) in enumerate(self.modes):
             # kappa a z^p - p conj(a) z conj(z)^(p - 1) - c conj(a) conj(z)^p leaves both faces free.

@@ -28,6 +28,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
@@ -38,8 +39,6 @@ MAX_ROUNDS = 60
 TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4
 """Directions of pressures are rotated if they are off by the first angle, until they are off by less than the
 second, at most so many times, or twice as many if a motion along them is fixed."""
-ZERO_PRESSURE = 1e-9
-"""Pressures below this part of the largest of all states are round-off."""
 EXACT_FACTOR, FRICTION_FACTOR, REGULARIZED_FACTOR = 0.25, 1.7, 10.0
 """Estimated error of a grid over the requested accuracy at which refinement ends: without friction, at hardly
 any cost; with friction, where every node that starts to slide is an event of the path; and with regularised
@@ -190,7 +189,7 @@ def _found(
 def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
     """States with pressures above round-off of the largest of all."""
     largest = max((float(state.pressure.max(initial=0.0)) for state in states), default=0.0)
-    return [state for state in states if state.pressure.max(initial=0.0) > ZERO_PRESSURE * largest]
+    return [state for state in states if state.pressure.max(initial=0.0) > ROUND_OFF * largest]
 
 
 def _turned(

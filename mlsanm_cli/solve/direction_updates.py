@@ -36,13 +36,12 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, Scene
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_CARRIED = 1e-8
 """Largest force of fixed motions relative to the contact force."""
 CURVATURE_RANGE = 0.01
 """Part of the range on both sides over which curvatures are evaluated."""
-STRAIGHTNESS = 1e-6
-"""Sides that bend by no more than this part of the other one are straight, apart from round-off."""
 SIDE_WIDTHS = 1.0
 """Distance from the middle of a patch, in its widths, at which the rotation of a surface is evaluated."""
 
@@ -62,7 +61,7 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
             continue
         middle = float(share @ place / share.sum())
         drawn, bends = _seen(grid, middle, place[closed], share[closed])
-        straight = bends[1] <= STRAIGHTNESS * bends[0]
+        straight = bends[1] <= COARSE_ROUND_OFF * bends[0]
         if straight and (grid.facing.other is None or not bends[0]):
             found[pairing.name] = 0.0
             continue
@@ -70,7 +69,7 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
         body = pairing.slave_body if base else pairing.master_body
         # Obstacles do not rotate. If both surfaces are curved and one may slide, their bending would move it
         # further in every update.
-        if body is None or (min(bends) > STRAIGHTNESS * max(bends) and _moves(scene, pairing.bodies)):
+        if body is None or (min(bends) > COARSE_ROUND_OFF * max(bends) and _moves(scene, pairing.bodies)):
             found[pairing.name] = drawn
             continue
         if body not in solved:

@@ -12,6 +12,7 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.roundoff import ROUND_OFF
 
 FIRST_INTERVALS = 24
 """Intervals of the even grid over all facing surfaces."""
@@ -30,8 +31,6 @@ RANGE_MARGIN = 0.3
 """Extension of the range beyond the outermost contact, relative to the width of the contact."""
 MIN_NARROWING = 0.6
 """Ranges are narrowed if the new width is below this part of the old one."""
-PARALLEL_TOLERANCE = 1e-9
-"""Variation of the gap, relative to the range, below which surfaces are parallel."""
 ZERO_PRESSURE = 1e-10
 """Pressures below this part of the largest of all contacts are round-off."""
 TOUCHING = 1e-3
@@ -48,7 +47,7 @@ def first_grid(limits: ContactRange) -> ContactGrid:
     places = np.linspace(limits.first, limits.last, FIRST_INTERVALS + 1)
     gaps, length = limits.facing.gap(places), limits.last - limits.first
     # A uniform grid might sample waves at their troughs only.
-    parallel = limits.places == 1 and float(np.ptp(gaps)) <= PARALLEL_TOLERANCE * length
+    parallel = limits.places == 1 and float(np.ptp(gaps)) <= ROUND_OFF * length
     if not parallel:
         widest = length / max(FIRST_INTERVALS, INTERVALS_PER_MINIMUM * limits.places)
         finest, nearest = FINEST_INTERVAL * widest, limits.nearest
@@ -76,7 +75,7 @@ def touching_first(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
     for name, room in ranges.items():
         places, gaps = (values[1:-1] for values in room.drawn_gaps)
         long = room.last - room.first
-        overlaps = places[gaps < -PARALLEL_TOLERANCE * long]
+        overlaps = places[gaps < -ROUND_OFF * long]
         nearest = np.array([room.nearest])
         if np.ptp(gaps) > TOUCHING * long and room.facing.gap(nearest)[0] < TOUCHING * long:
             overlaps = np.append(overlaps, room.nearest)

@@ -15,6 +15,7 @@ from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
 from mlsanm_cli.contact.response.condensation import BodyResponses
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.grid_ranges import summits
 
 MAX_SAMPLES = 96
@@ -32,8 +33,6 @@ DENSE_LIMITS, COMPRESSED_LIMITS = (300, 2000), (5000, 20_000)
 """Numbers of intervals above which grids are refined to a lower accuracy, by the cube of the ratio, and above
 which they are not refined: obstacles of many corners, or of many patches, would take minutes otherwise. The
 first are those of paths that need dense matrices, the second of others."""
-ZERO_PRESSURE = 1e-6
-"""Pressures below this part of the largest in the scene are those of unloaded contacts."""
 END_ERROR_SHARE = 0.3
 """Intervals at the ends of a grid with this part of the largest error are halved twice at once; further
 halvings save nothing."""
@@ -159,7 +158,7 @@ def grid_errors(
     for state in states:
         pressure = state.pressure[condensed.spans[name]]
         size = hats.norm(pressure)
-        if np.abs(pressure).max(initial=0.0) <= ZERO_PRESSURE * np.abs(state.pressure).max(initial=0.0):
+        if np.abs(pressure).max(initial=0.0) <= COARSE_ROUND_OFF * np.abs(state.pressure).max(initial=0.0):
             continue
         parts = [hats.errors(pressure)]
         if pairing.friction and tractions:

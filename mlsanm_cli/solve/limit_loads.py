@@ -14,6 +14,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Obstacle, Scene
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MIN_REACHED = 0.85
 """Part of a limit load at which a path that ends is reported as having reached it."""
@@ -21,8 +22,6 @@ LAST_LEVEL = 0.9
 """Part of a limit load of the last state that scales and refines the path."""
 MIN_MOTION = 1e-3
 """Least motion of a body, relative to the largest, in a mechanism."""
-NEGLIGIBLE = 1e-6
-"""Parts of a stage, or of a motion, below this are zero."""
 SLIDES = "slide"
 """What messages call it."""
 MIN_FRICTION_WORK = 0.5
@@ -58,7 +57,7 @@ def beyond_limit(
 def check_resisted(scene: Scene, condensed: Condensed, stages: FloatArray) -> None:
     """Raise UnresistedError if the first loads drive bodies that no pressures and tractions hold."""
     limit = limit_load(condensed, stages[0], stages[1] - stages[0])
-    if limit is not None and limit.driven and limit.part <= NEGLIGIBLE:
+    if limit is not None and limit.driven and limit.part <= COARSE_ROUND_OFF:
         raise UnresistedError(*_named(scene, condensed, stages, 0, limit))
 
 
@@ -67,7 +66,7 @@ def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, fl
     without a limit load, or if loads cannot be carried at all."""
     for stage, (begin, end) in enumerate(itertools.pairwise(stages)):
         limit = limit_load(condensed, begin, end - begin)
-        if limit is None or limit.part <= NEGLIGIBLE:
+        if limit is None or limit.part <= COARSE_ROUND_OFF:
             return None
         if not limit.whole:
             return begin + LAST_LEVEL * limit.part * (end - begin), stage + limit.part
@@ -90,7 +89,7 @@ def _named(
 ) -> tuple[str, str]:
     """Message and hint of the limit load of a stage."""
     names, how = _mechanism(scene, condensed, limit)
-    if limit.part <= NEGLIGIBLE:
+    if limit.part <= COARSE_ROUND_OFF:
         hint = f"fix {names} with a [[support]]"
         if limit.friction_share > MIN_FRICTION_WORK:
             hint += ", or raise friction"
@@ -137,4 +136,4 @@ def _pushed(condensed: Condensed, motion: FloatArray, turns: BoolArray) -> bool:
     """Whether a motion (k,) that opens contacts would close others without its part ``turns`` (k,)."""
     opening = condensed.gap.motion @ motion
     moved = condensed.gap.motion @ np.where(turns, 0.0, motion) * np.sign(opening.sum())
-    return bool(moved.min(initial=0.0) < -NEGLIGIBLE * np.abs(opening).max(initial=0.0))
+    return bool(moved.min(initial=0.0) < -COARSE_ROUND_OFF * np.abs(opening).max(initial=0.0))

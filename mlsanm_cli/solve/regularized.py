@@ -17,13 +17,12 @@ from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve import series
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
 from mlsanm_cli.solve.state import Checkpoint, PathStep, output_positions
 
-STANDSTILL = 1e-12
-"""Events this close to each other, as parts of a stage, do not move the path on."""
 FIRST_SOFTNESS, MAX_SOFTNESS = 1e3, 1e9
 """Compliance of asperities before the first load over that of the bodies, initially and at most."""
 CARRIED_TARGET, CARRIED_ACCEPTED = 0.01, 0.3
@@ -208,7 +207,7 @@ class _StagePath:
         if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
             raise series.stopped(self._stage, follower.outcome)
         self._previous = follower.outcome.piece
-        self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
+        self._standing = self._standing + 1 if self.point.lam - begin.lam < FINE_ROUND_OFF else 0
         if self._standing > 4 * begin.problem.n + 50:
             raise NoStateError(sliding=False)
 

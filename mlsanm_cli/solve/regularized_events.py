@@ -16,16 +16,10 @@ from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, exchange
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.continuation.roots import root
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 EVENT_SAMPLES = 17
 """Points of a piece of path at which events are searched."""
-LIMIT_TOLERANCE = 1e-9
-"""Distance from its limit, relative to the reference pressure, at which a condition is at the limit."""
-LIMIT_SLACK = 1e-9
-"""A condition that starts at its limit may exceed it by this much, relative to the reference pressure: states
-are not known better, and a node that hardly leaves its limit would return to it repeatedly."""
-MIN_LIMIT = 1e-6
-"""Friction limits below this part of the reference pressure are equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +62,7 @@ class EventLocator:
         found = levels(grid)
         scale = self._scales(found[:, count:], values[0])
         most = np.where(np.arange(len(scale)) < count, 1.0, scale)
-        slack = np.where(
-            found[0] <= LIMIT_TOLERANCE * scale, np.maximum(-found[0], 0.0) + LIMIT_SLACK * most, 0.0
-        )
+        slack = np.where(found[0] <= ROUND_OFF * scale, np.maximum(-found[0], 0.0) + ROUND_OFF * most, 0.0)
         past = (found[1:] + slack < 0.0).any(axis=1)
         if not past.any():
             return np.inf
@@ -107,7 +99,7 @@ class EventLocator:
     def _scales(self, rates: FloatArray, first: FloatArray) -> FloatArray:
         """What the conditions are small against: pressures of the scene, every node's own limit, rates."""
         n, held = self._problem.n, len(self._stuck)
-        limit = np.maximum(0.5 * (first[n : n + held] + first[n + held :]), MIN_LIMIT)
+        limit = np.maximum(0.5 * (first[n : n + held] + first[n + held :]), COARSE_ROUND_OFF)
         largest = np.full(rates.shape[1], np.abs(rates).max(initial=0.0) + np.finfo(float).tiny)
         return np.concatenate([np.ones(n), limit, limit, largest])
 
@@ -144,7 +136,7 @@ def continued(
     c, before = problem.condensed, problem.sets
     x = x.copy()
     p, _, _, t = problem.split(x)
-    pressure, force = problem.pressed(p), LIMIT_TOLERANCE * problem.law.pressure
+    pressure, force = problem.pressed(p), ROUND_OFF * problem.law.pressure
     t[hits.limit != 0.0] = (hits.limit * c.friction * pressure)[hits.limit != 0.0]
     bare = hits.bare | (np.abs(pressure) <= force)
     slack = {side: c.friction * pressure - side * t <= force for side in (1.0, -1.0)}

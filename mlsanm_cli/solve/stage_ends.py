@@ -18,6 +18,7 @@ from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, Unbal
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.direction_updates import rolling, turned_by_loads
@@ -29,9 +30,6 @@ MAX_FIRST_LEVELS = 8
 """Largest number of stages that determine the first grids; these are then checked at all stages."""
 
 
-PROPORTIONAL_TOLERANCE = 1e-9
-"""Loads continue in the same direction if the cosine of the angle between two stages is closer to 1 than
-this."""
 MAX_NORMAL_TURN = 0.25
 """Rotation (radian) of normals over slips above which contact at small strain is not valid."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
@@ -119,7 +117,7 @@ def _in_line(stages: FloatArray) -> IntArray:
     L)."""
     way = np.diff(stages, axis=0)
     size = np.sqrt((way**2).sum(axis=1))
-    turns = (way[1:] * way[:-1]).sum(axis=1) < (1.0 - PROPORTIONAL_TOLERANCE) * size[1:] * size[:-1]
+    turns = (way[1:] * way[:-1]).sum(axis=1) < (1.0 - ROUND_OFF) * size[1:] * size[:-1]
     row = np.concatenate([[0], np.cumsum(turns)])
     return np.asarray(np.bincount(row)[row])
 

@@ -18,13 +18,12 @@ from mlsanm_cli.case import Stop
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record
 from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
-POSITION_TOLERANCE = 1e-12
-"""Accuracy of positions, per stage."""
 LIMIT_TOLERANCE = 1e-10
 """Relative accuracy with which limits are reached."""
 SAMPLES = 65
@@ -97,7 +96,7 @@ class StoppedPath:
         if stop.what == "fold":
             highest = turning(step)
             assert highest is not None
-            return self._to(begin, highest - POSITION_TOLERANCE * max(1.0, highest)) or _ended(step)
+            return self._to(begin, highest - FINE_ROUND_OFF * max(1.0, highest)) or _ended(step)
         value = excess(self._built, stop, step.state)
         found = {last: (value, step)}
         first = last if before is None else before.position
@@ -111,9 +110,9 @@ class StoppedPath:
             found[place] = excess(self._built, stop, end.state), end
             return found[place][0]
 
-        if last - first > POSITION_TOLERANCE * max(1.0, last) and value > 0.0:
+        if last - first > FINE_ROUND_OFF * max(1.0, last) and value > 0.0:
             with suppress(_NotSaved):
-                root(beyond, first, last, POSITION_TOLERANCE * max(1.0, last))
+                root(beyond, first, last, FINE_ROUND_OFF * max(1.0, last))
         slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
         return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
 
@@ -123,7 +122,7 @@ class StoppedPath:
         at = tuple(sorted({*output_positions(self._built), place}))
         output = case.output.model_copy(update={"at": at})
         built = replace(self._built, case=case.model_copy(update={"output": output}))
-        near = POSITION_TOLERANCE * max(1.0, place)
+        near = FINE_ROUND_OFF * max(1.0, place)
         for step in self._follow(built, begin):
             for state in (*step.saved, step.state):
                 if abs(state.position - place) <= near:

@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_reader import read_run
 
 
@@ -32,6 +33,21 @@ def stored(directory: Path) -> dict[str, Any]:
 
     with h5py.File(directory / "run.h5", "r") as root:
         root.visititems(keep)
+    return found
+
+
+def undeclared(directory: Path) -> list[str]:
+    """Datasets of a run that are not in the schema, or of another type or number of axes."""
+    found = []
+    for path, values in stored(directory).items():
+        declared = schema.quantity(schema.RUN_FILE, path)
+        array = np.asarray(values)
+        kind = "text" if array.dtype.kind in "OSU" else str(array.dtype)
+        if declared is None or (
+            not path.startswith("checkpoint/")
+            and ((kind, array.ndim) != (declared.dtype, len(declared.dimensions)))
+        ):
+            found.append(f"{path}: {kind}, {array.ndim} axes")
     return found
 
 

@@ -12,8 +12,8 @@ import meshio
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.assessment import quality
 from mlsanm_cli.app.check import check
+from mlsanm_cli.app.checks import quality
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results import views
 from mlsanm_cli.app.results.info import info

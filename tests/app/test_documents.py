@@ -14,7 +14,7 @@ import pytest
 from click import Context
 
 from mlsanm_cli import __version__
-from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, BALANCE_WARNING
+from mlsanm_cli.app.checks.verdicts import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.compliance import CHECK_COLUMNS, RANK, TOLERANCE, corrected
+from mlsanm_cli.operators.compliance import CHECK_COLUMNS, RANK, corrected
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 @dataclass
@@ -60,7 +61,7 @@ def test_errors_of_low_rank_go_with_few_solutions(seed: int, rank: int, size: fl
 def test_errors_of_higher_rank_take_more_solutions(rank: int, most: int) -> None:
     matrix = example(1)
     found = corrected(matrix.start(rank, 1e-3), matrix.of_columns, matrix.of_rows)
-    assert error_of(matrix, found) <= 2.0 * TOLERANCE
+    assert error_of(matrix, found) <= 2.0 * ROUND_OFF
     assert 2 * RANK + CHECK_COLUMNS < matrix.asked <= most
 
 

@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.assessment.checks import check_balance, check_energy, check_spacing, force_balance
-from mlsanm_cli.app.assessment.energy import energy_error
-from mlsanm_cli.app.assessment.quality import announce, factor_notes
-from mlsanm_cli.app.assessment.references import check_reference, reference_profile
+from mlsanm_cli.app.checks.energy import energy_error
+from mlsanm_cli.app.checks.quality import announce, factor_notes
+from mlsanm_cli.app.checks.references import check_reference, reference_profile
+from mlsanm_cli.app.checks.verdicts import check_balance, check_energy, check_spacing, force_balance
 from mlsanm_cli.app.comparison.differences import (
     CONVERGENCE_RATIO,
     SOFTER,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any
 
-from mlsanm_cli.app.assessment.checks import check_state
+from mlsanm_cli.app.checks.verdicts import check_state
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.energy import thin_part
+from mlsanm_cli.app.checks.energy import thin_part
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import FiniteState

@@ -9,13 +9,12 @@ from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.contact.laws.contact_status import SLIP
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import factors_at
 
 MAX_SLIP = 0.2
 """Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
 the same direction before and after it, which has no history."""
-ZERO_PRESSURE = 1e-6
-"""Pressures below this part of the contact's largest are zero."""
 MAX_APPROACH = 0.5
 """Largest motion of a node towards a possible partner in an increment: its gap plus this part of the thinner
 body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
@@ -55,7 +54,7 @@ def motion_ratio(scene: FiniteScene, now: Pressed, found: Pressed, position: flo
 
 def _slides(now: Pressed, found: Pressed, here: slice) -> bool:
     """Whether all closed nodes of a contact slide in one direction before and after the increment."""
-    senses, least = [], ZERO_PRESSURE * float(found.pressure[here].max())
+    senses, least = [], COARSE_ROUND_OFF * float(found.pressure[here].max())
     for state in (now, found):
         # Nodes without pressure have no history of friction.
         closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]

@@ -46,9 +46,7 @@ from mlsanm_cli.io.records import row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart, write_parts
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
-
-ROUND_OFF = 1e-9
-"""Forces below this part of the stiffness of what moves are none."""
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 class FiniteRecorder(RunWriter):

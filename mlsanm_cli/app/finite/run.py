@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, ENERGY_WARNING
-from mlsanm_cli.app.assessment.energy import NODE_FORCE_SHIFT
-from mlsanm_cli.app.assessment.quality import Quality, announce
+from mlsanm_cli.app.checks.energy import NODE_FORCE_SHIFT
+from mlsanm_cli.app.checks.quality import Quality, announce
+from mlsanm_cli.app.checks.verdicts import BALANCE_LIMIT, ENERGY_WARNING
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.estimate import ESTIMATE_WARNING, EnergyError, check_work, missing_figures

@@ -9,7 +9,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.deformed import DeformedOutline, distances, outline_of
+from mlsanm_cli.app.checks.deformed import DeformedOutline, distances, outline_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.refinement import Pass, Refinement
+from mlsanm_cli.app.checks.refinement import Pass, Refinement
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.checks import EnergyVerdict
-from mlsanm_cli.app.assessment.diagnosis import diagnose, node_fields, worst_nodes
-from mlsanm_cli.app.assessment.overlaps import check_overlaps, within_themselves
-from mlsanm_cli.app.assessment.peaks import Peak
-from mlsanm_cli.app.assessment.refinement import Adapted
+from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
+from mlsanm_cli.app.checks.overlaps import check_overlaps, within_themselves
+from mlsanm_cli.app.checks.peaks import Peak
+from mlsanm_cli.app.checks.refinement import Adapted
+from mlsanm_cli.app.checks.verdicts import EnergyVerdict
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, as_text, plain_checkpoint

@@ -36,6 +36,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc
@@ -119,11 +120,6 @@ def _patches(grid: ContactGrid, closed: BoolArray) -> list[tuple[float, float]]:
     return [(float(nodes[a]), float(nodes[b])) for a, b in zip(firsts, lasts, strict=True)]
 
 
-MIN_PRESSURE = 1e-9
-"""Part of the peak pressure above which nodes have a cone ratio (traction over friction limit); below, it is
-round-off."""
-
-
 def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[str, Value]:
     """Bodies and contacts before loading."""
     found: dict[str, Value] = {}
@@ -188,7 +184,7 @@ def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
     """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
     span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
     pressure = state.pressure[span]
-    pressed = state.closed[span] & (pressure > MIN_PRESSURE * pressure.max(initial=0.0))
+    pressed = state.closed[span] & (pressure > ROUND_OFF * pressure.max(initial=0.0))
     limit = built.condensed.friction[own][pressed] * pressure[pressed]
     return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 

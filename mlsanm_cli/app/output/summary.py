@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from mlsanm_cli.app.assessment.checks import (
+from mlsanm_cli.app.checks.quality import Quality
+from mlsanm_cli.app.checks.references import reference_profile
+from mlsanm_cli.app.checks.refinement import Adapted
+from mlsanm_cli.app.checks.verdicts import (
     BALANCE_LIMIT,
     ENERGY_LIMIT,
     LARGE_ERROR,
@@ -17,9 +20,6 @@ from mlsanm_cli.app.assessment.checks import (
     force_mismatch,
     worst_of,
 )
-from mlsanm_cli.app.assessment.quality import Quality
-from mlsanm_cli.app.assessment.references import reference_profile
-from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.context import Clock
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.recorder import Recorder

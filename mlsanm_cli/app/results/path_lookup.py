@@ -13,13 +13,10 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_series
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 NOTHING = partial(np.zeros, 0)
 STORED, SERIES, LINEAR, INTERPOLATED = "stored", "series", "linear", "interpolated"
-POSITION_TOLERANCE = 1e-12
-"""Difference per stage below which positions are equal."""
-SUPERPOSITION_TOLERANCE = 1e-9
-"""Relative error below which the load factors of a level are a linear combination of saved ones."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +61,7 @@ def level_at(run: RunData, position: float) -> Level:
     if not len(rows):
         raise RunError(f"{run.directory} holds no finished step yet")
     # Not relative to the requested position, which may be infinite.
-    slack = POSITION_TOLERANCE * max(float(rows[-1]), 1.0)
+    slack = FINE_ROUND_OFF * max(float(rows[-1]), 1.0)
     last = float(rows.max())
     if not rows[0] - slack <= position <= last + slack:
         raise RunError(
@@ -115,13 +112,13 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
             'add "displacement" to output.fields, or a [[probe]] at the point',
         )
     for state in saved:
-        if abs(state.position - level.position) <= POSITION_TOLERANCE * max(abs(level.position), 1.0):
+        if abs(state.position - level.position) <= FINE_ROUND_OFF * max(abs(level.position), 1.0):
             return state.bodies[body]["displacement"], STORED
     if not run.unilateral_contacts and not run.is_finite:
         known = np.array([level_at(run, state.position).factors for state in saved])
         shares = np.linalg.lstsq(known.T, level.factors, rcond=None)[0]
         missed = np.abs(shares @ known - level.factors).max(initial=0.0)
-        if missed <= SUPERPOSITION_TOLERANCE * max(np.abs(level.factors).max(initial=0.0), 1.0):
+        if missed <= ROUND_OFF * max(np.abs(level.factors).max(initial=0.0), 1.0):
             fields = np.array([state.bodies[body]["displacement"] for state in saved])
             return np.asarray(np.einsum("s,snd->nd", shares, fields), dtype=np.float64), LINEAR
     places = ", ".join(f"{state.position:g}" for state in saved)
@@ -134,8 +131,6 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
 MAX_ERROR = 0.25
 """Largest estimated error of interpolated values, relative to the largest of the two states."""
 
-SAME_STAGE = 1e-12
-"""Positions within this distance of the end of a stage belong to it."""
 EDGE = 0.5
 """Errors shrink like this power of the distance of the states: pressures grow like the root of the distance
 from an edge of contact, which moves with the load (Hertz: 0.120 of the peak there, 0.117 estimated)."""
@@ -154,7 +149,7 @@ def interpolation_error(position: FloatArray, history: FloatArray, row: int, sha
         if not 1 <= middle < len(position) - 1:
             continue
         before, after = np.diff(position[middle - 1 : middle + 2])
-        of_stage = np.ceil(position[middle : middle + 2] - SAME_STAGE)
+        of_stage = np.ceil(position[middle : middle + 2] - FINE_ROUND_OFF)
         if of_stage[0] == of_stage[1] and before > 0.0 and after > 0.0:
             first, own, last = np.asarray(history[middle - 1 : middle + 2], dtype=np.float64)
             part = before / (before + after)

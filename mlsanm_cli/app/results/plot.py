@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.references import ReferenceProfile, profile_on
+from mlsanm_cli.app.checks.references import ReferenceProfile, profile_on
 from mlsanm_cli.app.results.drawn import marks_at
 from mlsanm_cli.app.results.overlay import TANGENTIAL, draw_along_path, draw_line, draw_together, slips
 from mlsanm_cli.app.results.path_lookup import (

@@ -16,6 +16,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import html, run_dir
 from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
+from mlsanm_cli.roundoff import ROUND_OFF
 
 DPI = 110
 """Resolution of pictures, at which a report on three runs is below 3 MB."""
@@ -39,8 +40,6 @@ CHECKS = {
     "stability": ("stability of the discretisation", "above"),
 }
 ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
-ROUND_OFF = 1e-9
-"""Forces below this part of the largest are zero."""
 CAPTIONS = {
     "pressure": "Contact pressure along {subject}",
     "traction": "Tangential traction along {subject}, between its friction limits",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.app.results.path_lookup import POSITION_TOLERANCE, level_at, pressures_at
+from mlsanm_cli.app.results.path_lookup import level_at, pressures_at
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
@@ -21,6 +21,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.cloud import CloudBody
 from mlsanm_cli.io.run_reader import BodyData, ContactData, RunData, SavedState
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 KINDS = ("pressure", "traction", "loop", "hysteresis", "force", "peak", "bodies", "line")
 """Kinds of pictures; hysteresis and line only come when they are asked for."""
@@ -156,7 +157,7 @@ def chosen_state(run: RunData, position: float | None) -> SavedState:
         return run.states[-1]
     wanted = max(run.path.position.tolist(), default=0.0) if position is None else position
     for state in run.states:
-        if abs(state.position - wanted) <= POSITION_TOLERANCE * max(abs(wanted), 1.0):
+        if abs(state.position - wanted) <= FINE_ROUND_OFF * max(abs(wanted), 1.0):
             return state
     places = ", ".join(f"{state.position:g}" for state in run.states) or "(none)"
     raise RunError(f"fields are saved at position {places}, not at {wanted:g}", "name it in output.at")

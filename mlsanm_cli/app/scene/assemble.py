@@ -38,10 +38,9 @@ from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.roundoff import ROUND_OFF
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-TIE_TOLERANCE = 1e-9
-"""Distances that differ by less than this part of the spacing are equal."""
 HIGH_DEGREE, LOW_DEGREE = 4, 2
 """Degrees that "auto" selects."""
 MIN_HIGH_NEIGHBORS = 30
@@ -305,7 +304,7 @@ def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], 
 def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
     """The node nearest to a point, the first of several at the same distance up to round-off."""
     away = np.hypot(*(cloud.points - np.array(point)).T)
-    return int(np.flatnonzero(away <= away.min() + TIE_TOLERANCE * cloud.spacing.min())[0])
+    return int(np.flatnonzero(away <= away.min() + ROUND_OFF * cloud.spacing.min())[0])
 
 
 def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> list[str]:

@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import END_TOLERANCE, BoundaryRun, chains_at, run_of
+from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, chains_at, run_of
 from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
@@ -25,6 +25,7 @@ from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import cut
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_END_DISTANCE = 0.1
 """Largest distance of the given end of a part from the boundary, relative to the boundary's length."""
@@ -161,7 +162,7 @@ def _cuts_of(
                 message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
                 raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
             _add_cut(cuts, run, body, at)
-        if run.range_of(place)[1] <= END_TOLERANCE * whole:
+        if run.range_of(place)[1] <= COARSE_ROUND_OFF * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:
@@ -183,7 +184,7 @@ def _add_cut(cuts: dict[int, list[float]], run: BoundaryRun, body: Body, at: flo
             assert isinstance(body.shape, Mesh | Points)
             nodes = imported_geometry(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
             s = float(nodes[np.argmin(np.abs(nodes - s))])
-        small = END_TOLERANCE * curve.length
+        small = COARSE_ROUND_OFF * curve.length
         known = [*cuts.get(number, ()), *(() if curve.closed else (0.0, curve.length))]
         if all(abs(s - other) > small for other in known):
             cuts.setdefault(number, []).append(s)

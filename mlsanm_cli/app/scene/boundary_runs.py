@@ -14,9 +14,7 @@ from mlsanm_cli.case import Place
 from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import Chain, chains_of, joined, part_of
 from mlsanm_cli.errors import CaseError, CaseProblem
-
-END_TOLERANCE = 1e-6
-"""Distance from the end of a piece, relative to its length, below which a point coincides with the end."""
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class BoundaryRun:
             if away < best[1]:
                 at = float(s[0])
                 for end in (0.0, curve.length):
-                    at = end if abs(at - end) <= END_TOLERANCE * curve.length and not curve.closed else at
+                    at = end if abs(at - end) <= COARSE_ROUND_OFF * curve.length and not curve.closed else at
                 best = start + at, away
         return best
 
@@ -70,7 +68,7 @@ class BoundaryRun:
 
     def continues(self, at: float) -> bool:
         """Whether the run continues on both sides of the arc length ``at``."""
-        return self.around or END_TOLERANCE < at / self.starts[-1] < 1.0 - END_TOLERANCE
+        return self.around or COARSE_ROUND_OFF < at / self.starts[-1] < 1.0 - COARSE_ROUND_OFF
 
 
 def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryRun:

@@ -17,12 +17,11 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 BOND_TOLERANCE = 0.05
 """Largest initial distance of bonded surfaces, in spacings; curves through points, and polygons, coincide
 only so far."""
-EQUAL_COMPLIANCE = 1e-6
-"""Relative difference of compliances below which bodies are equally stiff."""
 FIT_TOLERANCE = 1e-3
 """Largest initial gap of a press fit, in spacings."""
 
@@ -86,7 +85,7 @@ def _stiff_slave(case: Case, places: Sequence[Place]) -> bool:
     stiffness = materials(case)
     names = [next(one.material for one in case.body if one.name == place.body) for place in places]
     slave, *masters = (float(stiffness[name].contact_compliance(np.array([[0.0, 1.0]]))[0]) for name in names)
-    return any(slave < (1.0 - EQUAL_COMPLIANCE) * master for master in masters)
+    return any(slave < (1.0 - COARSE_ROUND_OFF) * master for master in masters)
 
 
 def shape_of(obstacle: AnyObstacle) -> Shape:

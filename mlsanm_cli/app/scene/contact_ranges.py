@@ -21,15 +21,12 @@ from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-EQUAL_CURVATURE = 1e-9
-"""Relative difference below which curvatures are equal."""
 ALIKE_CURVATURE = 1e-3
 """The same for splines through points: the other surface decides the directions of pressures. Two flanks of
 involutes, equally curved where they touch, moved along each other by 1.2 % more or less by the nodes next to
 that place."""
-EQUAL_GAP = 1e-6
-"""Difference, relative to the length of the surface, below which gaps are equal: conforming surfaces."""
 EQUAL_PROFILE_GAP = 1e-3
 """The same relative to the height of a gap profile, which may be shallower."""
 SNAP_SAMPLES = 1.5
@@ -94,7 +91,7 @@ def _clear(
     gap = ahead.gap(s)
     offset = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     across = (outward * normal).sum(axis=1)
-    faces = (across < MAX_FACING_COSINE) & (offset <= EQUAL_GAP * base.length)
+    faces = (across < MAX_FACING_COSINE) & (offset <= COARSE_ROUND_OFF * base.length)
     if not faces.any():
         return None
     sides = [
@@ -103,7 +100,7 @@ def _clear(
         for stretches in [stretches_of(models[body], pairing.surface_of(slave), held[body], touching[body])]
     ]
     off = np.logical_and.reduce([faces, *(side.off for side in sides)])
-    slack = EQUAL_GAP * base.length
+    slack = COARSE_ROUND_OFF * base.length
     if facing.profile is not None:
         slack = min(slack, EQUAL_PROFILE_GAP * float(np.ptp(gap[faces])))
     least = gap[faces].min() + slack
@@ -135,7 +132,7 @@ def _clear(
     ends = base.closest(at)
     away, along = at - base.points(ends), turned(base.normals(ends))
     # Points beyond an end of the base have that end as their closest point.
-    exact_ends = ends[np.abs((away * along).sum(axis=1)) <= EQUAL_GAP * base.length].tolist()
+    exact_ends = ends[np.abs((away * along).sum(axis=1)) <= COARSE_ROUND_OFF * base.length].tolist()
     if base.closed:
         # The samples continue beyond the start of a closed curve.
         exact_ends += [end + base.length for end in exact_ends]
@@ -143,7 +140,7 @@ def _clear(
     snapped = [_snapped(one, exact_ends, step) for one in (first, last)]
     whole = around or snapped[0] is not None, around or snapped[1] is not None
     first, last = (one if exact is None else exact for one, exact in zip((first, last), snapped, strict=True))
-    inset = EQUAL_CURVATURE * base.length  # at a corner: the normal of the stretch
+    inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
     rays = np.linspace(first + inset, last - inset, RAYS)
     centers: list[complex | None] = []
     for body, slave in zip(pairing.bodies, (True, False), strict=False):
@@ -175,7 +172,9 @@ def facing_of(case: Case, pairing: Pairing) -> Facing:
     master = obstacle.curve if obstacle else pairing.surface_of(False).curve
     if master is None:
         return Facing(slave.curve, None, obstacle, profile=profile)
-    touching = pairing.gap <= pairing.gap.min() + EQUAL_GAP * float(np.ptp(pairing.points, axis=0).max())
+    touching = pairing.gap <= pairing.gap.min() + COARSE_ROUND_OFF * float(
+        np.ptp(pairing.points, axis=0).max()
+    )
     at = pairing.points[touching], pairing.partner[touching]
     if touching.sum() == 1:
         at = _touching(Facing(slave.curve, None if obstacle else master, obstacle), at[0], pairing.points)

@@ -19,12 +19,11 @@ from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
 from mlsanm_cli.mechanics.wedge import Wedge
+from mlsanm_cli.roundoff import ROUND_OFF
 
 END_CLEARANCE = 4.0
 """Distance of pressures from the ends of their surfaces, in spacings: the remainder of their fields then
 varies over at least this distance."""
-EQUAL = 1e-9
-"""Difference below which places, directions and angles are equal."""
 SHARPEST, BLUNTEST, HOLLOW, WIDEST = np.radians([25.0, 170.0, 190.0, 270.0 + 1e-9]).tolist()
 """Angles of corners with known fields: from the first to the second, from the third to the last, and a
 straight line."""
@@ -102,7 +101,7 @@ def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
     parts = [part for part, _ in surface.members]
     starts = np.cumsum([0.0, *(part.curve.length for part in parts)])
     corners = corners_of(surface.curve)
-    small = EQUAL * surface.curve.length
+    small = ROUND_OFF * surface.curve.length
     cut = [bool((np.abs(corners - start) <= small).any()) for start in starts[:-1]]
     if surface.curve.closed and not cut[0]:
         turn = cut.index(True)
@@ -126,7 +125,7 @@ def _corner(
             continue
         ends = [_face(adjacent.curve, at) for at in (False, True)]
         other = min(ends, key=lambda one: abs(one.tip - face.tip))
-        if abs(other.tip - face.tip) > EQUAL * surface.curve.length:
+        if abs(other.tip - face.tip) > ROUND_OFF * surface.curve.length:
             continue
         clamped = held.get(name) == (True, True)
         sliding = name in held and not clamped
@@ -160,7 +159,7 @@ def _known(wedge: Wedge) -> bool:
     inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
     angle = inside * (2.0 if wedge.sliding else 1.0)
     # A straight outline is no corner; a wall at right angles is a symmetry line.
-    straight = wedge.sliding and abs(angle - np.pi) <= EQUAL
+    straight = wedge.sliding and abs(angle - np.pi) <= ROUND_OFF
     blunt = BLUNTEST < angle < HOLLOW and not straight and not wedge.clamped
     isotropic = isinstance(wedge.kernel, Isotropic)
     sharpest = SHARPEST if isotropic else SHARPEST_ANISOTROPIC
@@ -202,12 +201,12 @@ def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArra
 
 def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:
     """Whether a face along the unit vector ``other``, x or y, is held in its normal direction only."""
-    across = [abs(other.imag) > 1.0 - EQUAL, abs(other.real) > 1.0 - EQUAL]
+    across = [abs(other.imag) > 1.0 - ROUND_OFF, abs(other.real) > 1.0 - ROUND_OFF]
     return held is not None and any(across) and list(held) == across
 
 
 def _straight(curve: Curve) -> bool:
     """Whether a curve is a straight line."""
     ends = curve.points(np.array([0.0, curve.length]))
-    straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= EQUAL * curve.length
+    straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= ROUND_OFF * curve.length
     return straight and not len(corners_of(curve))

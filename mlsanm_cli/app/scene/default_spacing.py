@@ -18,6 +18,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.obstacles import Shape
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 PER_SIZE, PER_THICKNESS = 20.0, 6.0
 """Spacings over the size of a body, and over its mean thickness, twice its area divided by its perimeter."""
@@ -70,8 +71,6 @@ NODAL_RATIO, NODAL_BAND, NODAL_GROWTH = 1.5, 3.0, 0.2
 of the fine band in its spacings, and growth. A tyre pressed by 0.15 and pushed aside by 0.3 was 1.6 % too
 soft vertically and 2.3 % horizontally without, and is within 0.2 %; without the band equations of degree 4 do
 not converge."""
-FLAT = 1e-6
-"""Difference of gaps, relative to the length, below which they are equal."""
 
 
 def automatic_spacing(outline: Outline) -> float:
@@ -199,13 +198,13 @@ def contact_zone(
         yield from _end_zones(points, apart, far)
         if other is not None:
             yield from _tip_zones(own, rest, other, far)
-    nearest = np.flatnonzero(apart <= apart.min() + FLAT * own.length)
+    nearest = np.flatnonzero(apart <= apart.min() + COARSE_ROUND_OFF * own.length)
     place = points[nearest[len(nearest) // 2]]
     distances = [float(np.hypot(*(_along(curve) - place).T).min()) for curve in rest]
     if not own.closed:
         distances += np.hypot(*(points[[0, -1]] - place).T).tolist()
     distance = min(distances, default=np.inf)
-    if FLAT * own.length < distance < PER_CONTACT_DEPTH * far:
+    if COARSE_ROUND_OFF * own.length < distance < PER_CONTACT_DEPTH * far:
         yield Zone.around((float(place[0]), float(place[1])), distance / PER_CONTACT_DEPTH, distance, GROWTH)
 
 
@@ -216,7 +215,9 @@ def joints(own: Curve, others: Sequence[Curve]) -> Iterator[tuple[FloatArray, Cu
         for curve in others:
             ends = np.array([0.0, curve.length])
             apart = np.hypot(*(curve.points(ends) - own.points(at)).T)
-            for cosine in (curve.normals(ends) @ own.normals(at)[0])[apart <= FLAT * own.length].tolist():
+            for cosine in (curve.normals(ends) @ own.normals(at)[0])[
+                apart <= COARSE_ROUND_OFF * own.length
+            ].tolist():
                 yield at, curve, cosine
 
 
@@ -247,7 +248,7 @@ def crack_zones(part: Curve, ends: Sequence[tuple[float, float]]) -> Iterator[Zo
     """Zones where the ``part`` of a surface in contact ends at one of the ``ends`` of bonds: at the tips of a
     closed crack."""
     for tip in part.points(np.array([0.0, part.length])):
-        if any(np.hypot(*(tip - end)) <= FLAT * part.length for end in ends):
+        if any(np.hypot(*(tip - end)) <= COARSE_ROUND_OFF * part.length for end in ends):
             x, y = tip.tolist()
             yield Zone.around((x, y), part.length / PER_CRACK, 0.0, BOND_GROWTH)
 
@@ -255,7 +256,9 @@ def crack_zones(part: Curve, ends: Sequence[tuple[float, float]]) -> Iterator[Zo
 def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:
     """Zones at the ends of a surface whose gap ``apart`` (s,) at ``points`` (s, 2) has several minima, the
     outermost of which is near the end."""
-    least = np.array(valleys(apart, FLAT * len(apart) * float(np.hypot(*(points[1] - points[0])))), dtype=int)
+    least = np.array(
+        valleys(apart, COARSE_ROUND_OFF * len(apart) * float(np.hypot(*(points[1] - points[0])))), dtype=int
+    )
     for end in (0, -1):
         away = np.hypot(*(points[least] - points[end]).T)
         close = apart[least] <= apart.min() + EQUAL_MINIMA * away

@@ -16,7 +16,6 @@ import numpy as np
 
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.app.scene.rigid_modes import (
-    FREE_TOLERANCE,
     UnknownMotion,
     contact_resistance,
     sliding_resistance,
@@ -29,6 +28,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import stage_factors
 
 BALANCE_TOLERANCE = 1e-3
@@ -146,7 +146,7 @@ def _own_axes(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> di
     return {pivot: (x, y), 1 - pivot: (-y, x)}
 
 
-def free_motions(resistance: FloatArray, least: float = FREE_TOLERANCE) -> list[tuple[int, FloatArray]]:
+def free_motions(resistance: FloatArray, least: float = COARSE_ROUND_OFF) -> list[tuple[int, FloatArray]]:
     """The motions that a ``resistance`` (k, k) leaves free, or resists by less than ``least``: for each the
     number of an unknown by which it is fixed, and the motion (k,), 1 in this unknown and 0 in those of the
     other motions."""

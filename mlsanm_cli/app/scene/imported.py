@@ -26,13 +26,10 @@ from mlsanm_cli.case import (
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, left_free, rigid_pattern
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 SAMPLES = 9
 """Points on a curve, which suffice for its bounding box and the rank of its rigid motions."""
-NORMAL_ROUND_OFF = 1e-12
-"""Components of a normal below this are round-off."""
-COORDINATE_ROUND_OFF = 1e-9
-"""Coordinates below this fraction of a body's size are round-off."""
 
 
 def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
@@ -126,12 +123,12 @@ def _normal(curve: Curve) -> tuple[float, float] | None:
     if not isinstance(curve, Segment):
         return None
     x, y = curve.normals(np.zeros(1))[0].tolist()
-    return (x if abs(x) > NORMAL_ROUND_OFF else 0.0, y if abs(y) > NORMAL_ROUND_OFF else 0.0)
+    return (x if abs(x) > FINE_ROUND_OFF else 0.0, y if abs(y) > FINE_ROUND_OFF else 0.0)
 
 
 def _described(free: RigidBodyModes, size: float) -> tuple[str, str]:
     """Free motions in words, and supports that would resist them."""
-    x, y = (place if abs(place) > COORDINATE_ROUND_OFF * size else 0.0 for place in free.center)
+    x, y = (place if abs(place) > ROUND_OFF * size else 0.0 for place in free.center)
     about = f" about ({x:.6g}, {y:.6g})" if free.components == (ROTATION,) else ""
     words = {
         0: ("translation in x", "fix ux"),

@@ -26,13 +26,10 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.heat import Heating
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-END_OFFSET = 1e-9
-"""Distance from the ends of a surface, relative to its length, at which tractions are evaluated there."""
 SAMPLES_PER_POINT = 32
 """Samples for each quadrature point if tractions are discontinuous between nodes."""
-TABLE_TOLERANCE = 1e-6
-"""Part of a boundary's length that a table may leave uncovered at each end."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> A
                     values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
                     if not held and not surface.curve.closed:
                         # Tractions may be discontinuous at the end of a surface.
-                        just = np.array([END_OFFSET, 1.0 - END_OFFSET]) * surface.curve.length
+                        just = np.array([ROUND_OFF, 1.0 - ROUND_OFF]) * surface.curve.length
                         values[[0, -1]] = _on_surface(load, part, just, surface.curve.points(just))
                     between = None if isinstance(load, Displacement) else _between(case, load, part)
                     own = mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
@@ -137,7 +134,7 @@ def _from_table(
     table = np.array(rows)
     length = part.total
     first, last = float(table[0, 0]), float(table[-1, 0])
-    if first > TABLE_TOLERANCE * length or last < (1.0 - TABLE_TOLERANCE) * length:
+    if first > COARSE_ROUND_OFF * length or last < (1.0 - COARSE_ROUND_OFF) * length:
         message = f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}"
         raise CaseError((CaseProblem(f"load.{load.name}.table", message),))
     columns = [np.interp(arc + part.first, table[:, 0], column) for column in table[:, 1:].T]

@@ -19,6 +19,7 @@ from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import part_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.obstacles import Shape
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 SAMPLES_PER_SPACING, MIN_SAMPLES = 2.0, 8
@@ -27,8 +28,6 @@ OPPOSITE_COSINE = 0.9
 """Faces are opposite if the cosine of the angle between their normals is below minus this."""
 LEVELS, LEVEL_RATIO = 12, 2.0**-0.25
 """Number and ratio of the spacings, down to an eighth."""
-LEVEL_TOLERANCE = 1e-6
-"""Round-off in widths does not change the level, so that symmetric bodies have symmetric spacings."""
 
 
 def narrow_zones(outline: Outline, far: float, across: float, growth: float) -> Iterator[Zone]:
@@ -48,7 +47,7 @@ def narrow_zones(outline: Outline, far: float, across: float, growth: float) -> 
     aside = np.maximum(aside - step[other], 0.0)
     inside = depth > 0.0
     np.minimum.at(width, one[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
-    level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(LEVEL_RATIO) - LEVEL_TOLERANCE)
+    level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(LEVEL_RATIO) - COARSE_ROUND_OFF)
     level = np.clip(level, 0, LEVELS)
     for number, curve in enumerate(outline.curves):
         own = np.flatnonzero(owner == number)

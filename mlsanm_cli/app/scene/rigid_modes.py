@@ -17,13 +17,12 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.functionals import resultant
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, RigidMotion
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MIN_NORMAL_COMPONENT = 0.2
 """Root mean square component of its normals above which a contact resists a direction. A smaller one is due
 to slight curvature of the surface, and too small to distinguish the motion from asymmetry of the
 discretisation."""
-FREE_TOLERANCE = 1e-6
-"""Resistance below this is round-off."""
 MIN_EXACT_COMPONENT = 1e-3
 """The same as ``MIN_NORMAL_COMPONENT`` for contacts with exact directions."""
 CENTRAL_FORCE_SHARE = 1e-3
@@ -121,11 +120,11 @@ def sliding_resistance(
     for pairing in pairings:
         frame = _Frame.of(pairing, clouds)
         sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
-        free = [directions[:, sizes <= FREE_TOLERANCE**2] for sizes, directions in sides]
-        straight = [bool(one.shape[1] and np.abs(one[2]).max() <= FREE_TOLERANCE) for one in free]
+        free = [directions[:, sizes <= COARSE_ROUND_OFF**2] for sizes, directions in sides]
+        straight = [bool(one.shape[1] and np.abs(one[2]).max() <= COARSE_ROUND_OFF) for one in free]
         if at_once and sum(straight) == 1 and not pairing.friction:
             along = np.linalg.svd(np.hstack(free))
-            crossing = along[0][:, int((along[1] > FREE_TOLERANCE).sum()) :]
+            crossing = along[0][:, int((along[1] > COARSE_ROUND_OFF).sum()) :]
             relative = crossing.T @ frame.relative(unknown)
             total += relative.T @ relative
             continue

@@ -11,6 +11,7 @@ from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.joined import turn
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 PER_ROOT = 20.0
 """Spacings along sides between two corners that point into the material: fits then know the fields of both. A
@@ -22,8 +23,6 @@ ROOT_RATIO = 4.0
 """The coarse spacing over that at such corners. What is lost there, other than at its mirror image by another
 cloud, bends a body that should not: an eye on a shank left its axis by 5 % of its displacement, and by 0.1 to
 2 % with any of four seeds now, where 8 is no better."""
-ON_SIDE = 1e-6
-"""Distance, relative to its length, below which a place is on a side."""
 
 
 def root_zones(
@@ -43,7 +42,9 @@ def root_zones(
     for place, apart in zip(at, _apart(outline, corners, at).tolist(), strict=True):
         fine = apart / PER_ROOT_DISTANCE
         away = [(curve, curve.points(curve.closest(place[None]))[0] - place) for curve in touching or ()]
-        if touching is not None and all(np.hypot(*way) > ON_SIDE * curve.length for curve, way in away):
+        if touching is not None and all(
+            np.hypot(*way) > COARSE_ROUND_OFF * curve.length for curve, way in away
+        ):
             fine = min(fine, far / ROOT_RATIO)
         if fine < far:
             x, y = place.tolist()

@@ -10,7 +10,8 @@ from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.case.model.case import Body
-from mlsanm_cli.cloud.mirror import IMAGE_TOLERANCE, SymmetryLine
+from mlsanm_cli.cloud.mirror import SymmetryLine
+from mlsanm_cli.roundoff import ROUND_OFF
 
 SAMPLES = 33
 
@@ -29,7 +30,7 @@ def line_of(case: Case) -> SymmetryLine | None:
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
         line = SymmetryLine(axis, float(middle[0, axis]))
-        same = np.abs(middle[:, axis] - line.at).max() <= IMAGE_TOLERANCE * size
+        same = np.abs(middle[:, axis] - line.at).max() <= ROUND_OFF * size
         if same and all(
             line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
             if body.has_nodes

@@ -13,12 +13,11 @@ from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 SAMPLES = 400
 ASIDE = 0.01
 """Distance from a corner at which its sides are looked at, relative to the surface."""
-TOUCHING = 1e-6
-"""Gaps below this part of the surface are equal."""
 MAX_OPENING = math.sin(math.radians(60.0))
 """Gap over distance from the corner above which a side stays open."""
 
@@ -56,4 +55,8 @@ def _is_tip(facing: Facing, place: FloatArray) -> bool:
     opening = (np.array(sides) - tip) / (ASIDE * size)
     sign = 1.0 if facing.slave_first else -1.0
     least = float(facing.gap(sign * np.linspace(0.0, size, SAMPLES)).min())
-    return bool(tip <= least + TOUCHING * size and opening.min() > TOUCHING and opening.max() < MAX_OPENING)
+    return bool(
+        tip <= least + COARSE_ROUND_OFF * size
+        and opening.min() > COARSE_ROUND_OFF
+        and opening.max() < MAX_OPENING
+    )

@@ -8,12 +8,11 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
+from mlsanm_cli.roundoff import ROUND_OFF
 
 MIN_CLEARANCE = 0.1
 """Least distance of centers from the outline, relative to the extent of the places, if others are visible."""
 HALVES = 0.5 ** np.arange(6)
-GRAZING_SINE = 1e-9
-"""Chords parallel to a direction up to this sine are ignored: walls at right angles at the end of a face."""
 CHORDS = 200
 """Number of chords by which every boundary is approximated."""
 
@@ -79,7 +78,7 @@ def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:
         distance = (np.conj(apart) * way).imag / across
         share = -(np.conj(ahead)[:, None] * apart).imag / across
     hit = (
-        (np.abs(across) > GRAZING_SINE * np.abs(way))
+        (np.abs(across) > ROUND_OFF * np.abs(way))
         & (share >= 0.0)
         & (share <= 1.0)
         & (distance > np.abs(way).max())

@@ -11,6 +11,7 @@ from pydantic import Field
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section, expecting
 from mlsanm_cli.case.report import Report
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 Triple = tuple[float, float, float]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
@@ -23,10 +24,6 @@ FORMS: dict[Form, tuple[str, ...]] = {
 """Keys required by each form of a material."""
 OUT_OF_PLANE = ("E3", "nu13", "nu23")
 """Additional keys required by an orthotropic material in plane strain."""
-SYMMETRY_TOLERANCE = 1e-9
-"""Largest asymmetry of a stiffness, relative to its largest entry."""
-MIN_DETERMINANT = 1e-12
-"""Of the leading minors of a positive definite stiffness or compliance scaled to a unit diagonal."""
 
 
 class Material(Section):
@@ -130,7 +127,7 @@ def _check_orthotropic(material: Material, path: KeyPath, report: Report) -> Non
             for i, j in ((1, 2), (1, 3), (2, 3))
         ]
         unit = [[1.0, cross[0], cross[1]], [cross[0], 1.0, cross[2]], [cross[1], cross[2], 1.0]]
-        if not _determinant(unit) > MIN_DETERMINANT:
+        if not _determinant(unit) > FINE_ROUND_OFF:
             message = "nu12, nu13 and nu23 together give a stiffness that is not positive definite"
             report.add((*path, "nu12"), message, "reduce them")
 
@@ -139,7 +136,7 @@ def _check_stiffness(material: Material, path: KeyPath, report: Report) -> None:
     assert material.stiffness is not None
     c, here = material.stiffness, (*path, "stiffness")
     largest = max(abs(value) for row in c for value in row)
-    if any(abs(c[i][j] - c[j][i]) > SYMMETRY_TOLERANCE * largest for i, j in ((0, 1), (0, 2), (1, 2))):
+    if any(abs(c[i][j] - c[j][i]) > ROUND_OFF * largest for i, j in ((0, 1), (0, 2), (1, 2))):
         report.add(here, "is not symmetric", "rows and columns are xx, yy, xy; the last strain is 2 e_xy")
     elif not _positive(c):
         report.add(here, "is not positive definite")
@@ -150,7 +147,7 @@ def _positive(c: Sequence[Sequence[float]]) -> bool:
         return False
     root = [math.sqrt(c[i][i]) for i in range(3)]
     unit = [[c[i][j] / (root[i] * root[j]) for j in range(3)] for i in range(3)]
-    return 1.0 - unit[0][1] ** 2 > MIN_DETERMINANT and _determinant(unit) > MIN_DETERMINANT
+    return 1.0 - unit[0][1] ** 2 > FINE_ROUND_OFF and _determinant(unit) > FINE_ROUND_OFF
 
 
 def _determinant(m: Sequence[Sequence[float]]) -> float:

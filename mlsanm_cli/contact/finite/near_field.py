@@ -21,12 +21,11 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 SURFACE_INSET = 1e-3
 """Forces on planes of symmetry and at corners are shifted off them by this fraction of their node's
 length."""
-TIP_INSET = 1e-12
-"""Least distance from corners at which displacements are evaluated, relative to the length of their faces."""
 GAUSS = np.polynomial.legendre.leggauss(8)
 TIP_EXPONENT = 6.0
 """Exponent of the grading of quadrature points towards a corner, where fields depend on the logarithm of the
@@ -166,7 +165,7 @@ class _Near:
         else:
             by = np.zeros((len(seen), len(seen), 2, 2))
         arc, hats, length = self._points(corner)
-        x = np.maximum(corner.distance(seen), TIP_INSET * corner.length)
+        x = np.maximum(corner.distance(seen), FINE_ROUND_OFF * corner.length)
         for c, d in product((0, 1), (0, 1)):
             by[:, :, c, d] += (corner.wedge.compliance(x, arc, c, d) * length) @ hats
         return by
@@ -185,7 +184,7 @@ class _Near:
         number = np.arange(len(at) - 1)
         hats[number, :, order[:-1]] = 1.0 - part
         hats[number, :, order[1:]] = part
-        x = np.maximum(low + part * (high - low), TIP_INSET * corner.length)
+        x = np.maximum(low + part * (high - low), FINE_ROUND_OFF * corner.length)
         return x.ravel(), hats.reshape(-1, len(at)), size.ravel()
 
     def _by(

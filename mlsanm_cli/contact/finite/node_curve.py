@@ -12,12 +12,12 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 SLOPE_NODES, END_NODES = 5, 3
 """Number of nodes that determine a slope, inside and near the ends."""
 MAX_NEWTON_STEPS = 40
 """Largest number of Newton steps to the closest point."""
-CONVERGED = 1e-13
 END_SLACK = 1e-3
 """Points beyond an end by this fraction of the spacing still count as opposite."""
 
@@ -175,7 +175,7 @@ class NodeCurve:
             moved = np.abs(step)
             inside = (self.around is not None) | (np.abs(better - place - step) <= END_SLACK * largest)
             place = better
-            if (moved[inside] <= CONVERGED * self.knots[-1]).all():
+            if (moved[inside] <= FINE_ROUND_OFF * self.knots[-1]).all():
                 break
         return place, np.asarray(inside & (moved <= END_SLACK * largest))
 

@@ -21,12 +21,10 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]
 Wedges: TypeAlias = tuple[Corner | None, Corner | None]
-
-RIGHT_ANGLE_TOLERANCE = 1e-6
-"""Tolerance for a right angle between a side and a plane of symmetry."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +132,8 @@ def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int |
         if name in own or surface.index[end] not in adjacent.index or sum(components) != 1:
             continue
         axis = components.index(True)
-        flat = (
-            float(np.ptp(cloud.points[adjacent.index, axis])) <= RIGHT_ANGLE_TOLERANCE * adjacent.curve.length
-        )
-        if flat and abs(normal[axis]) <= RIGHT_ANGLE_TOLERANCE:
+        flat = float(np.ptp(cloud.points[adjacent.index, axis])) <= COARSE_ROUND_OFF * adjacent.curve.length
+        if flat and abs(normal[axis]) <= COARSE_ROUND_OFF:
             return axis
     return None
 

@@ -21,10 +21,9 @@ from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 AnyContact: TypeAlias = RigidContact | BodyContact
-ZERO_PRESSURE = 1e-12
-"""Pressures below this fraction of that of the typical displacement are zero."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ class ContactSystem:
     @property
     def nothing(self) -> float:
         """Pressures up to this are zero."""
-        return ZERO_PRESSURE * self.stiffness * self.length
+        return FINE_ROUND_OFF * self.stiffness * self.length
 
     @cached_property
     def bodies(self) -> dict[str, slice]:

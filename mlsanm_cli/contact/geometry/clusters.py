@@ -18,15 +18,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.geometry.hat_pairs import (
-    LOGARITHM,
-    SIGN,
-    ZERO_COMPONENT,
-    Distance,
-    HatPairs,
-    couples,
-)
+from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN, Distance, HatPairs, couples
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 LEAF_SIZE = 16
 """Hats per leaf cluster."""
@@ -121,7 +115,7 @@ class Clusters:
             between = self._between(function, count)
             shares = {c: self._shares(values, count) for c, values in enumerate(along.T) if values.any()}
             for seen, by in product(shares, repeat=2):
-                if abs(table[seen, by]) > ZERO_COMPONENT * np.abs(table).max():
+                if abs(table[seen, by]) > FINE_ROUND_OFF * np.abs(table).max():
                     spread = sparse.csr_array(table[seen, by] * shares[by].T)
                     found.append((shares[seen], between, spread))
         return found

@@ -32,15 +32,10 @@ from mlsanm_cli.mechanics.near_field import (
     as_complex,
     by_component,
 )
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 DIFFERENCE_STEP = 1e-4
 """Step of difference quotients along a contact, as a fraction of its range."""
-STRAIGHTNESS = 1e-9
-"""Relative tolerance for equal directions and lengths."""
-ZERO_COMPONENT = 1e-14
-"""Direction components below this are zero."""
-MIN_DISTANCE = 1e-12
-"""Least distance of pressures from a corner, as a fraction of its faces' length."""
 MAX_CACHED = 1000
 """Corner terms are cached for grids of up to this many nodes, to limit memory."""
 
@@ -141,7 +136,7 @@ class ContactGrid:
         """Whether the range is the whole of straight surfaces of the bodies. The mean traction is then an
         ordinary surface traction, to which the bodies' response is exact; near fields are only used for the
         deviation from it."""
-        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHTNESS
+        straight = float(np.ptp(self.directions[0], axis=0).max()) <= ROUND_OFF
         if self.hats.whole != (True, True) or not straight:
             return False
         ends = np.array([self.first, self.last])
@@ -152,7 +147,7 @@ class ContactGrid:
                 if curve.closed:
                     return False
                 long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
-                if abs(long - curve.length) > STRAIGHTNESS * curve.length or len(self.corners_of(slave)) != 2:
+                if abs(long - curve.length) > ROUND_OFF * curve.length or len(self.corners_of(slave)) != 2:
                     return False
         return True
 
@@ -254,9 +249,9 @@ class ContactGrid:
             return
         points, integrals = self.hats.towards_ends
         place, _, directions = self.facing.side_and_directions(points, slave)
-        present = [np.flatnonzero(np.abs(one).max(axis=0) > ZERO_COMPONENT).tolist() for one in directions]
+        present = [np.flatnonzero(np.abs(one).max(axis=0) > FINE_ROUND_OFF).tolist() for one in directions]
         for corner in corners:
-            x, shares = on_panels(np.maximum(corner.distance(place), MIN_DISTANCE * corner.length))
+            x, shares = on_panels(np.maximum(corner.distance(place), FINE_ROUND_OFF * corner.length))
             parts = {
                 (side, c): integrals @ (shares * directions[side][:, c, None])
                 for side in {which, by}

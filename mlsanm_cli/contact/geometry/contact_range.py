@@ -11,9 +11,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.mechanics.corner import Corner
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
-END_TOLERANCE = 1e-6
-"""Points within this fraction of the range of one of its ends are at that end."""
 SAMPLES = 2000
 """Points at which the gap is sampled to find minima."""
 
@@ -40,7 +39,7 @@ class ContactRange:
 
     def within(self, s: FloatArray) -> BoolArray:
         """Mask (e,) of coordinates inside the range and not at a corner."""
-        inset = END_TOLERANCE * (self.last - self.first)
+        inset = COARSE_ROUND_OFF * (self.last - self.first)
         away = s - self.first
         away = np.mod(away, self.facing.base.length) if self.facing.base.closed else away
         return np.asarray(self.around | (away > inset) & (away < self.last - self.first - inset))

@@ -18,11 +18,11 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.grid import Hats, logarithm
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
 NEAR_WIDTHS = 5.0
 """Pairs closer than this many widths are integrated exactly; the error of quadrature beyond is 1e-9."""
-ZERO_COMPONENT = 1e-14
 THREE = np.arange(3)
 MAX_ENTRIES = 200_000
 """Kernel values computed at once, to limit memory."""
@@ -167,7 +167,7 @@ def couples(one: FloatArray, table: FloatArray, other: FloatArray) -> bool:
     """Whether a tensor (2, 2) couples directions ``one`` and ``other`` (g, 2), judged by the extreme ones."""
     ends = (side[np.concatenate([side.argmin(axis=0), side.argmax(axis=0)])] for side in (one, other))
     both = np.abs(next(ends) @ table @ next(ends).T)
-    return bool(both.max() > ZERO_COMPONENT * np.abs(table).max())
+    return bool(both.max() > FINE_ROUND_OFF * np.abs(table).max())
 
 
 def _power(t: FloatArray, order: int) -> FloatArray:

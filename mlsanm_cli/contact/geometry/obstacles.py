@@ -15,9 +15,9 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
-ROUND_OFF = 1e-9
 CORNER_ANGLE = np.deg2rad(15.0)
 """Corners of a polyline sharper than this are intended."""
 TURN_VARIATION, TURN_NEIGHBORS = 0.6, 2

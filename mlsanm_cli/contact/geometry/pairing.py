@@ -14,11 +14,10 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Shape
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
 
 MAX_FACING_COSINE = -0.2
 """Surfaces face each other where the product of their outward normals is below this."""
-SLACK = 1e-6
-ROUND_OFF = 1e-13
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,7 @@ def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
     """The contact with pressures on a contact grid; slave nodes beyond the grid are monitored."""
     hats, facing = grid.hats, grid.facing
     place = grid.around(facing.locate(pairing.points))
-    slack = SLACK * (grid.last - grid.first)
+    slack = COARSE_ROUND_OFF * (grid.last - grid.first)
     beyond = (place < grid.first - slack) | (place > grid.last + slack)
     points, partner, _ = facing.opposite(hats.place)
     gap = grid.gap - pairing.closed_by
@@ -188,7 +187,7 @@ def pair_surfaces(
     facing = (slave.normal * normal).sum(axis=1) < MAX_FACING_COSINE
     gap = (away * normal).sum(axis=1)
     # Coincident surfaces have zero gaps, whatever the round-off of their coordinates.
-    gap[np.abs(gap) <= ROUND_OFF * np.abs(points).max()] = 0.0
+    gap[np.abs(gap) <= FINE_ROUND_OFF * np.abs(points).max()] = 0.0
     position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)), gap)
     arc, weight = slave.arc_length[position], np.zeros(len(position))
     for part, own, on in facing_parts(slave, position, normal[position]):

@@ -9,7 +9,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, SLACK, Pairing
+from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 WINDOW = 2.0
 """Half-width of the transfer window, in spacings."""
@@ -43,7 +44,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (offset <= slack))
     own = np.interp(s[rows], arc, spacing)
     # The slack keeps nodes at the edge of the window inside, independent of round-off and units.
-    reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])
+    reach = (1.0 + COARSE_ROUND_OFF) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])
     fit = candidates_fit(pairing, s[rows], reach).tocoo()
     inner, columns = fit.coords
     carried = fit.data * stretch[rows[inner]]
@@ -78,7 +79,7 @@ def slave_normals(pairing: Pairing, s: FloatArray) -> FloatArray:
     curve = pairing.slave.curve
     if pairing.slave.parts and pairing.candidate.any():
         first, last = pairing.arc[pairing.candidate][[0, -1]]
-        small = SLACK * float(pairing.spacing.min())
+        small = COARSE_ROUND_OFF * float(pairing.spacing.min())
         s = np.where(np.abs(s - first) <= small, first + small, s)
         s = np.where(np.abs(s - last) <= small, last - small, s)
     return curve.normals(np.mod(s, curve.length) if curve.closed else s)

@@ -12,8 +12,9 @@ from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.limit_load import supporting
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, kkt_residual
-from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,7 @@ def increment(
     NoStateError, also after so many ``pivots``, if given.
     """
     before, nodes = state.values.slip, condensed.friction_nodes
-    closed = state.sets.closed | (state.values.gap <= EQUAL_GAP * condensed.weight)
+    closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
     force = condensed.balance.constant + condensed.balance.load @ factors
     if len(force) and not state.sets.closed.any():
         closed = _resting(condensed, state, closed, factors, force)

@@ -20,12 +20,13 @@ from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatu
 from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
 from mlsanm_cli.contact.laws.limit_load import SlidingError, slides_freely
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, NoStateError
-from mlsanm_cli.contact.response.condensed import EQUAL_GAP, Condensed
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import ROUND_OFF
 
 LIMIT_TOLERANCE = 1e-9
 """Tolerance for a condition at its limit, relative to peak pressure and elastic gap."""
-ROUND_OFF = 50.0 * float(np.finfo(float).eps)
+LAST_DIGITS = 50.0 * float(np.finfo(float).eps)
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Finite increments, as fractions of the stage, tried in turn where no rates continue the path."""
 SETTLING = 1e-3
@@ -99,7 +100,7 @@ def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
     free = (size > 0.0) & (stiff * condensed.largest_compliance <= LIMIT_TOLERANCE * size)
     widest = float(np.abs(state.values.gap).max())
     rows = gap.motion[:, free] / size[free]
-    depth = (EQUAL_GAP * condensed.weight - state.values.gap) / widest
+    depth = (ROUND_OFF * condensed.weight - state.values.gap) / widest
     target = np.append(np.zeros(rows.shape[1]), 1.0)
     multipliers, missed = nnls(np.vstack([rows.T, depth]), target)
     rest = np.vstack([rows.T, depth]) @ multipliers - target
@@ -203,9 +204,9 @@ def _limits(condensed: Condensed, values: ContactSolution) -> tuple[float, Float
     force = LIMIT_TOLERANCE * float(values.pressure.max(initial=0.0))
     elastic = condensed.elastic_gap(values.pressure)
     own = force * condensed.own[0]
-    length = np.minimum(np.maximum(own, ROUND_OFF * elastic), LIMIT_TOLERANCE * elastic)
+    length = np.minimum(np.maximum(own, LAST_DIGITS * elastic), LIMIT_TOLERANCE * elastic)
     if not force:
-        length += ROUND_OFF * float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
+        length += LAST_DIGITS * float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
     return force, length
 
 

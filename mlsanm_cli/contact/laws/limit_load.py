@@ -18,9 +18,8 @@ from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatu
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-DRIVEN = 1e-6
-"""Least work of loads in a mechanism, relative to their size and that of the motion."""
 WHOLE_STAGE = 1.0 - 1e-9
 """Fractions of a stage from here on count as the whole stage."""
 
@@ -69,7 +68,7 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
         share = float(along.max(initial=0.0) > across.max(initial=0.0))
     touching = carried[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
     most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
-    driven = abs(float(more @ motion)) > DRIVEN * most
+    driven = abs(float(more @ motion)) > COARSE_ROUND_OFF * most
     return LimitLoad(part, motion, min(share, 1.0), bool(touching.max(initial=0.0) > 1e-9), driven)
 
 
@@ -143,9 +142,6 @@ MIN_DRIVE = 0.5
 """Sliding that tractions of several contacts balance, apart from less than this part, is not driven."""
 SLIDING_RATIO = 100.0
 """Sliding this many times as fast as everything else is driven by the load."""
-HOLLOW_SHARE = 1e-6
-"""Mean normal part, relative to the sliding, from which a hollow that closes ahead of a body counts."""
-ROUND_OFF = 1e-9
 
 
 class SlidingError(NumericalError):
@@ -247,7 +243,7 @@ def _not_in_hollows(
         closing -= np.outer(lever @ gaps, weight @ slips / weight.sum())
         scale += float(np.abs(lever).sum() * np.abs(slips).max(initial=0.0) ** 2)
     values, directions = np.linalg.eigh(0.5 * (closing + closing.T))
-    return np.asarray(directions[:, values <= HOLLOW_SHARE * scale])
+    return np.asarray(directions[:, values <= COARSE_ROUND_OFF * scale])
 
 
 def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:

@@ -15,14 +15,13 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.response.compressed import Compressed
 from mlsanm_cli.contact.response.dense import SINGULAR, SingularSystemError
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import ROUND_OFF
 
 NEIGHBOURS = np.array([-7, -5, -4, -3, -2, -1, 1, 3, 5, 7, 0])
 """Neighbours for the approximate inverse, the node itself last: offsets times the largest power of two that
 divides the node's number, so that coarser nodes have wider stencils."""
 SEARCH_TOLERANCE, FINAL_TOLERANCE, MAX_PRODUCTS = 1e-7, 1e-13, 400
 """Relative residuals during the active-set search and at the end, and largest number of products."""
-MAX_RESIDUAL = 1e-9
-"""A relative residual above this is a failure."""
 MAX_DENSE = 6000
 """Largest number of closed nodes whose equations are solved directly where iterations do not converge."""
 
@@ -118,7 +117,7 @@ class ManyClosed:
             share = change @ left
             total += share * way
             left = left - share * change
-        if not aim <= max(part, MAX_RESIDUAL) * size:
+        if not aim <= max(part, ROUND_OFF) * size:
             raise NotConvergedError
         return total
 

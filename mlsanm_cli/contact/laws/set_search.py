@@ -11,6 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 ROUND_OFF = 1e-10
 
@@ -110,10 +111,6 @@ def moving(condensed: Condensed, motion: FloatArray) -> float:
     return moved / condensed.largest_compliance if moved else 0.0
 
 
-PRESSURE_TOLERANCE = 1e-6
-"""Pressures that move the surfaces by less than this fraction of the rigid motions are round-off."""
-
-
 def kkt_residual(
     condensed: Condensed,
     unknowns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
@@ -127,7 +124,7 @@ def kkt_residual(
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
     largest_compliance = condensed.largest_compliance
-    least = PRESSURE_TOLERANCE * moved / largest_compliance if largest_compliance > 0.0 else 0.0
+    least = COARSE_ROUND_OFF * moved / largest_compliance if largest_compliance > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
     m, n = len(pressure), len(traction)
     elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0

@@ -26,6 +26,7 @@ from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.roundoff import ROUND_OFF
 
 KNOT_SPACING = 3.0
 """Distance of the knots, in spacings of the coarser surface."""
@@ -35,7 +36,6 @@ radius 5 in a plate, both with spacings of 2, 3 and 4, bore 4, 47 and 48 % too l
 0.8 its pressures were 3.4 and its tractions 5.6 % off (L2), with the second pair 1.6 and 2.8 %. With knots a
 spacing apart tractions oscillated: another fibre bore twice its load; at 1.5 spacings within 0.35 radian they
 are 39 % off."""
-ROUND_OFF = 1e-9
 STRETCH_GAP = 3.0
 """Nodes farther apart than this many spacings belong to separate stretches of a bond."""
 

@@ -13,11 +13,10 @@ from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 BLOCK, BLOCKS = 300, 8
 """Candidates per block where there are many, and least number of blocks examined."""
-BALANCE_TOLERANCE = 1e-6
-"""Force imbalance below this fraction of the forces is round-off, as for a body with supports."""
 
 
 def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[int] = ()) -> float:
@@ -62,7 +61,7 @@ def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> fl
             for one in (condensed.balance, condensed.imbalance.take(np.array(rows, dtype=np.int64)))
         ]
         size = np.linalg.norm(condensed.weight[place])
-        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > BALANCE_TOLERANCE * size]
+        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > COARSE_ROUND_OFF * size]
         unbalanced = np.concatenate(parts)
     # In anisotropic materials normal and tangential compliances differ and couple.
     way = np.repeat([0, 1], [len(kept), len(friction_nodes)])

@@ -33,10 +33,8 @@ from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo, digest
+from mlsanm_cli.roundoff import ROUND_OFF
 
-EQUAL_GAP = 1e-9
-"""Gaps that differ by less than this fraction of the spacing are equal."""
-ROUND_OFF = 1e-9
 MAX_KEPT, MAX_KEPT_UNKNOWNS = 50, 5000
 """Numbers of sets of points for which near fields are kept, and of unknowns of their contacts."""
 
@@ -185,7 +183,7 @@ class Condensed:
 
     def overlap(self, gap: FloatArray) -> bool:
         """Whether some ``gap`` (m,) is negative beyond the tolerance of surfaces drawn touching."""
-        return bool((gap < -EQUAL_GAP * self.weight).any())
+        return bool((gap < -ROUND_OFF * self.weight).any())
 
     def closest(self, gap: FloatArray) -> BoolArray:
         """Mask (m,) of nodes with the smallest ``gap`` (m,) in every contact, enough to hold all rigid
@@ -199,7 +197,7 @@ class Condensed:
         for count in 2 ** np.arange(len(gap).bit_length() + 1):
             for name, span in self.spans.items():
                 widest = ordered[name][:count].max(initial=-np.inf)
-                chosen[span] |= gap[span] <= widest + EQUAL_GAP * self.weight[span]
+                chosen[span] |= gap[span] <= widest + ROUND_OFF * self.weight[span]
             rows = np.concatenate([chosen, chosen[self.friction_nodes], still])
             if np.linalg.matrix_rank(held[rows], ROUND_OFF) == most:
                 break

@@ -13,14 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.roundoff import ROUND_OFF
 
 SHORTEST_WAVE = 6.0
 """Wavelength in spacings, in the middle of a contact, of the highest polynomial. In holes of 25 to 45 nodes
 errors of pressures were 1.7 to 5.7 % without, 0.7 to 3.6 % with 5, 0.6 to 3.3 % with 6."""
 LEAST_ORDER = 6
 """Order up to which polynomials are kept on contacts shorter than that."""
-DEPENDENT = 1e-9
-"""Part of the extent of points below which their coordinates are polynomials of the others."""
 
 
 def smoothing(points: FloatArray, length: float, spacing: float, closed: bool = False) -> FloatArray | None:
@@ -41,7 +40,7 @@ def smoothing(points: FloatArray, length: float, spacing: float, closed: bool = 
     waves = np.linalg.qr(waves)[0]
     extent = points - points.mean(axis=0)
     more, size, _ = np.linalg.svd(extent - waves @ (waves.T @ extent), full_matrices=False)
-    more = more[:, size > DEPENDENT * np.linalg.norm(extent)]
+    more = more[:, size > ROUND_OFF * np.linalg.norm(extent)]
     # Small remainders lose their orthogonality.
     shapes = np.linalg.qr(np.hstack([waves, more]))[0]
     return np.asarray(shapes @ shapes.T)

@@ -17,8 +17,7 @@ from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
 from mlsanm_cli.mechanics.scene import Scene, SurfaceLoad
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
-
-ROUND_OFF = 1e-12
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 
 def work_on(
@@ -97,7 +96,7 @@ def _paths(
     origin = rigid_part(cloud, moved, [nodes, surfaces])
     held = (nodes > 0.0) | (surfaces > 0.0)
     beyond = np.where(held, moved - origin, 0.0)
-    bent = bool(np.abs(beyond).max() > ROUND_OFF * np.abs(moved).max())
+    bent = bool(np.abs(beyond).max() > FINE_ROUND_OFF * np.abs(moved).max())
     return moved, origin + extended(cloud, beyond, held) if bent else origin, bent
 
 

@@ -22,9 +22,7 @@ from mlsanm_cli.mechanics.energy import extended, over_body
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.law import determinant
-
-MIN_STRAIN = 1e-8
-"""Strains below this are round-off: bodies in rigid motion have no energy to compare with."""
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
@@ -52,7 +50,7 @@ def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> f
         turned *= warm**2
     strain = 0.5 * (np.stack([xx, xy, yx, yy]) - turned)
     areas = body.elastic.model.cloud.areas
-    least = MIN_STRAIN**2 * body.elastic.model.material.modulus * areas.sum()
+    least = ROUND_OFF**2 * body.elastic.model.material.modulus * areas.sum()
     return float(areas @ (stress * strain).sum(axis=0) + least)
 
 

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.assessment.checks import LINEAR_LIMIT
+from mlsanm_cli.app.checks.verdicts import LINEAR_LIMIT
 from mlsanm_cli.app.results.path_lookup import INTERPOLATED, level_at, pressures_at
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction

@@ -15,7 +15,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.memo import Memo
-from tests.app.runs import assert_same_results, stored, summary_of
+from tests.app.runs import assert_same_results, stored, summary_of, undeclared
 from tests.app.scenes import BAR, FAST, NODAL, Quiet, done, hertz, solve
 from tests.case_text import pin
 
@@ -60,6 +60,7 @@ def test_summary(hertz_run: Path) -> None:
 
 
 def test_layout_of_the_run_file(hertz_run: Path) -> None:
+    assert not undeclared(hertz_run)
     summary = summary_of(hertz_run)
     with h5py.File(hertz_run / "run.h5", "r") as file:
         assert file.attrs["format"] == 1

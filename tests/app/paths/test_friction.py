@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.assessment.quality import case_warnings
+from mlsanm_cli.app.checks.quality import case_warnings
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
 from mlsanm_cli.errors import CaseError

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.assessment.checks import POLISH_WARNING, check_polish
+from mlsanm_cli.app.checks.verdicts import POLISH_WARNING, check_polish
 from mlsanm_cli.app.results.path_lookup import pressures_at
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run

@@ -12,7 +12,8 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray
-from mlsanm_cli.solve.direction_updates import STRAIGHTNESS, _seen
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.solve.direction_updates import _seen
 from tests.app.scenes import done, solve
 from tests.case_text import EXACT, FLOOR, Scene, disk, half_disk, scene
 
@@ -85,7 +86,7 @@ def test_a_straight_side_has_one_normal_in_any_frame(noise: float) -> None:
     facing: Any = SimpleNamespace(slave_first=True, obstacle=object(), side=side)
     grid: Any = SimpleNamespace(first=-0.5, last=0.5, facing=facing)
     _, (round_, flat) = _seen(grid, 0.2, np.linspace(0.1, 0.3, 3), np.ones(3))
-    assert flat <= STRAIGHTNESS * round_
+    assert flat <= COARSE_ROUND_OFF * round_
 
 
 def test_dragging_at_small_strain_is_warned_of(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.assessment import refinement as adapt
+from mlsanm_cli.app.checks import refinement as adapt
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.symmetry import line_of

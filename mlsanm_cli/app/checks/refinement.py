@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.accuracy import Accuracy, assess_accuracy
-from mlsanm_cli.app.assessment.residual import residual_zones
+from mlsanm_cli.app.checks.accuracy import Accuracy, assess_accuracy
+from mlsanm_cli.app.checks.residual import residual_zones
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import condense_scene, place

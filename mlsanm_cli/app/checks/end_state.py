@@ -14,6 +14,7 @@ from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.mechanics.scene import FloatingBody
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import moment_error, turned_by_loads, turns
 from mlsanm_cli.solve.state import State
@@ -94,8 +95,6 @@ def _obstacle_corners(contact: Contact) -> FloatArray:
 
 MIN_INITIAL_PRESSURE = 0.01
 """Pressures before any load, relative to those at the end of the path, above which there is a warning."""
-ROUND_OFF = 1e-9
-"""Overlaps below this part of the coordinates are zero: regularised laws have pressures at zero gap."""
 
 
 def overlap_warnings(built: CondensedScene, first: State, last: State) -> Iterator[str]:

@@ -13,7 +13,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.deformed import MIN_OVERLAP, DeformedOutline, distances, outline_of
+from mlsanm_cli.app.checks.deformed import DeformedOutline, distances, outline_of
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -21,6 +21,7 @@ from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Obstacle
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements
 from mlsanm_cli.solve.state import State
@@ -170,7 +171,7 @@ def _with_obstacles(
             depth = -(away * normal).sum(axis=1)
             adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
             deep = (depth > given[body] + own.tolerance + own.slack) & (
-                adjacent <= MIN_OVERLAP * own.size + 1e-3 * depth
+                adjacent <= COARSE_ROUND_OFF * own.size + 1e-3 * depth
             )
             deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
             if not deep.any():
@@ -182,7 +183,7 @@ def _with_obstacles(
                 deep &= ~_at_corners(own.points, along, own, mine)
             else:
                 closest, outward = shape.closest(own.drawn, own.normal)
-                if (((own.drawn - closest) * outward).sum(axis=1) < -MIN_OVERLAP * own.size).any():
+                if (((own.drawn - closest) * outward).sum(axis=1) < -COARSE_ROUND_OFF * own.size).any():
                     continue
             # At a corner of the body report the side that faces the obstacle.
             at = np.flatnonzero(deep)

@@ -27,6 +27,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import reentrant_corners
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Warn = Callable[[str], None]
 
@@ -53,7 +54,6 @@ MAX_INTERPOLATION_ERROR = 0.08
 hot spot were 20 % off with an error of 12 %, and 1 % with 5 %, as automatic spacings may leave."""
 LENGTH_TOLERANCE = 0.01
 """Largest relative error of the length of a loaded part."""
-ROUND_OFF = 1e-6
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing], own: Colle
         if one.bonded:
             continue
         ratio = spacing_ratio(one, clouds)
-        if ratio > MAX_SPACING_RATIO * (1.0 + ROUND_OFF) and not set(own).isdisjoint(one.bodies):
+        if ratio > MAX_SPACING_RATIO * (1.0 + COARSE_ROUND_OFF) and not set(own).isdisjoint(one.bodies):
             yield ratio_message(one, ratio)
         yield from _divided_warnings(one)
         yield from _tip_warnings(one, prepared.pairings)
@@ -151,7 +151,7 @@ def _tip_warnings(pairing: Pairing, pairings: Sequence[Pairing]) -> Iterator[str
         return
     held = np.concatenate([one.points[one.candidate] for one in bonds])
     for end in curve.points(np.array([0.0, curve.length])):
-        if np.hypot(*(held - end).T).min() <= ROUND_OFF * curve.length:
+        if np.hypot(*(held - end).T).min() <= COARSE_ROUND_OFF * curve.length:
             yield (
                 f"contact {pairing.name} ends where a bond begins, near ({end[0]:.6g}, {end[1]:.6g}), as at "
                 f"the tip of a crack: the pressures of some nodes next to it, and so the peak, depend on the "
@@ -224,7 +224,7 @@ def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool, graded: bool)
     if cloud.hole > MAX_FILL_DISTANCE:
         message = f"the largest gap between nodes has a radius of {cloud.hole:.3g} spacings"
         found.append((message, f"{lower}make body.{name}.spacing smaller"))
-    if cloud.growth > (MAX_FILE_GROWTH if brought else MAX_GROWTH) * (1.0 + ROUND_OFF):
+    if cloud.growth > (MAX_FILE_GROWTH if brought else MAX_GROWTH) * (1.0 + COARSE_ROUND_OFF):
         message = f"the spacing grows by {cloud.growth:.3g} per unit length"
         found.append((message, f"lower {grade} to {MAX_GROWTH:g} or less"))
     for message, hint in found:

@@ -27,6 +27,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
@@ -42,8 +43,6 @@ RIGHT_ANGLE_COSINE = 0.2
 """Product of normals below which a face is at a right angle to a plane of symmetry."""
 STRAIGHT_COSINE = 0.999
 """Product of normals above which two surfaces continue each other."""
-ROUND_OFF = 1e-12
-"""Round-off of positions, and of stresses relative to those that the displacements would cause as strains."""
 PEAK_WARNING = 0.03
 """Estimated error of peak stresses above which a run warns."""
 
@@ -79,7 +78,7 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
         unbounded, touching = _left_out(built, state, name)
         stress = fields[name].von_mises
         peak = _peak(body.model.cloud, stress, missing, applied > stress, unbounded, touching)
-        if peak is not None and peak.stress > ROUND_OFF * largest:
+        if peak is not None and peak.stress > FINE_ROUND_OFF * largest:
             found[name] = peak
     return found
 
@@ -160,7 +159,8 @@ def _peak(
         return None
     worst = max(tops, key=tops.__getitem__)
     x, y = (
-        float(value) if abs(value) > ROUND_OFF * thickness(cloud) else 0.0 for value in cloud.points[worst]
+        float(value) if abs(value) > FINE_ROUND_OFF * thickness(cloud) else 0.0
+        for value in cloud.points[worst]
     )
     return Peak(float(stress[worst]), (x, y), tops[worst] / float(stress[list(tops)].max()) - 1.0)
 

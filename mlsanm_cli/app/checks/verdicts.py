@@ -12,6 +12,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.contact.geometry.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.stage_ends import passing_error, reach_error
 from mlsanm_cli.solve.state import UNLOADED, Polish, State
@@ -21,8 +22,6 @@ BALANCE_LIMIT = 0.1
 stress, independently of the applied forces. On clamped beams the imbalance was as large as the error of the
 deflection."""
 BALANCE_WARNING = 0.03
-ROUND_OFF = 1e-9
-"""Forces on a body below this part of the largest in the scene are none."""
 
 TRANSFER_LIMIT = 0.1
 """Largest accepted difference of the forces on slave and master of a contact, relative to its normal force.

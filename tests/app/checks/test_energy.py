@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.assessment import energy
-from mlsanm_cli.app.assessment.checks import EnergyVerdict, check_energy, check_estimates, force_balance
+from mlsanm_cli.app.checks import energy
+from mlsanm_cli.app.checks.verdicts import EnergyVerdict, check_energy, check_estimates, force_balance
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState
@@ -214,7 +214,7 @@ def test_round_off_after_unloading_is_not_judged(monkeypatch: pytest.MonkeyPatch
     of 5e-7 of it, and an imbalance of any size."""
     monkeypatch.setattr("mlsanm_cli.solve.event_driven.residual", lambda *_: 5e-7)
     monkeypatch.setattr(
-        "mlsanm_cli.app.assessment.checks.largest_force", lambda built, name, unknowns: unknowns[2].sum()
+        "mlsanm_cli.app.checks.verdicts.largest_force", lambda built, name, unknowns: unknowns[2].sum()
     )
     end = SimpleNamespace(pressure=np.array([136.0]), unknowns=(None, None, np.array([136.0]), None))
     condensed = SimpleNamespace(friction_nodes=np.zeros(1, int), imbalance=lambda *_: np.array([1e-7, 0.0]))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.formulas.lame import LameRing
-from mlsanm_cli.app.assessment import refinement as adapt
-from mlsanm_cli.app.assessment.refinement import LOW_DEGREE_RULE
+from mlsanm_cli.app.checks import refinement as adapt
+from mlsanm_cli.app.checks.refinement import LOW_DEGREE_RULE
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, EXACT_LAW, NODAL, PATCH, done, solve

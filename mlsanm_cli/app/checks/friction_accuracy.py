@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.accuracy import (
+from mlsanm_cli.app.checks.accuracy import (
     Accuracy,
     Halved,
     Moved,

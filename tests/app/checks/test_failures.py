@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app import run as run_module
-from mlsanm_cli.app.assessment import checks as judge
+from mlsanm_cli.app.checks import verdicts as judge
 from mlsanm_cli.app.output import recorder
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap

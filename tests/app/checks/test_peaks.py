@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from benchmarks.formulas.kirsch import KirschHole
 from benchmarks.formulas.lekhnitskii import AnisotropicHole
-from mlsanm_cli.app.assessment.peaks import along_over_across, traction_error
+from mlsanm_cli.app.checks.peaks import along_over_across, traction_error
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle

@@ -8,6 +8,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_CHORD_TURN = 0.02
 """Largest turning angle between chords of curves."""
@@ -18,8 +19,6 @@ SECOND_ORDER_FACTOR = 0.6
 end of a cantilever approaches its root by that."""
 DISPLACEMENT_ERROR = 0.01
 """Displacements below this part of those of a body are discretisation errors."""
-MIN_OVERLAP = 1e-6
-"""Overlaps below this part of a body's size are ignored."""
 BLOCK_SIZE = 2**18
 """Pairs of a point and an edge that are processed together."""
 
@@ -56,7 +55,9 @@ class DeformedOutline:
         """Error of the positions due to the small-displacement theory and the discretisation."""
         apart = float(np.hypot(*np.ptp(self.moved, axis=0)))
         return (
-            SECOND_ORDER_FACTOR * apart**2 / self.size + DISPLACEMENT_ERROR * apart + MIN_OVERLAP * self.size
+            SECOND_ORDER_FACTOR * apart**2 / self.size
+            + DISPLACEMENT_ERROR * apart
+            + COARSE_ROUND_OFF * self.size
         )
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.checks import EnergyVerdict
+from mlsanm_cli.app.checks.verdicts import EnergyVerdict
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2
@@ -28,6 +28,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, correct
 from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
@@ -37,10 +38,6 @@ ROUGH_SHARE = 0.5
 45 nodes it was 0.4 to 1.3 for 16 of 18 pressures, and up to 1.8."""
 LEAST_MOVED = 0.05
 """Probes that move by less than this part of the largest displacement are compared with it."""
-LEAST_PRESSED = 1e-6
-"""Pressures of a contact below this part of the largest of all contacts have no estimate."""
-ROUND_OFF = 1e-9
-"""Estimates below this are round-off."""
 
 Moved = tuple[FloatArray, FloatArray, FloatArray]
 """Changes of motions (k,), pressures (m,) and tractions (n,)."""
@@ -304,7 +301,7 @@ def distance(
 
 def _is_pressed(state: ExactState, span: slice) -> bool:
     """Whether the pressures of a contact are more than round-off of those of others."""
-    return bool(state.pressure[span].max(initial=0.0) > LEAST_PRESSED * state.pressure.max(initial=0.0))
+    return bool(state.pressure[span].max(initial=0.0) > COARSE_ROUND_OFF * state.pressure.max(initial=0.0))
 
 
 def together(*parts: float | None) -> float | None:

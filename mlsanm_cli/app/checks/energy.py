@@ -6,21 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.assessment.checks import ENERGY_WARNING, EnergyVerdict, largest_force, least_force
+from mlsanm_cli.app.checks.verdicts import ENERGY_WARNING, EnergyVerdict, largest_force, least_force
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.app.scene.causes import strain_of
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.mechanics.energy import energy_at_tips, energy_between_nodes, twice_strain_energy
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
 
 MIN_ENERGY_SHARE = 1e-3
 """Bodies with less than this part of the total energy have an accordingly smaller weight."""
-MIN_STRAIN = 1e-6
-"""Strains relative to displacement over size below which energies are not checked: elastic systems are solved
-to this accuracy."""
 MIN_THERMAL_SHARE = 0.1
 """Energies below this part of that of fully restrained expansion are not checked: free expansion has none,
 and that of a fixed end away from its corners is small and inaccurate even if everything else is accurate."""
@@ -53,7 +51,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         energies[name] += energy_at_tips(body.model, rest[0], rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
-        strain = MIN_STRAIN * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
+        strain = COARSE_ROUND_OFF * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
         degrees, free = built.scene.degrees(name, state.factors), material.expansion
         blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
         least[name] = (
