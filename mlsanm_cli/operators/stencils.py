@@ -142,7 +142,7 @@ def _weights(
         indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
         mls_weights(
             *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
-            *(radius[here], settings.degree, settings.sharpness, *orders),
+            *(radius[here], settings.degree, WEIGHT_EXPONENT, *orders),
             *(weights[here].reshape(-1, kinds), ratio[here]),
         )
     return weights, ratio

@@ -1,23 +1,4 @@
-"""Bodies, contact and friction as one quadratic system, factorised as one sparse matrix::
-
-    u  bodies    K u - F(f, q, p, t)                 = 0
-    h  gap       h - h0 - N u - A_n (p, t)           = 0
-    a  friction  a (mu (p + eta) - t) - eps          = 0
-    b            b (mu (p + eta) + t) - eps          = 0
-    p  contact   (p + eta) h - eta delta             = 0
-    t  slip      T u + A_t (p, t) + c t + a - b - r  = 0
-    q  platens   forces(f, q, p, t)                  = 0
-
-with load factors f = f(lam). K is the strong form by moving least squares, solved in the sense of least squares or
-by collocation. N u and T u are the motion of the slave's nodes relative to virtual nodes of the master, which move
-by its moving least-squares values; A (p, t) corrects waves too short for the clouds. Divided by their scales, the
-rows for x = (u, h, a, b, p, t, q) are::
-
-    R(x, lam) = C(lam) + M x + Q(x, x) = 0
-
-so that order k of a power series solves (M + 2 Q(x_0, .)) x_k = -C_k - sum Q(x_j, x_{k-j}) over 0 < j < k, with the
-tangent of Newton-Raphson. Equation (16) of docs/method.md.
-"""
+"""The equations of this package as one quadratic system, factorised as one sparse matrix."""
 
 from __future__ import annotations
 
@@ -38,7 +19,7 @@ from mlsanm_cli.paper.collocation import Collocation
 from mlsanm_cli.paper.law import LENGTH, Law
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
-Rows: TypeAlias = sparse.csr_array
+Matrix: TypeAlias = sparse.csr_array
 
 REFINED = 1e-11
 """Relative size of the predicted next update to which solutions are refined: normal equations lose half the
@@ -46,34 +27,15 @@ digits, which residuals of the rows themselves restore."""
 
 
 @dataclass(frozen=True, eq=False)
-class Quadratic:
-    """Q: entry i is ``factor[i]`` x[``first[i]``] x[``second[i]``] in ``row[i]`` of ``size``."""
-
-    size: int
-    row: IntArray
-    first: IntArray
-    second: IntArray
-    factor: FloatArray
-
-    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Q(x, y), or its sum (size,) over the rows of x and y (k, size)."""
-        products = np.atleast_2d(x)[:, self.first] * np.atleast_2d(y)[:, self.second]
-        return np.bincount(self.row, self.factor * products.sum(axis=0), self.size)
-
-    def derivative(self, x: FloatArray) -> Rows:
-        """Q(x, .) + Q(., x) as a matrix (size, size)."""
-        values = np.concatenate([self.factor * x[self.second], self.factor * x[self.first]])
-        places = np.tile(self.row, 2), np.concatenate([self.first, self.second])
-        return sparse.csr_array((values, places), shape=(self.size, self.size))
-
-
-@dataclass(frozen=True, eq=False)
 class System:
-    """The equations of a scene. ``places`` are the ranges of the unknowns, and of the rows written before them
-    above; ``scale`` are typical values of the unknowns, ``divisor`` those of the rows. C is ``constant`` plus
-    ``load`` f. The rows of M and C from ``places["h"]`` on are explicit, those of the bodies come from the
-    ``bodies`` themselves. ``ordered`` is M in the ``order`` of elimination, in scaled unknowns; ``threshold``
-    is that of pivoting."""
+    """The equations R(x, lam) = 0 over a stage from load factors ``start`` to ``end`` (L,) with the stick
+    ``reference`` (n,): a problem for the continuation.
+
+    ``places`` are the ranges of the unknowns and of their rows, ``scale`` typical values of the unknowns,
+    ``divisor`` of the rows. M, C and Q are divided by these; Q has ``factor`` x[``first``] x[``second``] in
+    ``row``. The residuals of the ``bodies`` are their own, and ``matrix`` and ``load`` serve the other rows.
+    ``ordered`` is M in the ``order`` of elimination, in scaled unknowns, and ``threshold`` that of pivoting.
+    """
 
     built: CondensedScene
     law: Law
@@ -81,194 +43,180 @@ class System:
     places: dict[str, slice]
     scale: FloatArray
     divisor: FloatArray
-    explicit: Rows
+    matrix: Matrix
     constant: FloatArray
     load: FloatArray
-    quadratic: Quadratic
+    row: IntArray
+    first: IntArray
+    second: IntArray
+    factor: FloatArray
     order: IntArray
     ordered: sparse.csc_array
     threshold: float
+    start: FloatArray
+    end: FloatArray
+    reference: FloatArray
 
     @classmethod
     def of(cls, built: CondensedScene) -> System:
-        """The equations of a scene. Raises NumericalError if its contacts carry nothing."""
-        c, scene, law = built.condensed, built.scene, Law.of(built)
-        m, n, k = len(c.weight), len(c.friction_nodes), len(scene.unknown_motions)
+        """The equations of the first stage of a scene. Raises NumericalError if contacts carry nothing."""
+        c, scene, law, balance = built.condensed, built.scene, Law.of(built), built.condensed.balance
+        m, n, k, loads = len(c.weight), len(c.friction_nodes), len(scene.unknown_motions), len(scene.loads)
         square = built.case.mls.scheme == "collocation"
         bodies = {name: Collocation.of(one) if square else one.system for name, one in scene.bodies.items()}
         equations = {name: one.equations(c.sources[name]) for name, one in bodies.items()}
         stiffness = sparse.block_diag([one.matrix for one in equations.values()], format="csr")
-        caused = sparse.vstack([one.sources for one in equations.values()], format="csc")
-        q, p, t = np.split(np.arange(k + m + n), [k, k + m])
-        first = len(scene.loads)
+        _, of_q, of_p, of_t = np.split(np.arange(loads + k + m + n), np.cumsum([loads, k, m]))
+        caused = -sparse.vstack([one.sources for one in equations.values()], format="csc")
         normal, tangential = _relative_motions(built)
-        unit = {size: sparse.eye_array(size, format="csr") for size in (m, n)}
-        cone = sparse.diags_array(law.mu * law.eta[c.friction_nodes])
-        beyond, balance = c.beyond, c.balance
+        cone, one_n = sparse.diags_array(law.mu * law.eta[c.friction_nodes]), sparse.eye_array(n)
+        near, along = np.split(c.beyond.toarray(), [m])
+        along[:, m:] += np.diag(law.compliance)
         blocks = {
-            "u": {"u": stiffness, "p": -caused[:, first + p], "t": -caused[:, first + t], "q": -caused[:, first + q]},
-            "h": {"u": -normal, "h": unit[m], "p": -beyond[:m, :m], "t": -beyond[:m, m:]},
+            "u": {"u": stiffness, "p": caused[:, of_p], "t": caused[:, of_t], "q": caused[:, of_q]},
+            "h": {"u": -normal, "h": sparse.eye_array(m), "p": -near[:, :m], "t": -near[:, m:]},
             "a": {"a": cone},
             "b": {"b": cone},
             "p": {"h": sparse.diags_array(law.eta)},
-            "t": {
-                "u": tangential,
-                "a": unit[n],
-                "b": -unit[n],
-                "p": beyond[m:, :m],
-                "t": beyond[m:, m:] + sparse.diags_array(law.compliance),
-            },
+            "t": {"u": tangential, "a": one_n, "b": -one_n, "p": along[:, :m], "t": along[:, m:]},
             "q": {"p": balance.pressure, "t": balance.traction, "q": balance.motion},
         }
-        elastic = law.gap / LENGTH
-        forces = [
-            np.abs(balance.pressure) @ np.abs(end.pressure) + np.abs(balance.traction) @ np.abs(end.traction)
-            for end in built.ends
-        ]
-        force = np.max(forces, axis=0)
+        force = np.abs(balance.pressure) @ np.full(m, law.pressure)
         motion = np.max([np.abs(end.motion) for end in built.ends], axis=0)
-        product = np.full(n, law.pressure * law.slip) * law.mu
-        divisor = {
-            "u": elastic * abs(stiffness).max(axis=1).toarray().ravel(),
-            "h": np.full(m, law.gap),
-            "a": product,
-            "b": product,
-            "p": np.full(m, law.pressure * law.gap),
-            "t": np.full(n, law.slip),
-            "q": np.where(force > 0.0, force, 1.0),
+        # Typical values of each unknown, and of its row.
+        typical = {
+            "u": (np.full(stiffness.shape[0], law.elastic), law.elastic * _row_sizes(stiffness)),
+            "h": (np.full(m, law.gap), np.full(m, law.gap)),
+            "a": (np.full(n, law.slip), law.mu * law.pressure * law.slip),
+            "b": (np.full(n, law.slip), law.mu * law.pressure * law.slip),
+            "p": (np.full(m, law.pressure), np.full(m, law.pressure * law.gap)),
+            "t": (law.mu * law.pressure, np.full(n, law.slip)),
+            "q": (np.where(motion > 0.0, motion, law.elastic), np.where(force > 0.0, force, 1.0)),
         }
-        scale = {
-            "u": np.full(stiffness.shape[0], elastic),
-            "h": divisor["h"],
-            "a": divisor["t"],
-            "b": divisor["t"],
-            "p": np.full(m, law.pressure),
-            "t": law.mu * law.pressure,
-            "q": np.where(motion > 0.0, motion, elastic),
-        }
-        sizes = {name: len(values) for name, values in scale.items()}
-        ends = np.cumsum([0, *sizes.values()])
-        places = dict(zip(sizes, map(slice, ends[:-1], ends[1:]), strict=True))
-        scales, divisors = (np.concatenate(list(one.values())) for one in (scale, divisor))
-        linear = sparse.vstack(
-            [
-                sparse.hstack([row.get(name, sparse.csr_array((sizes[own], size))) for name, size in sizes.items()])
-                for own, row in blocks.items()
-            ],
-            format="csr",
-        )
-        linear = sparse.csr_array(sparse.diags_array(1.0 / divisors) @ linear)
-        known = {"h": -c.gap.constant, "a": -law.eps, "b": -law.eps, "p": -law.eta * law.delta, "q": balance.constant}
-        constant, load = np.zeros(len(scales)), np.zeros((len(scales), first))
-        for name, values in known.items():
+        scale, divisor = map(np.concatenate, zip(*typical.values(), strict=True))
+        ends = np.cumsum([0, *(len(values) for values, _ in typical.values())]).tolist()
+        places = dict(zip(typical, map(slice, ends[:-1], ends[1:]), strict=True))
+        linear = sparse.block_array([[row.get(name) for name in blocks] for row in blocks.values()])
+        linear = sparse.csr_array(sparse.diags_array(1.0 / divisor) @ linear)
+        constant, load = np.zeros(len(scale)), np.zeros((len(scale), loads))
+        for name, values in zip(
+            "habp", (-c.gap.constant, -law.eps, -law.eps, -law.eta * law.delta), strict=True
+        ):
             constant[places[name]] = values
-        load[places["q"]] = balance.load
-        order = _elimination_order(built, {name: one.matrix for name, one in equations.items()}, len(scales))
+        constant[places["q"]], load[places["q"]] = balance.constant, balance.load
+        a, b, p, h, t = (np.arange(places[name].start, places[name].stop) for name in "abpht")
+        products = [(p, p, h, 1.0), (a, a, p[c.friction_nodes], law.mu), (a, a, t, -1.0)]
+        products += [(b, b, p[c.friction_nodes], law.mu), (b, b, t, 1.0)]
+        row, first, second = (np.concatenate([one[i] for one in products]) for i in range(3))
+        factor = np.concatenate([np.broadcast_to(one[3], one[0].shape) for one in products]) / divisor[row]
+        order = _elimination_order(built, stiffness, len(scale))
         return cls(
             built=built,
             law=law,
             bodies=bodies,
             places=places,
-            scale=scales,
-            divisor=divisors,
-            explicit=linear[places["h"].start :],
-            constant=constant / divisors,
-            load=load / divisors[:, None],
-            quadratic=_hyperbolas(places, law, c.friction_nodes, divisors),
+            scale=scale,
+            divisor=divisor,
+            matrix=linear[places["h"].start :],
+            constant=constant / divisor,
+            load=(load / divisor[:, None])[places["h"].start :],
+            row=row,
+            first=first,
+            second=second,
+            factor=factor,
             order=order,
-            ordered=sparse.csc_array((linear @ sparse.diags_array(scales))[order][:, order]),
+            ordered=sparse.csc_array((linear @ sparse.diags_array(scale))[order][:, order]),
             threshold=0.0 if all(one.definite for one in equations.values()) else THRESHOLD,
+            start=built.stages[0],
+            end=built.stages[1],
+            reference=np.zeros(n),
         )
 
-    def split(self, x: FloatArray, names: str = "phqt") -> list[FloatArray]:
-        """Unknowns of these names among x (..., size)."""
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.scale)
+
+    def split(self, x: FloatArray, names: str) -> list[FloatArray]:
+        """The unknowns of these names among x (..., size)."""
         return [x[..., self.places[name]] for name in names]
 
     def drawn(self) -> FloatArray:
         """Unknowns (size,) near the unloaded state: gaps as drawn, closed ones opened slightly, with their
-        pressures; no displacement and no traction."""
-        law, x = self.law, np.zeros(len(self.scale))
+        pressures; no displacements, no tractions."""
+        law, x = self.law, np.zeros(self.size)
         gap = np.maximum(self.built.condensed.gap.constant, LENGTH * law.gap)
         x[self.places["h"]], x[self.places["p"]] = gap, law.eta * (law.delta / gap - 1.0)
         return self.with_plastic_slips(x)
 
     def with_plastic_slips(self, x: FloatArray) -> FloatArray:
-        """The unknowns with the plastic slips that belong to the pressures and tractions of x (size,)."""
-        x, law, nodes = x.copy(), self.law, self.built.condensed.friction_nodes
-        p, t = self.split(x, "pt")
-        cone = law.mu * (p + law.eta)[nodes]
+        """The unknowns x (size,) with the plastic slips of their pressures and tractions."""
+        x, law, (p, t) = x.copy(), self.law, self.split(x, "pt")
+        cone = law.mu * (p + law.eta)[self.built.condensed.friction_nodes]
         x[self.places["a"]], x[self.places["b"]] = law.eps / (cone - t), law.eps / (cone + t)
         return x
 
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at the fraction ``lam`` of the stage."""
+        return self.start + lam * (self.end - self.start)
+
     def linear(self, f: FloatArray, x: FloatArray) -> FloatArray:
-        """C(lam) + M x (size,) for load factors f (L,), without ``constant``."""
-        u, p, t, q = self.split(x, "uptq")
-        causes = np.concatenate([f, q, p, t])
+        """M x and the part of C that is due to load factors f (L,)."""
+        u, *unknowns = self.split(x, "uqpt")
+        causes, own = np.concatenate([f, *unknowns]), self.built.scene.places
         bodies = [
-            body.residual_vector(self.built.condensed.sources[name] @ causes, u[self.built.scene.places[name]])
+            body.residual_vector(self.built.condensed.sources[name] @ causes, u[own[name]])
             for name, body in self.bodies.items()
         ]
-        rest = self.explicit @ x + self.load[self.places["h"].start :] @ f
-        return np.concatenate([np.concatenate(bodies) / self.divisor[self.places["u"]], rest])
+        others = self.matrix @ x + self.load @ f
+        return np.concatenate([np.concatenate(bodies) / self.divisor[self.places["u"]], others])
 
+    def quadratic(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Q(x, y) (size,), summed over pairs of x and y (k, size)."""
+        products = (x[:, self.first] * y[:, self.second]).sum(axis=0)
+        return np.bincount(self.row, self.factor * products, self.size)
 
-def _relative_motions(built: CondensedScene) -> list[Rows]:
-    """N (m, 2N) and T (n, 2N): normal and tangential motion of slaves relative to masters."""
-    pairings, bodies = built.condensed.pairings, built.scene.bodies
-    normal, tangential = [], []
-    for pairing in pairings:
-        both = zip(*(candidate_rows(body, name, pairing) for name, body in bodies.items()), strict=True)
-        gap, slip = (sparse.hstack(parts, format="csr") for parts in both)
-        normal.append(gap)
-        if pairing.friction:
-            tangential.append(slip_fit(pairing) @ slip)
-    none = sparse.csr_array((0, normal[0].shape[1]))
-    return [sparse.csr_array(sparse.vstack([none, *rows], format="csr")) for rows in (normal, tangential)]
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        """R(x, lam) (size,)."""
+        rows = self.constant + self.linear(self.factors(lam), x) + self.quadratic(x[None], x[None])
+        rows[self.places["t"]] -= self.reference / self.law.slip
+        return rows
 
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        """dR/dlam (size,)."""
+        return self.linear(self.end - self.start, np.zeros(self.size))
 
-def _hyperbolas(places: dict[str, slice], law: Law, nodes: IntArray, divisor: FloatArray) -> Quadratic:
-    """The products of the hyperbolas."""
-    a, b, p, h, t = (np.arange(places[name].start, places[name].stop) for name in "abpht")
-    one = np.ones(len(t))
-    row, first, second, factor = map(
-        np.concatenate,
-        zip(
-            (p, p, h, np.ones(len(p))),
-            (a, a, p[nodes], law.mu),
-            (a, a, t, -one),
-            (b, b, p[nodes], law.mu),
-            (b, b, t, one),
-            strict=True,
-        ),
-    )
-    return Quadratic(len(divisor), row, first, second, factor / divisor[row])
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        """Minus the sum of Q(x_j, x_{k-j}) over 0 < j < k, from the lower orders x (k, size)."""
+        return -self.quadratic(x[1:], x[:0:-1])
 
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether x is on the branches of the hyperbolas where gaps and plastic slips are positive."""
+        h, a, b, p = self.split(x, "habp")
+        return all((one > 0.0).all() for one in (h, a, b, p + self.law.eta))
 
-def _elimination_order(built: CondensedScene, matrices: dict[str, Rows], size: int) -> IntArray:
-    """Bodies first, each by nested dissection, then the contact: its Schur complement is the condensed problem."""
-    parts, first = [], 0
-    for name, matrix in matrices.items():
-        pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)
-        parts.append(first + elimination_order(pattern, built.scene.bodies[name].model.nodes))
-        first += matrix.shape[0]
-    return np.concatenate([*parts, np.arange(first, size)])
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        """The factorised derivative dR/dx."""
+        values = self.factor * x[self.second], self.factor * x[self.first]
+        places = np.tile(self.row, 2), np.concatenate([self.first, self.second])
+        return Tangent(self, sparse.csr_array((np.concatenate(values), places), shape=(self.size,) * 2))
 
 
 class Tangent:
-    """Factorised derivative of the equations at x (size,). Raises numpy's LinAlgError if it is singular."""
+    """M + ``local`` factorised. Raises numpy's LinAlgError if it is singular."""
 
-    def __init__(self, system: System, x: FloatArray) -> None:
-        self._system, self._local = system, system.quadratic.derivative(x)
-        own, still = system.order, np.arange(len(system.order))
-        local = (self._local @ sparse.diags_array(system.scale))[own][:, own]
+    def __init__(self, system: System, local: Matrix) -> None:
+        self._system, self._local = system, local
+        ordered = (local @ sparse.diags_array(system.scale))[system.order][:, system.order]
+        whole = sparse.csc_array(system.ordered + ordered)
         try:
-            self._factor = factor_in_order(sparse.csc_array(system.ordered + local), still, system.threshold)
+            self._factor = factor_in_order(whole, np.arange(system.size), system.threshold)
         except NumericalError as error:
             raise np.linalg.LinAlgError("singular tangent of the contact problem") from error
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (size,)."""
-        system, none = self._system, np.zeros(self._system.load.shape[1])
+        system, unloaded = self._system, np.zeros(len(self._system.start))
 
         def by_factor(rest: FloatArray) -> FloatArray:
             solution = np.empty_like(rest)
@@ -276,62 +224,36 @@ class Tangent:
             return (system.scale * solution)[:, None]
 
         def update(y: FloatArray) -> FloatArray:
-            return by_factor(rhs - system.linear(none, y[:, 0]) - self._local @ y[:, 0])
+            return by_factor(rhs - system.linear(unloaded, y[:, 0]) - self._local @ y[:, 0])
 
-        start = by_factor(rhs)
-        return np.asarray(refine(start, update, Progress.of(start, REFINED))[0][:, 0])
+        first = by_factor(rhs)
+        return np.asarray(refine(first, update, Progress.of(first, REFINED))[0][:, 0])
 
 
-@dataclass(frozen=True, eq=False)
-class Increment:
-    """The equations over a stage from load factors ``start`` to ``end`` (L,), for a stick ``reference`` (n,)."""
+def _row_sizes(matrix: Matrix) -> FloatArray:
+    """Largest entry of every row."""
+    return np.asarray(abs(matrix).max(axis=1).toarray()).ravel()
 
-    system: System
-    start: FloatArray
-    end: FloatArray
-    reference: FloatArray
 
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return len(self.system.scale)
+def _relative_motions(built: CondensedScene) -> list[Matrix]:
+    """N (m, 2N) and T (n, 2N): normal and tangential motions of slaves relative to masters."""
+    normal, tangential = (
+        [],
+        [sparse.csr_array((0, sum(b.model.unknowns for b in built.scene.bodies.values())))],
+    )
+    for pairing in built.condensed.pairings:
+        both = zip(
+            *(candidate_rows(body, name, pairing) for name, body in built.scene.bodies.items()), strict=True
+        )
+        gap, slip = (sparse.hstack(parts, format="csr") for parts in both)
+        normal.append(gap)
+        if pairing.friction:
+            tangential.append(slip_fit(pairing) @ slip)
+    return [sparse.csr_array(sparse.vstack(rows, format="csr")) for rows in (normal, tangential)]
 
-    @property
-    def scale(self) -> FloatArray:
-        """Typical values (size,) of the unknowns."""
-        return self.system.scale
 
-    def factors(self, lam: float) -> FloatArray:
-        """Load factors (L,) at the fraction ``lam`` of the stage."""
-        return self.start + lam * (self.end - self.start)
-
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        """R(x, lam) (size,)."""
-        system = self.system
-        rows = system.linear(self.factors(lam), x) + system.constant + system.quadratic(x, x)
-        slip = system.places["t"]
-        rows[slip] -= self.reference / system.divisor[slip]
-        return rows
-
-    def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        """The factorised derivative by x."""
-        return Tangent(self.system, x)
-
-    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        """The derivative by lam (size,)."""
-        return self.system.linear(self.end - self.start, np.zeros(self.size))
-
-    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
-        """Minus the sum of Q(x_j, x_{k-j}) over 0 < j < k, from the lower orders x (k, size)."""
-        return -self.system.quadratic(x[1:], x[:0:-1])
-
-    def admissible(self, x: FloatArray, lam: float) -> bool:
-        """Whether x is on the branches of the hyperbolas where gaps and plastic slips are positive."""
-        h, a, b = self.system.split(x, "hab")
-        p = self.system.split(x, "p")[0] + self.system.law.eta
-        return bool(min(one.min(initial=np.inf) for one in (h, a, b, p)) > 0.0)
-
-    def slip(self, x: FloatArray, lam: float) -> FloatArray:
-        """Slips (n,) T u + A_t (p, t) of the surfaces, without the asperities'."""
-        a, b, t = self.system.split(x, "abt")
-        return np.asarray(self.reference - self.system.law.compliance * t - a + b)
+def _elimination_order(built: CondensedScene, stiffness: Matrix, size: int) -> IntArray:
+    """Bodies first, by nested dissection, then the contact: its Schur complement is the condensed problem."""
+    points = np.concatenate([body.model.nodes for body in built.scene.bodies.values()])
+    order = elimination_order(sparse.csc_array(abs(stiffness) + abs(stiffness).T), points)
+    return np.concatenate([order, np.arange(len(order), size)])

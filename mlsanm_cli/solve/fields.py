@@ -26,7 +26,7 @@ NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 class Fields:
     """Fields of a body in a state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,), strain
     (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the displacement of its elastic system,
-    ghosts last, and ``near`` (n, 3), the stress of the near fields of contacts."""
+    and ``near`` (n, 3), the stress of the near fields of contacts."""
 
     displacement: FloatArray
     stress: FloatArray
@@ -58,13 +58,12 @@ def fields_of(
 
 
 def _fields(built: CondensedScene, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
-    """Fields of a body from the ``displacement`` (N, 2) of its elastic system, ghosts last."""
+    """Fields of a body from the ``displacement`` (N, 2) of its elastic system."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
     sigma, degrees, near = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
     if stress:
         degrees = built.scene.degrees(name, state.factors)
-        # Stresses are reported at the nodes, not at ghosts.
         near = stressed[: len(model.cloud.points)]
         sigma = model.stress(displacement) + near
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
@@ -77,7 +76,7 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
 def _displacements(
     built: CondensedScene, name: str, states: Sequence[State], start: FloatArray | None
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Displacements (N, 2) of a body in each state, ghosts last, and the relative change (c,) by iterative
+    """Displacements (N, 2) of a body in each state, and the relative change (c,) by iterative
     refinement."""
     condensed = built.condensed
     if not len(states[0].displacement):

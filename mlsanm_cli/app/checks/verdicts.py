@@ -142,16 +142,19 @@ def check_state(built: CondensedScene, state: State) -> None:
 
 
 def _check_cone(built: CondensedScene, state: State) -> None:
-    """NumericalError if tractions exceed the friction limit; holonomic laws may, by mu eta."""
+    """NumericalError if tractions exceed the friction limit; regularised laws may, by mu eta."""
     condensed = built.condensed
-    if not len(condensed.friction_nodes) or built.is_holonomic:
+    if not len(condensed.friction_nodes):
         return
     limit = condensed.friction * np.maximum(state.pressure[condensed.friction_nodes], 0.0)
     beyond = np.abs(state.traction) - limit
     peak = max(float(end.pressure.max()) for end in built.ends)
-    laws = [contact.regularization for contact in built.case.touching if contact.friction]
-    smooth = min(law.eta if law.law == "hyperbolic" else 0.0 for law in laws)
-    if not beyond.max() <= max(CONE_TOLERANCE, CONE_ETA_SHARE * smooth) * peak:
+    smooth = [
+        contact.coefficient * contact.regularization.eta
+        for contact in built.case.touching
+        if contact.regularization.law != "exact"
+    ]
+    if not beyond.max() <= max(CONE_TOLERANCE, *smooth, 0.0) * peak:
         raise NumericalError(
             f"a traction is beyond the friction limit at position {state.position:.6g}",
             'lower solver.tolerance, or use contact.regularization.law = "exact"',

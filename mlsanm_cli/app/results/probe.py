@@ -139,8 +139,7 @@ def probe_point(
     field: str | None = None,
 ) -> list[Row]:
     """Displacement and stress of a body at any point, at levels with saved fields. Values and derivatives of
-    the local polynomials of the run's degree, fitted to the nodal displacements. Not for the ghost scheme,
-    whose ghosts are not stored: without them stresses at surfaces had errors of 100 %."""
+    the local polynomials of the run's degree, fitted to the nodal displacements."""
     run, case = _read(rundir)
     refuse_unknown(body, run.bodies, "body")
     levels = _levels(run, at)
@@ -156,11 +155,6 @@ def seen_at(
 ) -> Iterator[tuple[FloatArray, str]]:
     """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), at finite strain
     Cauchy's, and their origin, at levels with saved fields. Raises RunError as `probe_point` does."""
-    if case.mls.scheme == "ghost":
-        raise RunError(
-            "the ghosts of the ghost scheme, needed for values between nodes, are not stored",
-            "run again with a [[probe]] at the point",
-        )
     saved = [displacement_at(run, level, body) for level in levels]
     stencils = _stencils_at(run, case, body, points)
     if run.is_finite:
@@ -174,7 +168,7 @@ def seen_at(
             yield np.column_stack([seen.displacement, seen.stress, seen.von_mises]), how
         return
     nodal = partial(_stencils_at, run, case, body, run.bodies[body].points)
-    rows = point_rows(stencils, _material(case, body), stencils, nodal)
+    rows = point_rows(stencils, _material(case, body), nodal)
     free = stress_of_expansion(_material(case, body))
     for level, (displacement, how) in zip(levels, saved, strict=True):
         values = (rows @ displacement.ravel()).reshape(5, -1).T
