@@ -8,6 +8,8 @@ from pathlib import Path
 from mlsanm_cli.errors import RunError
 
 MB = 2**20
+MAX_TEXT_BYTES = 16 * MB
+"""Largest case file or table."""
 
 
 def read_input(path: Path, most: int, *, what: str = "file", streams: bool = False) -> bytes:

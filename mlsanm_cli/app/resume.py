@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.app.checks.refinement import Refinement
 from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.output.recorder import Recorder
@@ -56,7 +57,8 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
         prepared = build_scene(loaded, context)
         run_dir.reopen(rundir)
         with resumable(rundir), Recorder(rundir, loaded, again, context, earlier=earlier) as recorder:
-            summary = carry_out(loaded.case, prepared, recorder, context, earlier.refinement)
+            known = Refinement.read(earlier.refinement) if earlier.refinement else None
+            summary = carry_out(loaded.case, prepared, recorder, context, known)
     return {**summary, "directory": str(rundir)}
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.case.checks.valid_parts import Geometry, GeometryInspector
 from mlsanm_cli.case.model.base import split_boundary
-from mlsanm_cli.case.model.case import Body, Case, Contact, finer_nodes
+from mlsanm_cli.case.model.bodies import Body
+from mlsanm_cli.case.model.case import Case, finer_nodes
+from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.expressions import ExpressionError, value_at
 from mlsanm_cli.case.model.loads import (
     AnyLoad,
@@ -19,6 +20,7 @@ from mlsanm_cli.case.model.loads import (
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle, PlaneObstacle
 from mlsanm_cli.case.model.places import Place
+from mlsanm_cli.case.model.scope import Geometry, GeometryInspector
 from mlsanm_cli.case.model.shapes import AnyShape, HalfDisk, Mesh, OutlineShape, Points
 from mlsanm_cli.case.model.solver import Solver
 from mlsanm_cli.case.model.stop import Stop

@@ -116,9 +116,10 @@ class Report:
         key = shortened(dotted(self.data, path)) or "(file)"
         self._found.setdefault((path, message), CaseProblem(key, message, line, source, hint))
 
-    def has(self, path: KeyPath) -> bool:
-        """Whether there is a problem at exactly this path."""
-        return any(place == path for place, _ in self._found)
+    @property
+    def paths(self) -> frozenset[KeyPath]:
+        """The paths of all problems."""
+        return frozenset(path for path, _ in self._found)
 
     def _is_set(self, path: KeyPath) -> bool:
         if any(path[: len(changed)] == changed for changed in self.changed):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import reduce
 from typing import Any
 
@@ -42,13 +42,6 @@ def findings(data: Mapping[str, Any], error: ValidationError) -> Iterator[Findin
         yield _path(data, detail["loc"]), detail
 
 
-def report_findings(report: Report, found: Iterable[Finding], covered: frozenset[KeyPath]) -> None:
-    """Adds every error to the report, except at or below ``covered`` paths, which have been reported."""
-    for path, detail in found:
-        if not any(path[: len(cover)] == cover for cover in covered):
-            _report(report, path, detail)
-
-
 def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
     """The path in the file; pydantic's locations also contain the kinds of tables and marks for keys."""
     path: KeyPath = ()
@@ -62,7 +55,8 @@ def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
     return path
 
 
-def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
+def report_finding(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
+    """Adds an error in the words of the case file."""
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
     if kind == UNKNOWN_KEY:
         report.add(path, "unknown key", _unknown_hint(report.data, path))

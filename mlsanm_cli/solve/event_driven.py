@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from functools import partial
 
-from mlsanm_cli.contact.laws.contact_status import ContactSolution
+from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
 from mlsanm_cli.contact.laws.event_driven import Event, event_driven_path
 from mlsanm_cli.contact.laws.event_driven import start as first_event
@@ -16,9 +16,9 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import (
     UNLOADED,
     Checkpoint,
-    FrictionHistory,
     PathStep,
     State,
+    friction_history,
     output_positions,
     stops,
 )
@@ -84,16 +84,16 @@ def _row(built: CondensedScene, stage: int, event: Event, solves: int, jump: str
         factorizations=solves,
         solves=4 * solves,
         warning=jump,
-        checkpoint=Checkpoint(state, FrictionHistory(exact.sets, exact.stick_reference)),
+        checkpoint=Checkpoint(state, friction_history(exact.sets, exact.stick_reference)),
     )
 
 
 def _restored(start: Checkpoint) -> CoulombState:
     """Exact state of a checkpoint."""
     state, history = start.state, start.history
-    assert history is not None
     values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
-    return CoulombState(state.factors, values, history.sets, history.stick_reference, state.work)
+    sets = ContactStatus(**history["sets"])
+    return CoulombState(state.factors, values, sets, history["stick_reference"], state.work)
 
 
 def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -> State:

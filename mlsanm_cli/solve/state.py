@@ -3,14 +3,15 @@ through the second stage."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.laws.contact_status import OPEN, ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 UNLOADED = 1e-3
@@ -24,34 +25,48 @@ def _none() -> FloatArray:
     return np.zeros(0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
-    """State of the path: load factors (L,), pressures and gaps (m,), unknown motions (k,), and the status
-    OPEN, STICK or SLIP of every node (m,); of contacts with friction tractions, slips and dissipated work per
-    length of surface (n,). ``displacement`` (2N,) of all bodies if they are unknowns of the path, else empty.
+    """State of the path, at small or at finite strain.
+
+    Load factors (L,) and residual; at the contact nodes pressures and gaps (m,) and the status OPEN, STICK or
+    SLIP (m,); on contacts with friction tractions, slips and dissipated work per length of surface (n,), at
+    finite strain on all nodes; unknown rigid motions (k,). ``displacement`` (2N,) of all bodies if they are
+    unknowns of the path, else empty. ``solver`` are further arrays of the solution method by name.
     """
 
     position: float
     factors: FloatArray
-    pressure: FloatArray
-    gap: FloatArray
-    motion: FloatArray
-    status: NDArray[np.int8]
+    pressure: FloatArray = field(default_factory=_none)
+    gap: FloatArray = field(default_factory=_none)
+    motion: FloatArray = field(default_factory=_none)
+    status: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
     residual: float = 0.0
     traction: FloatArray = field(default_factory=_none)
     slip: FloatArray = field(default_factory=_none)
     work: FloatArray = field(default_factory=_none)
     displacement: FloatArray = field(default_factory=_none)
+    solver: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def closed(self) -> BoolArray:
         """Mask (m,) of closed nodes."""
-        return np.asarray(self.status != 0)
+        return np.asarray(self.status != OPEN)
 
     @property
     def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Load factors, motions, pressures and tractions as arguments of linear maps."""
         return self.factors, self.motion, self.pressure, self.traction
+
+    @property
+    def driven(self) -> FloatArray:
+        """Load factors and unknown motions (L + k,)."""
+        return np.append(self.factors, self.motion)
+
+    @property
+    def side_traction(self) -> FloatArray:
+        """Nominal tractions (2s,) at the nodes of both sides of all contacts; finite strain only."""
+        return self.solver.get("side_traction", _none())
 
     @property
     def is_finite(self) -> bool:
@@ -60,28 +75,18 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionHistory:
-    """History variables of friction: the stick and slip ``sets``, the slips (n,) of sticking nodes at rest
-    without their elastic part, and for the regularised law the pressures (n,) at which friction begins."""
-
-    sets: ContactStatus
-    stick_reference: FloatArray
-    threshold: FloatArray = field(default_factory=_none)
-
-
-@dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """State with the history of friction from which a path is continued.
+    """State from which a path is continued, to the same states within the solver's tolerance.
 
     ``heading`` (size + 1,), of power series and Newton's method, is the direction of the last step in
-    unknowns and load parameter per path parameter, and ``pace`` its length. ``steps`` is the number of rows
-    so far, and saved levels up to ``told`` have rows of their own. ``armed`` (k,) are the stops of the case
-    that have been off their limits before; the one numbered ``ended_by`` has ended the path. A continued path
-    has the same states within the solver's tolerance.
+    unknowns and load parameter per path parameter, and ``pace`` its length, or that of the next increment.
+    ``steps`` is the number of rows so far, and saved levels up to ``told`` have rows of their own. ``armed``
+    (k,) are the stops of the case that have been off their limits before; the one numbered ``ended_by`` has
+    ended the path. ``history`` are further arrays by name: of friction, or the equations of the bodies.
     """
 
     state: State
-    history: FrictionHistory | None = None
+    history: Mapping[str, Any] = field(default_factory=dict)
     heading: FloatArray = field(default_factory=_none)
     pace: float = 0.0
     steps: int = 0
@@ -105,6 +110,15 @@ class Checkpoint:
         return self.position - self.stage
 
 
+def friction_history(
+    sets: ContactStatus, stick_reference: FloatArray, threshold: FloatArray | None = None
+) -> dict[str, Any]:
+    """History of friction: the stick and slip ``sets``, the slips (n,) of sticking nodes at rest without
+    their elastic part, and for the regularised law the pressures (n,) at which friction begins."""
+    history = {"sets": vars(sets), "stick_reference": stick_reference}
+    return history | {"threshold": _none() if threshold is None else threshold}
+
+
 @dataclass(frozen=True)
 class Polish:
     """Largest changes of pressures and tractions by polishing, over the largest exact pressure at the ends of
@@ -118,16 +132,21 @@ class Polish:
 
 @dataclass(frozen=True)
 class PathStep:
-    """A finished step: the state at its end, the requested states within it (including its end), and its
-    counters.
+    """A finished step: the state at its end, the requested states within it (including its end), its counts,
+    and the checkpoint at its end.
 
     ``series`` holds the arrays from which any state of the step can be evaluated (ANM only), ``order`` that
     of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is a message for the
-    user, ``polish`` the change by the exact laws at its end, ``checkpoint`` the one at its end.
+    user, ``polish`` the change by the exact laws at its end.
+
+    At finite strain: ``limit_points`` of the load factor as (position, whether a maximum); whether the
+    equations were ``renewed`` at its end; the work ``kept`` of contact tractions on the displacements that
+    would remove the residuals which equations keep; intermediate states ``way`` of a power series;
+    ``missed`` computes what fits of the next degree would change.
     """
 
     state: State
-    saved: tuple[State, ...]
+    saved: tuple[State, ...] = ()
     length: float = 0.0
     order: int = 0
     iterations: int = 0
@@ -138,6 +157,11 @@ class PathStep:
     warning: str = ""
     polish: Polish | None = None
     checkpoint: Checkpoint | None = None
+    limit_points: tuple[tuple[float, bool], ...] = ()
+    renewed: bool = False
+    kept: float = 0.0
+    way: tuple[State, ...] = ()
+    missed: Callable[[], Any] | None = None
 
 
 def output_positions(built: CondensedScene) -> tuple[float, ...]:

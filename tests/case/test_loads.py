@@ -94,7 +94,7 @@ BODY = 'body = "square"\n'
         (TOP + 'kind = "pressure"\ntable = "none.csv"', "table", "there is no file"),
         (TOP + 'kind = "displacement"', "displacement", "ux or uy alone"),
         (TOP + 'kind = "displacement"\nux = 1\ndisplacement = [1, 1]', "ux", "gives both"),
-        (TOP + 'kind = "displacement"\nux = 1\ntable = "a.csv"', "table", "have no table"),
+        (TOP + 'kind = "displacement"\nux = 1\ntable = "a.csv"', "table", "unknown key"),
         (TOP + 'kind = "body-force"\nbody-force = [0, 1]', "body", "missing"),
         (BODY + 'kind = "body-force"', "body-force", "missing"),
         (BODY + 'kind = "body-force"\nbody_force = [0, 1]', "body_force", 'did you mean "body-force"'),

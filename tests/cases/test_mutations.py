@@ -18,7 +18,7 @@ from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.response import load_vectors as sources
 from mlsanm_cli.mechanics import assembly, body_model
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.equations import RowTable
+from mlsanm_cli.mechanics.assembly import RowTable
 from mlsanm_cli.mechanics.near_field import PointForceField
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.remainder import remainder_sources

@@ -16,8 +16,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.causes import distance_warnings
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction
-from mlsanm_cli.case.model.case import finer_nodes
+from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction, finer_nodes
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.quality import CloudQuality, measure

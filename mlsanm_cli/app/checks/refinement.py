@@ -81,6 +81,12 @@ class Refinement:
     passes: tuple[Pass, ...]
     failed: str = ""
 
+    @classmethod
+    def read(cls, plain: Mapping[str, Any]) -> Refinement:
+        """From plain values."""
+        zones = np.array(plain["zones"], dtype=np.float64).reshape(-1, 5)
+        return cls(zones, tuple(Pass(**one) for one in plain["passes"]), plain["failed"])
+
 
 @dataclass(frozen=True)
 class Adapted:

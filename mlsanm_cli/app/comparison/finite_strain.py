@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,10 @@ from mlsanm_cli.app.comparison.measure import ANM, NEWTON, Measured, Method, mea
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.states import FiniteState, FiniteStep, renewals_of
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.solve.state import PathStep, State
 
 OTHER_EQUATIONS_LIMIT = 1e-2
 """Largest difference, relative to the largest displacement, if Newton's method could not use the equations of
@@ -64,19 +65,26 @@ def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
 
 
 def _followed(
-    scene: FiniteScene, method: str, repeat: int, renewals: tuple[FiniteState, ...] | None
-) -> tuple[Measured, tuple[FiniteState, ...]]:
+    scene: FiniteScene, method: str, repeat: int, renewals: tuple[State, ...] | None
+) -> tuple[Measured, tuple[State, ...]]:
     """The path by one method, with equations renewed at the given states, and the states where they were."""
     solver = scene.case.solver.model_copy(update={"method": method})
     chosen = replace(scene, case=scene.case.model_copy(update={"solver": solver}))
-    steps: list[FiniteStep] = []
+    steps: list[PathStep] = []
 
-    def path() -> Iterator[FiniteStep]:
+    def path() -> Iterator[PathStep]:
         steps.clear()
         return finite_path(chosen, renewals=renewals)
 
     found = measure_path(Method(method, ()), "finite strain", path, repeat, steps.append)
-    return found, renewals_of(steps)
+    return found, _renewals(steps)
+
+
+def _renewals(steps: Sequence[PathStep]) -> tuple[State, ...]:
+    """The states in which a path has renewed its equations, in order."""
+    bases = [step.checkpoint.history["base_state"] for step in steps if step.checkpoint]
+    pairs = zip(steps, pairwise(bases), strict=False)
+    return tuple(step.state for step, ends in pairs if not np.array_equal(*ends))
 
 
 def _figures(row: Measured, base: Measured, limit: float, clock: Clock) -> dict[str, Any]:
@@ -93,7 +101,7 @@ def _figures(row: Measured, base: Measured, limit: float, clock: Clock) -> dict[
     }
 
 
-def _apart(one: Mapping[float, FiniteState], other: Mapping[float, FiniteState]) -> float:
+def _apart(one: Mapping[float, State], other: Mapping[float, State]) -> float:
     """Largest difference of displacements relative to the largest one, over all common levels."""
     shared = sorted(one.keys() & other.keys())
     largest = max((float(np.abs(other[level].displacement).max()) for level in shared), default=0.0)

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import NoReturn
 
 import numpy as np
 
-from mlsanm_cli.app.finite.accuracy import missed_in_contact
+from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
 from mlsanm_cli.app.finite.limits import motion_ratio, slip_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
-from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteStep, Missed
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
 from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.condensed_scene import factors_at
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 FIRST_INCREMENT = 0.25
 """First increment, as a part of a stage."""
@@ -46,7 +47,7 @@ MAX_STRETCH = 1.6
 half a disk under a plate from 0.84 to -0.03."""
 
 
-def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None) -> Iterator[FiniteStep]:
+def contact_path(scene: FiniteScene, checkpoint: Checkpoint | None = None) -> Iterator[PathStep]:
     """All steps from the initial state on, or those after a ``checkpoint``. NumericalError if the path
     cannot be continued."""
     path = _Path(scene)
@@ -56,7 +57,7 @@ def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None)
         path.start()
         first = path.state(0.0)
         saved = (first,) if 0.0 in wanted else ()
-        yield FiniteStep(first, saved, factorizations=path.spent, checkpoint=path.checkpoint(first, size))
+        yield PathStep(first, saved, factorizations=path.spent, checkpoint=path.checkpoint(first, size))
     else:
         path.take_up(checkpoint)
         size, position = checkpoint.pace, checkpoint.state.position
@@ -71,7 +72,7 @@ def contact_path(scene: FiniteScene, checkpoint: FiniteCheckpoint | None = None)
                 )
             state = path.state(reached)
             check_deformation(scene, reached, state.factors, state.displacement)
-            check_overlaps(scene, reached, state.whole, state.shown(scene))
+            check_overlaps(scene, reached, state.driven, scene.shown(state))
             _check_stability(reached, path.now.stability)
             missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
@@ -142,26 +143,28 @@ class _Path:
             first[side.body] += 2 * side.count
         return tuple(found)
 
-    def take_up(self, checkpoint: FiniteCheckpoint) -> None:
+    def take_up(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
-        scene, state = self._scene, checkpoint.state
-        assert state.pressed is not None
-        self.now, self._slip, self._work, self._settled = state.pressed, state.slip, state.work, True
+        scene, state, history = self._scene, checkpoint.state, checkpoint.history
+        self.now, self._slip, self._work, self._settled = _solution(state), state.slip, state.work, True
         counts = [body.loads.count for body in scene.bodies.values()]
-        acting = np.split(checkpoint.acting, np.cumsum(counts)[:-1])
-        kept = {name for name, keeps in zip(scene.bodies, checkpoint.keeps, strict=True) if keeps}
-        for (name, own), factors in zip(scene.parts(checkpoint.base_state).items(), acting, strict=True):
+        acting = np.split(history["acting"], np.cumsum(counts)[:-1])
+        kept = {name for name, keeps in zip(scene.bodies, history["keeps"], strict=True) if keeps}
+        for (name, own), factors in zip(scene.parts(history["base_state"]).items(), acting, strict=True):
             if not np.array_equal(own, self._projectors[name].base_state):
                 self._projectors[name] = scene.projector(name, own, factors, name in kept)
         self.spent = 0
 
-    def checkpoint(self, state: FiniteState, size: float) -> FiniteCheckpoint:
-        """Checkpoint at a ``state`` with the ``size`` of the next increment."""
+    def checkpoint(self, state: State, size: float) -> Checkpoint:
+        """Checkpoint at a ``state`` with the ``size`` of the next increment, and the equations: their states
+        and load factors, and whether those of each body keep a residual."""
         every = self._projectors.values()
-        base_state = np.concatenate([one.base_state for one in every])
-        acting = np.concatenate([one.factors for one in every])
-        keeps = np.array([bool(one.rest.any()) for one in every])
-        return FiniteCheckpoint(state, base_state, acting, size, keeps=keeps)
+        history = {
+            "base_state": np.concatenate([one.base_state for one in every]),
+            "acting": np.concatenate([one.factors for one in every]),
+            "keeps": np.array([bool(one.rest.any()) for one in every]),
+        }
+        return Checkpoint(state, history, pace=size)
 
     def start(self) -> None:
         """Solve for the state before loading. NumericalError if the iterations do not converge."""
@@ -237,10 +240,10 @@ class _Path:
         args = (scene.contacts, self._length, self._stiffness, self._sides)
         return ExactContact(dict(self._projectors), *args)
 
-    def missed(self, state: FiniteState) -> Missed:
+    def missed(self, state: State) -> Callable[[], Missing]:
         """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
         return partial(
-            missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.whole
+            missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.driven
         )
 
     def _failed(self, position: float, found: Pressed | None) -> NoReturn:
@@ -271,11 +274,11 @@ class _Path:
             "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
         )
 
-    def finished(self, state: FiniteState, length: float, saved: tuple[FiniteState, ...]) -> FiniteStep:
+    def finished(self, state: State, length: float, saved: tuple[State, ...]) -> PathStep:
         """The step that ends in a state, with its counters. Equations far from their expansion point are
         renewed."""
-        acting = self._scene.acting(state.whole, state.traction)
-        renewed, kept = False, self._kept(state.traction)
+        acting = self._scene.acting(state.driven, state.side_traction)
+        renewed, kept = False, self._kept(state.side_traction)
         self._fresh = frozenset()
         for name, own in self._scene.parts(state.displacement).items():
             body, base_state = self._scene.bodies[name], self._projectors[name].base_state
@@ -293,7 +296,7 @@ class _Path:
         if renewed:
             self.now = replace(self.now, free=self._repinned())
         counts = (length, 0, self._iterations, self.spent, self._solves)
-        step = FiniteStep(state, saved, *counts, renewed=renewed, kept=kept)
+        step = PathStep(state, saved, *counts, renewed=renewed, kept=kept)
         self.spent = self._iterations = self._solves = 0
         return step
 
@@ -319,10 +322,43 @@ class _Path:
                 free[one.numbers] = one.factors(body, parts[one.body])
         return free
 
-    def state(self, position: float) -> FiniteState:
+    def state(self, position: float) -> State:
         """The present solution as a state of the path."""
         factors, now = factors_at(self._scene.stages, position), self.now
-        return FiniteState(position, factors, now.displacement, now.residual, now, self._slip, self._work)
+        contact = (now.pressure, now.gap, now.free, now.sets.status, now.residual, now.shear)
+        solver = {
+            "place": now.place,
+            "normal": now.normal,
+            "increment": now.slip,
+            "slip_sign": now.sets.slip_sign,
+            "side_traction": now.traction,
+            "surface": now.surface,
+            "stability": np.array(now.stability),
+        }
+        return State(position, factors, *contact, self._slip, self._work, now.displacement, solver)
+
+
+def _solution(state: State) -> Pressed:
+    """The solution of a state of the path."""
+    own = state.solver
+    return Pressed(
+        displacement=state.displacement,
+        pressure=state.pressure,
+        shear=state.traction,
+        gap=state.gap,
+        place=own["place"],
+        slip=own["increment"],
+        normal=own["normal"],
+        sets=NodeSets(state.status, own["slip_sign"]),
+        traction=own["side_traction"],
+        surface=own["surface"],
+        free=state.motion,
+        residual=state.residual,
+        iterations=0,
+        factorizations=0,
+        solves=0,
+        stability=float(own["stability"]),
+    )
 
 
 def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:

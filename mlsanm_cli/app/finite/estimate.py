@@ -12,11 +12,11 @@ import numpy as np
 from mlsanm_cli.app.checks.energy import thin_part
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
+from mlsanm_cli.solve.state import State
 from mlsanm_cli.startup import cKDTree
 
 ESTIMATE_WARNING = 0.015
@@ -46,12 +46,12 @@ class EnergyError:
     energy: float
 
     @classmethod
-    def of(cls, scene: FiniteScene, state: FiniteState) -> EnergyError:
+    def of(cls, scene: FiniteScene, state: State) -> EnergyError:
         """Estimate of a state."""
-        acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
+        acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
         pressed = {name: [np.zeros(0, dtype=np.int64)] for name in scene.bodies}
         for side, here in scene.contacts.sides:
-            pressed[side.body].append(side.nodes[state.traction[here].reshape(-1, 2).any(axis=1)])
+            pressed[side.body].append(side.nodes[state.side_traction[here].reshape(-1, 2).any(axis=1)])
         found, total = {}, 0.0
         for name, body in scene.bodies.items():
             found[name] = unaccounted(body, parts[name], acting[name])
@@ -87,12 +87,12 @@ class EnergyError:
         )
 
 
-def missing_works(scene: FiniteScene, before: FiniteState, now: FiniteState) -> dict[str, float]:
+def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, float]:
     """Internal less external work from one state to another, by body. By the principle of virtual work the
     two are equal for every stress in equilibrium, whether or not it derives from a strain. Bodies without
     supports are rotated back first: rigid motions do no work."""
     found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
-    factors = [scene.acting(one.whole, one.traction) for one in (before, now)]
+    factors = [scene.acting(one.driven, one.side_traction) for one in (before, now)]
     for name, body in scene.bodies.items():
         nodes, elastic = body.elastic.model.nodes, body.elastic
         turn = 0.0
@@ -122,21 +122,23 @@ def check_work(scene: FiniteScene, missing: Mapping[str, float], error: float) -
     return f"{message}: forces may be as far off; {hint}"
 
 
-def missing_figures(scene: FiniteScene, state: FiniteState, missing: Missing) -> dict[str, Any]:
+def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[str, Any]:
     """Estimated errors of a state for summary.json by what its fits are ``missing``: of all displacements
     (root mean square), and by contact of the pressures (L2 norm) and of the force over the largest one."""
-    size, pressed = float(np.linalg.norm(state.displacement)), state.pressed
+    size = float(np.linalg.norm(state.displacement))
     found: dict[str, Any] = {
         "displacement": float(np.linalg.norm(missing.displacement)) / size if size else None
     }
-    if pressed is None:
+    if not scene.in_increments:
         return found
     pressure, force = {}, {}
     for contact, here, there in scene.contacts.each:
         weight = contact.slave.weight
-        tractions = (one[there].reshape(-1, 2)[: len(weight)] for one in (state.traction, missing.traction))
-        if pressed.pressure[here].any():
-            part = weight @ missing.pressure[here] ** 2 / (weight @ pressed.pressure[here] ** 2)
+        tractions = (
+            one[there].reshape(-1, 2)[: len(weight)] for one in (state.side_traction, missing.traction)
+        )
+        if state.pressure[here].any():
+            part = weight @ missing.pressure[here] ** 2 / (weight @ state.pressure[here] ** 2)
             pressure[contact.name] = float(np.sqrt(part))
             force[contact.name] = [float(np.hypot(*(weight @ one))) for one in tractions]
     largest = max((whole for whole, _ in force.values()), default=0.0)

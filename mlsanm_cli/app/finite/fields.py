@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteState
 from mlsanm_cli.app.output.recording import record_summary
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
@@ -22,6 +21,7 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.solve.state import State
 
 CONTACT_PREFIX = "contact "
 """Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""
@@ -51,9 +51,9 @@ class FiniteFields:
         return cls(derivatives[:, 0], stress, across, mises, stretches(gradient).T, volume)
 
 
-def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
+def fields_of(scene: FiniteScene, state: State) -> dict[str, FiniteFields]:
     """Fields at the nodes of every body."""
-    found, shown = {}, scene.parts(state.shown(scene))
+    found, shown = {}, scene.parts(scene.shown(state))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
@@ -62,7 +62,7 @@ def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]
     return found
 
 
-def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeRecord]:
+def probe_records(scene: FiniteScene, state: State) -> dict[str, ProbeRecord]:
     """Values at the probes of the case."""
     records = {}
     for probe in scene.probes:
@@ -83,9 +83,9 @@ class SceneForces:
     contacts: Mapping[str, tuple[FloatArray, ...]]
 
     @classmethod
-    def of(cls, scene: FiniteScene, state: FiniteState) -> SceneForces:
+    def of(cls, scene: FiniteScene, state: State) -> SceneForces:
         """Forces of a state."""
-        acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
+        acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
         bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
         found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
         for contact in scene.contacts.pairs:
@@ -134,22 +134,20 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
     return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
-def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, ContactRecord]:
+def contact_records(scene: FiniteScene, state: State) -> dict[str, ContactRecord]:
     """Pressures and tractions per deformed length, gaps and slips of every contact."""
-    records, pressed = {}, state.pressed
-    parts = scene.parts(state.displacement)
+    records, parts = {}, scene.parts(state.displacement)
     for contact, here, _ in scene.contacts.each:
         slave = contact.slave
         stretch = stretch_along(scene, slave, parts[slave.body])
-        assert pressed is not None
-        gap = np.where(pressed.gap[here] < NO_GAP, pressed.gap[here], np.nan)
+        gap = np.where(state.gap[here] < NO_GAP, state.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
         records[contact.name] = ContactRecord(
-            pressed.pressure[here] / stretch,
-            pressed.shear[here] / stretch,
+            state.pressure[here] / stretch,
+            state.traction[here] / stretch,
             gap,
             slip,
-            pressed.sets.status[here],
+            state.status[here],
             float(slave.weight @ state.work[here]),
         )
     return records
@@ -162,7 +160,7 @@ def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArra
     return np.asarray(np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y))
 
 
-def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces) -> dict[str, dict[str, Any]]:
+def contact_summary(scene: FiniteScene, state: State, forces: SceneForces) -> dict[str, dict[str, Any]]:
     """Summary of every contact; the half-width is measured along the undeformed side."""
     records = contact_records(scene, state)
     found: dict[str, dict[str, Any]] = {}
@@ -183,41 +181,40 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
     return found
 
 
-def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
+def _moment(contact: RigidContact, state: State, here: slice) -> float:
     """Moment of the tractions of a rotating obstacle on the body about its pivot; the sides' nodes are
     ``here`` in the state's arrays."""
-    assert state.pressed is not None
-    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.whole
-    at = slave.places + state.pressed.surface[here].reshape(-1, 2) - pivot
-    force = slave.weight[:, None] * state.pressed.traction[here].reshape(-1, 2)
+    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
+    at = slave.places + state.solver["surface"][here].reshape(-1, 2) - pivot
+    force = slave.weight[:, None] * state.side_traction[here].reshape(-1, 2)
     return float((at[:, 0] * force[:, 1] - at[:, 1] * force[:, 0]).sum())
 
 
-def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
+def platen_displacements(scene: FiniteScene, state: State) -> dict[str, FloatArray]:
     """Displacement (2,) of every platen and obstacle, by the name of the load that moves it."""
     moved = {}
     rigid = {one.name: one for one in scene.contacts.pairs if isinstance(one, RigidContact)}
     for load in scene.case.load:
         if isinstance(load, ObstacleMotion):
-            moved[load.name] = rigid[load.obstacle].motion @ state.whole
+            moved[load.name] = rigid[load.obstacle].motion @ state.driven
     for plate in scene.contacts.plates:
         for number in plate.loads:
-            moved[scene.case.load[number].name] = plate.motion[:2] @ state.whole
+            moved[scene.case.load[number].name] = plate.motion[:2] @ state.driven
     return moved
 
 
-def plates_turned(scene: FiniteScene, state: FiniteState) -> dict[str, dict[str, float]]:
+def plates_turned(scene: FiniteScene, state: State) -> dict[str, dict[str, float]]:
     """Rotation of every plate that rotates, and moment about its hinge."""
-    acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
+    acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
     found = {}
     for plate in (one for one in scene.contacts.plates if one.motion[2].any()):
         moments = [plate.pulled(scene.bodies[k], k, parts[k], acting[k])[0][2] for k in plate.surfaces]
-        rotation = float(plate.motion[2] @ state.whole)
+        rotation = float(plate.motion[2] @ state.driven)
         found[plate.name] = {"rotation": rotation, "moment": float(sum(moments))}
     return found
 
 
-def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:
+def extremes(scene: FiniteScene, state: State) -> Mapping[str, float]:
     """Extreme stretches, volume ratio and acoustic tensor of a state."""
     every = list(fields_of(scene, state).values())
     waves = [

@@ -10,14 +10,13 @@ import numpy as np
 
 from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteStep
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.update import AnyContact
+from mlsanm_cli.solve.state import PathStep, State
 
 NODES_PER_WIDTH, REFERENCE_ACCURACY = 18.0, 1e-3
 """Nodes over the width of a contact at this accuracy of its peak; errors decrease with their square."""
@@ -64,22 +63,22 @@ class Touched:
         """As plain values."""
         return asdict(self)
 
-    def add(self, scene: FiniteScene, step: FiniteStep) -> None:
+    def add(self, scene: FiniteScene, step: PathStep) -> None:
         """Add the patches of a finished step."""
+        if not scene.contacts.pairs:
+            return
         ends = [step.state] if step.state.position.is_integer() else []
         # Before loading there are no patches.
         wanted = {one.position: one for one in (*step.saved, *ends) if one.position > 0.0}
         for position, state in {**wanted, step.state.position: step.state}.items():
-            if state.pressed is None:
-                continue
             known = position in wanted
             forces = SceneForces.of(scene, state).contacts if known else {}
             for contact, here, _ in scene.contacts.each:
                 if known:
                     force = forces[contact.name][0].tolist()
                     self.forces.setdefault(contact.name, {})[repr(float(position))] = force
-                for patch in patches(contact, state.pressed, here):
-                    self._take(scene.case, contact, patch, state.pressed.place[here], known)
+                for patch in patches(contact, state, here):
+                    self._take(scene.case, contact, patch, state.solver["place"][here], known)
 
     def _take(self, case: Case, contact: AnyContact, patch: Patch, place: FloatArray, wanted: bool) -> None:
         name, sides = contact.name, contact.sides
@@ -119,13 +118,13 @@ def across_of(case: Case, contact: str) -> float:
     return NODES_PER_WIDTH * float(np.sqrt(REFERENCE_ACCURACY / accuracy))
 
 
-def patches(contact: AnyContact, pressed: Pressed, here: slice) -> Iterator[Patch]:
+def patches(contact: AnyContact, state: State, here: slice) -> Iterator[Patch]:
     """Loaded patches of a contact in a state; its nodes are ``here`` in the state's arrays."""
-    slave, closed = contact.slave, pressed.sets.closed[here]
-    load = np.hypot(pressed.pressure[here], pressed.shear[here]) * slave.weight
+    slave, closed = contact.slave, state.closed[here]
+    load = np.hypot(state.pressure[here], state.traction[here]) * slave.weight
     numbers = np.flatnonzero(closed)
-    if not len(numbers) and between_nodes(slave, pressed, here):
-        near = int(np.argmin(pressed.gap[here]))
+    if not len(numbers) and between_nodes(slave, state, here):
+        near = int(np.argmin(state.gap[here]))
         yield Patch(np.array([near]), float(slave.weight[near]))
     if not load.sum():
         return
@@ -138,12 +137,12 @@ def patches(contact: AnyContact, pressed: Pressed, here: slice) -> Iterator[Patc
             yield Patch(part, float(slave.weight[part].sum()))
 
 
-def between_nodes(side: ContactSide, pressed: Pressed, here: slice) -> bool:
+def between_nodes(side: ContactSide, state: State, here: slice) -> bool:
     """Whether a side without closed nodes may touch between them, by the relative rotation of the surfaces
     from the nearest node to the next; its nodes are ``here`` in the state's arrays."""
-    gap, near = pressed.gap[here], int(np.argmin(pressed.gap[here]))
+    gap, near = state.gap[here], int(np.argmin(state.gap[here]))
     beside = slice(max(near - 1, 0), near + 2)
-    against = (side.outward + pressed.normal[here])[beside]
+    against = (side.outward + state.solver["normal"][here])[beside]
     turned = np.hypot(*np.diff(against, axis=0).T).max(initial=0.0)
     return bool(gap[near] < turned * side.weight[near] / 8.0)
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import FiniteCheckpoint, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
@@ -18,6 +17,7 @@ from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 MAX_UPDATES = 25
 """Largest number of updates with the factor of the new equations that correct a state; each leaves about a
@@ -34,9 +34,9 @@ LIMIT_SAMPLES = 65
 
 def finite_path(
     scene: FiniteScene,
-    checkpoint: FiniteCheckpoint | None = None,
-    renewals: Sequence[FiniteState] | None = None,
-) -> Iterator[FiniteStep]:
+    checkpoint: Checkpoint | None = None,
+    renewals: Sequence[State] | None = None,
+) -> Iterator[PathStep]:
     """All steps from the initial state on, or those after a ``checkpoint``. The equations are renewed
     in the states ``renewals`` of another path (``renewals_of``), or where the deformation requires it.
 
@@ -45,17 +45,17 @@ def finite_path(
     wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
     problem, x = _first_problem(scene), np.zeros(scene.unknowns)
     if checkpoint is None:
-        first = FiniteState(0.0, stages[0], x, 0.0)
-        start = FiniteCheckpoint(first, x, stages[0], 0.0, levels=np.array(wanted))
-        yield FiniteStep(first, (first,) if 0.0 in wanted else (), checkpoint=start)
-    elif checkpoint.direction.size:
+        first = State(0.0, stages[0], displacement=x)
+        start = Checkpoint(first, {"base_state": x})
+        yield PathStep(first, (first,) if 0.0 in wanted else (), checkpoint=start)
+    elif checkpoint.heading.size:
         x, problem = checkpoint.state.displacement, _taken_up(scene, problem, checkpoint)
-    steps, begun = 0, checkpoint.stage if checkpoint is not None else 0
+    steps, begun = 0, int(checkpoint.history.get("stage", 0)) if checkpoint is not None else 0
     for stage in range(begun, len(stages) - 1):
         problem = replace(problem, start=stages[stage], end=stages[stage + 1])
         levels = [position - stage for position in wanted if stage < position <= stage + 1]
         path = _Stage(scene, problem, stage, levels, renewals)
-        if checkpoint is not None and stage == begun and checkpoint.direction.size:
+        if checkpoint is not None and stage == begun and checkpoint.heading.size:
             path.take_up(checkpoint)
         for step in path.steps(x):
             steps += 1
@@ -82,11 +82,11 @@ def _first_problem(scene: FiniteScene) -> FiniteProblem:
     return replace(problem, length=min(largest, size) if largest else size)
 
 
-def _taken_up(scene: FiniteScene, problem: FiniteProblem, checkpoint: FiniteCheckpoint) -> FiniteProblem:
+def _taken_up(scene: FiniteScene, problem: FiniteProblem, checkpoint: Checkpoint) -> FiniteProblem:
     """The equations that the state of a checkpoint solves."""
-    start = replace(problem, start=checkpoint.state.factors)
+    start, history = replace(problem, start=checkpoint.state.factors), checkpoint.history
     for keeps in (False, True):
-        projector = scene.projector(scene.alone[0], checkpoint.base_state, checkpoint.acting, keeps)
+        projector = scene.projector(scene.alone[0], history["base_state"], history["acting"], keeps)
         problem = replace(start, projector=projector)
         left = np.abs(problem.residual(checkpoint.state.displacement, 0.0)).max()
         if left <= scene.case.solver.tolerance:
@@ -103,7 +103,7 @@ class _Stage:
         problem: FiniteProblem,
         stage: int,
         levels: list[float],
-        renewals: Sequence[FiniteState] | None,
+        renewals: Sequence[State] | None,
     ) -> None:
         self._scene, self.problem, self._stage = scene, problem, stage
         self._levels = list(levels)
@@ -115,14 +115,17 @@ class _Stage:
         self._previous: Branch | None = None
         self._spent = 0
 
-    def take_up(self, checkpoint: FiniteCheckpoint) -> None:
+    def take_up(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
-        self.x, self._lam, self._previous = checkpoint.state.displacement, checkpoint.lam, checkpoint.branch
-        self._levels = checkpoint.levels.tolist()
-        if checkpoint.renewed:
+        history, heading = checkpoint.history, checkpoint.heading
+        self.x, self._lam = checkpoint.state.displacement, float(history["lam"])
+        x, lam = np.stack([self.x, heading[:-1]]), np.array([self._lam, heading[-1]])
+        self._previous = Branch(x, lam, checkpoint.pace)
+        self._levels = history["levels"].tolist()
+        if history["renewed"]:
             self._renew()
 
-    def steps(self, x: FloatArray) -> Iterator[FiniteStep]:
+    def steps(self, x: FloatArray) -> Iterator[PathStep]:
         """Steps from the initial state ``x`` (2N,) of the stage, or from the checkpoint, to its end."""
         self.x, fresh = self.x if self._previous is not None else x, False
         while True:
@@ -176,12 +179,18 @@ class _Stage:
         apart = np.abs(x - self._renewals[0].displacement).max()
         return bool(apart <= SAME_STATE * self.problem.length)
 
-    def _checkpoint(self, finished: FiniteStep, step: Step) -> FiniteCheckpoint:
-        branch, levels = step.branch, np.array(self._levels)
-        direction = np.append(branch.x[1], branch.lam[1])
-        place = (self._stage, step.lam, direction, levels, finished.renewed)
-        base = self.problem.projector
-        return FiniteCheckpoint(finished.state, base.base_state, base.factors, branch.length, *place)
+    def _checkpoint(self, finished: PathStep, step: Step) -> Checkpoint:
+        """The equations, the place in the stage, the levels left in it, and the direction of the path."""
+        branch, base = step.branch, self.problem.projector
+        history = {
+            "base_state": base.base_state,
+            "acting": base.factors,
+            "stage": np.array(self._stage),
+            "lam": np.array(step.lam),
+            "levels": np.array(self._levels),
+            "renewed": np.array(finished.renewed),
+        }
+        return Checkpoint(finished.state, history, np.append(branch.x[1], branch.lam[1]), branch.length)
 
     def _renew(self) -> None:
         """Renew the equations at the current state, and correct the state. Next to crushed corners the
@@ -215,7 +224,7 @@ class _Stage:
         self._spent += found.factorizations
         return found.x
 
-    def _finished(self, step: Step) -> FiniteStep:
+    def _finished(self, step: Step) -> PathStep:
         state = self._state(step.lam, step.x, step.residual)
         saved, left = [], []
         for level in self._levels:
@@ -237,11 +246,11 @@ class _Stage:
         points = (step.branch.evaluate(part) for part in parts)
         way = tuple(self._state(lam, x, 0.0) for x, lam in points)
         missed = partial(missed_alone, self.problem.projector, step.x, state.factors)
-        return FiniteStep(state, passed, step.arc_length, *counts, turns, way=way, missed=missed)
+        step_end = PathStep(state, passed, step.arc_length, *counts)
+        return replace(step_end, limit_points=turns, way=way, missed=missed)
 
-    def _state(self, lam: float, x: FloatArray, residual: float) -> FiniteState:
-        position = self._stage + lam
-        return FiniteState(position, self.problem.factors(lam), x, residual)
+    def _state(self, lam: float, x: FloatArray, residual: float) -> State:
+        return State(self._stage + lam, self.problem.factors(lam), residual=residual, displacement=x)
 
 
 def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
@@ -252,12 +261,12 @@ def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
     return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=UNLIMITED)
 
 
-def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
-    """Limit points within a step."""
+def _turns(branch: Branch, stage: int) -> tuple[tuple[float, bool], ...]:
+    """Limit points within a step: position, and whether it is a maximum."""
     a = np.linspace(0.0, branch.length, LIMIT_SAMPLES)
     slope = branch.derivative_weights(a) @ branch.terms[1]
     found = []
     for k in np.flatnonzero(slope[:-1] * slope[1:] < 0.0):
         at = root(lambda x: branch.derivative_weights(np.array([x]))[0] @ branch.terms[1], a[k], a[k + 1])
-        found.append(Turn(stage + branch.load_factor(at), bool(slope[k] > 0.0)))
+        found.append((stage + branch.load_factor(at), bool(slope[k] > 0.0)))
     return tuple(found)

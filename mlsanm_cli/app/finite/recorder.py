@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -26,15 +25,7 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.patches import Touched
 from mlsanm_cli.app.finite.refinement import Refinement
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import (
-    FiniteCheckpoint,
-    FiniteState,
-    FiniteStep,
-    InterruptedFiniteRun,
-    Missed,
-    Turn,
-    plain_checkpoint,
-)
+from mlsanm_cli.app.output.checkpoint import EarlierRun, plain_checkpoint
 from mlsanm_cli.app.output.lines import contact_data, obstacles
 from mlsanm_cli.app.output.recording import body_part, stored_fields, vtu_data
 from mlsanm_cli.app.output.writer import RunWriter, body_datasets, contact_datasets
@@ -47,6 +38,7 @@ from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart, write_parts
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 
 class FiniteRecorder(RunWriter):
@@ -65,21 +57,21 @@ class FiniteRecorder(RunWriter):
         attributes: Mapping[str, str | int | float],
         context: RunContext,
         refinement: Refinement,
-        earlier: InterruptedFiniteRun | None = None,
+        earlier: EarlierRun | None = None,
     ) -> None:
         attributes = {**attributes, "strain": "finite"}
         super().__init__(directory, loaded, attributes, context, earlier)
         self._earlier, self.refinement, self.touched = earlier, refinement, Touched()
         self.steps = self.renewed = 0
-        self.last: FiniteState | None = None
-        self.missed: Missed | None = None
+        self.last: State | None = None
+        self.missed: Callable[[], Any] | None = None
         self.balance = self.largest = 0.0
         self.unaccounted = self.kept = self.energy = 0.0
         self.missing: dict[str, float] = {}
         self.stability = float("inf")
-        self.turns: list[Turn] = []
+        self.turns: list[tuple[float, bool]] = []
 
-    def start(self, scene: FiniteScene) -> FiniteCheckpoint | None:
+    def start(self, scene: FiniteScene) -> Checkpoint | None:
         """Store bodies and contacts; returns the checkpoint to continue from, if there is one."""
         with self._clock.phase("output"):
             datasets: dict[str, Value] = {}
@@ -94,23 +86,23 @@ class FiniteRecorder(RunWriter):
             self._file.save_if_due()
             return self._take_up(scene, self._earlier) if self._earlier else None
 
-    def _take_up(self, scene: FiniteScene, before: InterruptedFiniteRun) -> FiniteCheckpoint | None:
+    def _take_up(self, scene: FiniteScene, before: EarlierRun) -> Checkpoint | None:
         """Continue an earlier recording."""
         if before.checkpoint is None:
             return None
         self.last = before.checkpoint.state
         self.take_up(before.rows, before.figures, scene.bodies)
-        self.turns += [Turn(**one) for one in before.figures["turns"]]
+        self.turns += before.figures["turns"]
         self.warnings += before.figures["warnings"]
         self.touched = Touched.read(before.figures)
         return before.checkpoint
 
-    def step(self, scene: FiniteScene, step: FiniteStep) -> None:
+    def step(self, scene: FiniteScene, step: PathStep) -> None:
         """Store a finished step with the requested fields within it."""
         state = step.state
         with self._clock.phase("output"):
             between = [one for one in step.saved if one is not state]
-            rows = [self._row(scene, one, FiniteStep(one, order=step.order)) for one in between]
+            rows = [self._row(scene, one, PathStep(one, order=step.order)) for one in between]
             rows.append(self._row(scene, state, step))
             fields = [(one, fields_of(scene, one)) for one in step.saved] if scene.case.output.fields else []
             datasets: dict[str, Value] = {}
@@ -128,16 +120,16 @@ class FiniteRecorder(RunWriter):
             self._count(scene, step)
             self._rows += 1 + len(between)
             figures = self.tallied()
-            more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
+            more = {"turns": self.turns.copy(), "warnings": list(self.warnings)}
             more |= {"refinement": self.refinement.plain, "touched": self.touched.plain}
             assert step.checkpoint is not None
-            latest = partial(plain_checkpoint, step.checkpoint, figures | more)
+            latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
             self.add_step(step, state, rows, datasets, {}, latest)
-        turned = [f"limit point {turn.position:.6g}" for turn in step.turns]
+        turned = [f"limit point {position:.6g}" for position, _ in step.limit_points]
         text = "  ".join([*turned, *(["equations renewed"] if step.renewed else [])])
         self._console.step(self.steps, state.position, state.residual, text)
 
-    def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> dict[str, Any]:
+    def _row(self, scene: FiniteScene, state: State, step: PathStep) -> dict[str, Any]:
         forces = SceneForces.of(scene, state)
         return row(
             path=self.path_figures(step, state),
@@ -148,14 +140,14 @@ class FiniteRecorder(RunWriter):
             probes=probe_records(scene, state),
         )
 
-    def _count(self, scene: FiniteScene, step: FiniteStep) -> None:
+    def _count(self, scene: FiniteScene, step: PathStep) -> None:
         self.steps += self.last is not None
         self.touched.add(scene, step)
         before, self.last, self.missed = self.last, step.state, step.missed
         self.count(step, [step.state.residual, *(one.residual for one in step.saved), 0.0])
         self.renewed += step.renewed
-        self.turns += step.turns
-        self.stability = min(self.stability, step.state.stability)
+        self.turns += step.limit_points
+        self.stability = min(self.stability, float(step.state.solver.get("stability", np.inf)))
         forces = SceneForces.of(scene, step.state)
         self.largest = max(self.largest, forces.size)
         # Rigid motion leaves round-off in the forces.
@@ -209,9 +201,7 @@ def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, 
     return parts
 
 
-def contact_lines(
-    scene: FiniteScene, state: FiniteState, fields: Mapping[str, FiniteFields]
-) -> dict[str, VtuPart]:
+def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, FiniteFields]) -> dict[str, VtuPart]:
     """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
     records, parts = contact_records(scene, state), scene.parts(state.displacement)
     lines = {}
@@ -222,7 +212,7 @@ def contact_lines(
         sign = -1.0 if contact.exchanged else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)
         stretch = stretch_along(scene, side, parts[side.body])
-        stress = sign * state.traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
+        stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
         edges = edges if side.around is not None else edges[:-1]
@@ -232,7 +222,7 @@ def contact_lines(
     return lines
 
 
-def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, VtuPart]:
+def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     """Rigid obstacles in a state, by contact."""
     points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
     drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
@@ -240,7 +230,7 @@ def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, VtuPart]
     for contact in scene.contacts.pairs:
         if isinstance(contact, RigidContact):
             places, edges = drawn[contact.name]
-            turned = (places - contact.pivot) @ contact.turn(state.whole).T
-            moved = contact.pivot + contact.motion @ state.whole + turned - places
+            turned = (places - contact.pivot) @ contact.turn(state.driven).T
+            moved = contact.pivot + contact.motion @ state.driven + turned - places
             lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
     return lines

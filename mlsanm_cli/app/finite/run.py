@@ -28,20 +28,20 @@ from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, is_automatic, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.states import FiniteState, interrupted_run
 from mlsanm_cli.app.finite.verdict import ELLIPTICITY_WARNING
+from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.output.summary import Ending, head, probe_figures, tail
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import LoadedCase, finer_nodes
-from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_reader import RunOrigin
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
+from mlsanm_cli.solve.state import State
 
 
 def run_finite(
@@ -157,9 +157,8 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder, errors: Mapping[str
             recorder.warn(f"contact {name}: {size}; {hint}")
     for text in recorder.refinement.warnings:
         recorder.warn(text)
-    if recorder.last.pressed is not None:
-        for text in few_nodes(scene, recorder.last.pressed):
-            recorder.warn(text)
+    for text in few_nodes(scene, recorder.last):
+        recorder.warn(text)
     for text in held_at_points(scene, recorder.last):
         recorder.warn(text)
     # Reactions at single nodes are not known from the stress.
@@ -188,8 +187,7 @@ def _summary(
     summary |= {"residual": recorder.residual}
     if state is not None:
         forces = SceneForces.of(scene, state)
-        if state.pressed is not None:
-            summary["contact_unknowns"] = len(state.pressed.pressure)
+        summary["contact_unknowns"] = len(state.pressure)
         summary["contacts"] = contact_summary(scene, state, forces)
         summary["forces"] = {name: force.tolist() for name, force in resultants(scene, forces).items()}
         if scene.probes:
@@ -208,8 +206,8 @@ def _summary(
             **extremes(scene, state),
             "equations_renewed": recorder.renewed,
             "limit_points": [
-                {"position": turn.position, "kind": "maximum" if turn.maximum else "minimum"}
-                for turn in recorder.turns
+                {"position": position, "kind": "maximum" if highest else "minimum"}
+                for position, highest in recorder.turns
             ],
         }
     limits: dict[str, Any] = {
@@ -236,31 +234,31 @@ RESOLVED_NODES = 20
 """Number of nodes in a contact up to which half a spacing at its ends matters."""
 
 
-def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
+def few_nodes(scene: FiniteScene, state: State) -> Iterator[str]:
     """Warnings of contacts with too few nodes, or that may touch between nodes."""
     for contact, here, _ in scene.contacts.each:
         side = contact.slave
-        closed, gap = pressed.sets.closed[here], pressed.gap[here]
+        closed, gap = state.closed[here], state.gap[here]
         near = int(np.argmin(gap))
         spacing = float(side.weight[near])
         # A corner touches by one node, however fine nodes are.
         at_corners = np.isin(np.flatnonzero(closed), side.corners).all()
         coarser = "" if is_automatic(scene.case, contact) else ', or leave the spacing to "auto"'
         if not closed.any():
-            if between_nodes(side, pressed, here):
+            if between_nodes(side, state, here):
                 yield (
                     f"contact {contact.name}: no node of {side.name} is in contact, but it may touch between "
                     f"its nodes, {spacing:.3g} apart: use finer nodes there"
                 )
         elif not at_corners and (closed.sum() < MIN_CONTACT_NODES or _few_to_free_ends(side, closed)):
-            lean = _lean(side, closed, pressed.normal[here])
+            lean = _lean(side, closed, state.solver["normal"][here])
             leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
             yield (
                 f"contact {contact.name}: too few nodes of {side.name} in contact for accurate pressures "
                 f"({closed.sum()}, {spacing:.3g} apart){leans}: use finer nodes there{coarser}"
             )
         elif isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
-            yield from _ends(contact, closed, pressed.place[here])
+            yield from _ends(contact, closed, state.solver["place"][here])
 
 
 def _few_to_free_ends(side: ContactSide, closed: BoolArray) -> bool:
@@ -301,7 +299,7 @@ def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterato
             )
 
 
-def held_at_points(scene: FiniteScene, state: FiniteState) -> Iterator[str]:
+def held_at_points(scene: FiniteScene, state: State) -> Iterator[str]:
     """Warnings of bodies held at single nodes whose displacement depends on the spacing."""
     forces, parts = SceneForces.of(scene, state), scene.parts(state.displacement)
     for name, body in scene.bodies.items():

@@ -15,7 +15,6 @@ from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place, Platen, Pressure
-from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.pair import BodyContact
@@ -32,6 +31,7 @@ from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.solve.condensed_scene import stage_factors
+from mlsanm_cli.solve.state import State
 
 TOUCH_TOLERANCE = 0.01
 """Initial gap to an obstacle, relative to the length of a node, below which the node touches."""
@@ -89,6 +89,16 @@ class FiniteScene:
         """Displacements (2N,) of all bodies divided by body."""
         ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
+
+    def shown(self, state: State) -> FloatArray:
+        """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the surfaces: clouds
+        by themselves represent tractions that alternate from node to node wrongly."""
+        displacement = state.displacement.copy()
+        bodies = self.parts(displacement)
+        for side, there in self.contacts.sides:
+            surface = state.solver["surface"][there].reshape(-1, 2)
+            bodies[side.body].reshape(-1, 2)[side.nodes] = surface
+        return displacement
 
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
         """Factors of all loads by body: ``factors`` (L + d,) of the case and of the free motions, then the
@@ -188,7 +198,7 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
     rotation = np.zeros(motion.shape[1])
     for place, load in enumerate(case.load):
         if isinstance(load, ObstacleMotion) and load.obstacle == pairing.name and load.rotation:
-            rotation[place], pivot = load.rotation, pivot_of(found.obstacle, load) or pivot
+            rotation[place], pivot = load.rotation, load.pivot_on(found.obstacle) or pivot
     for driven in (one for one in motions.driven if one.contact == number):
         motion[driven.component, count + driven.number] = 1.0
     for constraint in prepared.rigid_constraints:

@@ -19,7 +19,7 @@ from mlsanm_cli.app.checks.refinement import Adapted
 from mlsanm_cli.app.checks.verdicts import EnergyVerdict
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
-from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, as_text, plain_checkpoint
+from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, plain_checkpoint
 from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
 from mlsanm_cli.app.output.recording import Views, model_bodies
 from mlsanm_cli.app.output.writer import RunWriter
@@ -56,7 +56,7 @@ class Recorder(RunWriter):
         attributes: Mapping[str, str | int | float],
         context: RunContext,
         *,
-        earlier: InterruptedRun | None = None,
+        earlier: EarlierRun | None = None,
     ) -> None:
         super().__init__(directory, loaded, attributes, context, earlier)
         self._case = loaded.case
@@ -96,7 +96,7 @@ class Recorder(RunWriter):
             self._file.save_if_due()
             return self._take_up(built, self._earlier) if self._earlier else None
 
-    def _take_up(self, built: CondensedScene, before: InterruptedRun) -> Checkpoint | None:
+    def _take_up(self, built: CondensedScene, before: EarlierRun) -> Checkpoint | None:
         """Restores the state of the recorder after the last recorded step."""
         if before.last is None:
             return None

@@ -24,7 +24,6 @@ from mlsanm_cli.case import (
     Traction,
     value_at,
 )
-from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
 from mlsanm_cli.io.plots.marks import ConditionMarks
 from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
@@ -103,7 +102,7 @@ def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, fl
     for load in case.load:
         if isinstance(load, ObstacleMotion) and load.obstacle == contact and load.rotation and obstacle:
             angle += load.rotation * factors.get(load.name, 0.0)
-            pivot = pivot_of(obstacle, load) or pivot
+            pivot = load.pivot_on(obstacle) or pivot
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     return np.asarray(pivot + (line - pivot) @ turn)
 

@@ -17,8 +17,7 @@ from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, chains_at, run_of
 from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
-from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.model.case import Body
+from mlsanm_cli.case import Body, Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline

@@ -30,8 +30,7 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.app.scene.roots import root_zones
-from mlsanm_cli.case import Displacement, Place, Platen
-from mlsanm_cli.case.model.case import Body, Case, Contact
+from mlsanm_cli.case import Body, Case, Contact, Displacement, Place, Platen
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Curve

@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.outlines import numbers_of
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.checks.conditions import Kind, compatible, load_components, support_components
+from mlsanm_cli.case.model.conditions import Kind, compatible
 from mlsanm_cli.cloud.curves import Outline, Segment
 from mlsanm_cli.errors import CaseError, CaseProblem
 
@@ -49,12 +49,12 @@ def _conditions(
     several boundaries has one name."""
     for index, support in enumerate(case.support):
         if support.place is not None:
-            yield f"support.{index}", list(support_components(support)), support.place, support.place.label
+            yield f"support.{index}", list(support.conditions()), support.place, support.place.label
     for load in case.load:
         if isinstance(load, Platen | Pressure | Traction | Displacement):
             for place in load.places:
                 owner = load.label if isinstance(load, Platen) else place.label
-                kinds = list(load_components(load, _normal(outlines[place.body], place)))
+                kinds = list(load.conditions(_normal(outlines[place.body], place)))
                 yield f"load.{load.name}", kinds, place, owner
 
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.boundary_runs import run_of
 from mlsanm_cli.app.scene.outlines import numbers_of
-from mlsanm_cli.case import Case, Displacement, Place, Platen
-from mlsanm_cli.case.model.case import Contact
+from mlsanm_cli.case import Case, Contact, Displacement, Place, Platen
 from mlsanm_cli.case.model.places import listed
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE

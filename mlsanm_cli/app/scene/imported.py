@@ -72,7 +72,12 @@ def floating(case: Case) -> Iterator[Fault]:
             yield Fault(("body", index), f"can move freely: nothing resists {what}", hint)
 
 
-geometry_inspector = GeometryInspector(geometry_of, floating)
+class _Inspector:
+    geometry = staticmethod(geometry_of)
+    floating = staticmethod(floating)
+
+
+geometry_inspector: GeometryInspector = _Inspector()
 
 
 def _held(

@@ -19,6 +19,7 @@ from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
+    Body,
     BodyForce,
     Case,
     Displacement,
@@ -30,7 +31,6 @@ from mlsanm_cli.case import (
     Traction,
     value_at,
 )
-from mlsanm_cli.case.model.case import Body
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import part_of

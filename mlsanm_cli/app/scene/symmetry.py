@@ -8,8 +8,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Mesh, Points
-from mlsanm_cli.case.model.case import Body
+from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.roundoff import ROUND_OFF
 

@@ -6,9 +6,10 @@ import ast
 import inspect
 import re
 import textwrap
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -24,7 +25,12 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 
+from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
 
 Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
@@ -49,6 +55,27 @@ class Section(BaseModel):
             keys[cls.model_fields[name].alias or name]["description"] = text
         return found
 
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        """Relations between keys of this table, and with other tables in ``scope``, that do not hold; paths
+        of keys are relative to the table."""
+        yield from ()
+
+
+def all_faults(value: Any, scope: Scope, path: KeyPath = ()) -> Iterator[Fault]:
+    """The faults of a table at a path and of all tables in it, each with its full path."""
+    items: list[tuple[str | int, Any]] = []
+    if isinstance(value, Section):
+        for fault in value.faults(scope):
+            yield replace(fault, key=(*path, *fault.key))
+        fields = type(value).model_fields
+        items = [(field.alias or name, getattr(value, name)) for name, field in fields.items()]
+    elif isinstance(value, dict):
+        items = list(value.items())
+    elif isinstance(value, tuple) and value and isinstance(value[0], Section):
+        items = list(enumerate(value))
+    for step, item in items:
+        yield from all_faults(item, scope, (*path, step))
+
 
 def _docstrings(table: type[BaseModel]) -> dict[str, str]:
     """The docstrings below the fields of a table, by field."""
@@ -63,16 +90,13 @@ def _docstrings(table: type[BaseModel]) -> dict[str, str]:
     return found
 
 
-@dataclass(frozen=True)
-class Unit:
+class Unit(str):
     """Unit of a number, shown by `mlsanm explain` and in the JSON Schema."""
-
-    name: str
 
     def __get_pydantic_json_schema__(
         self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        return {**handler(core_schema), UNIT: self.name}
+        return {**handler(core_schema), UNIT: str(self)}
 
 
 UNIT = "x-unit"

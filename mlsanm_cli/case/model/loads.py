@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from itertools import takewhile
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field, model_validator
 
 from mlsanm_cli.case.model.base import (
     DENSITY,
@@ -23,18 +24,20 @@ from mlsanm_cli.case.model.base import (
     Vector,
     split_boundary,
 )
+from mlsanm_cli.case.model.conditions import Kind
+from mlsanm_cli.case.model.model import UNSUPPORTED
+from mlsanm_cli.case.model.obstacles import DiskObstacle
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, PlateBoundaries, listed
-from mlsanm_cli.case.model.tables import row_problem
+from mlsanm_cli.case.model.tables import INCREASING, from_file
+from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.obstacles import AnyObstacle
+    from mlsanm_cli.case.model.scope import Scope
 
 Control = Literal["force", "displacement"]
-Rows = tuple[tuple[float, ...], ...]
-
-
-def _checked_rows(rows: Rows) -> Rows:
-    problem = row_problem(rows)
-    if problem:
-        raise PydanticCustomError("table", "{problem}", {"problem": problem})
-    return rows
+NEEDS_FINITE = 'write strain = "finite" in [model], or remove the key'
 
 
 class _OnBoundary(BoundaryPart):
@@ -81,6 +84,14 @@ class _InBody(Section):
         return (self.body,)
 
 
+def _value_faults(kind: str, value: object, table: object) -> Iterator[Fault]:
+    """A load over a boundary is given by a value, under the key of its kind, or by a table."""
+    if value is None and table is None:
+        yield Fault((kind,), "missing (required)", f'give "{kind}" or "table"')
+    elif value is not None and table is not None:
+        yield Fault(("table",), f'"{kind}" is given too', "give one of the two")
+
+
 class Traction(_OnBoundary):
     """Traction on a boundary: constant, an expression in x and y, or a table over the arc length."""
 
@@ -88,10 +99,21 @@ class Traction(_OnBoundary):
     """Kind of load."""
     traction: Annotated[AmountVector, STRESS] | None = None
     """Components in x and y: numbers or expressions in x and y."""
-    table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_checked_rows), STRESS] | None = (
-        None
-    )
+    table: (
+        Annotated[tuple[tuple[float, float, float], ...], from_file("s", "tx", "ty"), INCREASING, STRESS]
+        | None
+    ) = None
     """Rows [arc length, x component, y component], interpolated linearly; instead of `traction`."""
+
+    def conditions(self, normal: tuple[float, float] | None) -> Iterator[tuple[int, Kind]]:
+        """The components that it loads; ``normal`` is that of a straight boundary."""
+        for component in (0, 1):
+            if self.traction is None or self.traction[component] != 0.0:
+                yield component, "traction"
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        yield from _value_faults("traction", self.traction, self.table)
 
 
 class Pressure(_OnBoundary):
@@ -101,11 +123,27 @@ class Pressure(_OnBoundary):
     """Kind of load."""
     pressure: Annotated[Amount, STRESS] | None = None
     """Pressure, positive in compression: a number or an expression in x and y."""
-    table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_checked_rows), STRESS] | None = None
+    table: (
+        Annotated[tuple[tuple[float, float], ...], from_file("s", "pressure"), INCREASING, STRESS] | None
+    ) = None
     """Rows [arc length, pressure], interpolated linearly; instead of `pressure`."""
     follows: bool = False
     """Follower load (finite strain): pressure per current length along the current normal. Otherwise force
     and direction are those of the undeformed boundary."""
+
+    def conditions(self, normal: tuple[float, float] | None) -> Iterator[tuple[int, Kind]]:
+        """The components that it loads: of a boundary parallel to an axis only that along its ``normal``."""
+        for component in (0, 1):
+            if normal is None or normal[component] != 0.0:
+                yield component, "traction"
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        yield from _value_faults("pressure", self.pressure, self.table)
+        if self.follows and scope.strain == "small":
+            yield Fault(("follows",), "follower loads need finite strain", NEEDS_FINITE)
+        if self.follows and scope.strain == "finite" and not scope.confined:
+            yield Fault(("follows",), f"a follower pressure in plane stress {UNSUPPORTED}", "follows = false")
 
 
 class Displacement(_OnBoundary):
@@ -125,6 +163,22 @@ class Displacement(_OnBoundary):
         """Prescribed components in x and in y, None where free."""
         return self.displacement if self.displacement is not None else (self.ux, self.uy)
 
+    def conditions(self, normal: tuple[float, float] | None) -> Iterator[tuple[int, Kind]]:
+        """The components that it prescribes."""
+        for component, value in enumerate(self.components):
+            if value is not None:
+                yield component, "displacement"
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        single = [key for key in ("ux", "uy") if getattr(self, key) is not None]
+        if self.displacement is not None and single:
+            message = '"displacement" gives both components already'
+            yield Fault((single[0],), message, "give displacement, or ux, or uy")
+        elif self.displacement is None and not single:
+            hint = "give displacement, or ux or uy alone"
+            yield Fault(("displacement",), "missing (required)", hint)
+
 
 class BodyForce(_InBody):
     """Body force per unit volume."""
@@ -142,6 +196,13 @@ class Temperature(_InBody):
     """Kind of load."""
     temperature: Annotated[Amount, TEMPERATURE]
     """Temperature change: a number or an expression in x and y."""
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        for body in scope.case.body:
+            material = scope.case.material.get(body.material) if body.name == self.body else None
+            if material is not None and material.alpha is None:
+                message = f'material "{body.material}" of body "{body.name}" has no thermal expansion'
+                yield Fault((), message, f"give alpha in [material.{body.material}]")
 
 
 class _RigidMotion(Section):
@@ -177,6 +238,20 @@ class _RigidMotion(Section):
             elif f is not None:
                 found[direction] = ("force", f)
         return found
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        single = [key for key in ("ux", "uy", "fx", "fy") if getattr(self, key) is not None]
+        if self.force is not None and self.displacement is not None:
+            hint = "give one quantity per direction: ux or fx, uy or fy"
+            yield Fault((), "has both force and displacement", hint)
+        elif (self.force is not None or self.displacement is not None) and single:
+            both = "force" if self.force is not None else "displacement"
+            hint = "ux or fx, and uy or fy instead"
+            yield Fault((single[0],), f'"{both}" gives both components already', hint)
+        for u, f in (("ux", "fx"), ("uy", "fy")):
+            if u in single and f in single:
+                yield Fault((f,), f"{u} is given for this direction too", "give one of the two")
 
 
 class Platen(_OnBoundary, _RigidMotion):
@@ -226,6 +301,41 @@ class Platen(_OnBoundary, _RigidMotion):
         """The kind of rotation."""
         return "prescribed" if isinstance(self.rotation, float) else self.rotation
 
+    def conditions(self, normal: tuple[float, float] | None) -> Iterator[tuple[int, Kind]]:
+        """The components that it prescribes."""
+        for direction, (control, _) in self.control.items():
+            yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        plates = [one for one in scope.case.load if isinstance(one, Platen)]
+        plate = [one for one in plates if (one.boundary, one.ends) == (self.boundary, self.ends)]
+        controlled = {direction for one in plate for direction in one.control}
+        if not self.control and (self.moment is None or not controlled):
+            yield Fault((), "a platen needs a direction", "give force, displacement, or ux/uy/fx/fy")
+        if self.moment is not None and self.turning != "free":
+            hint = 'remove rotation, or write rotation = "free"'
+            yield Fault(("moment",), "a moment needs a plate that is free to rotate", hint)
+        if self.hinge is not None and self.turning == "fixed":
+            yield Fault(("hinge",), "a hinge needs a plate that can rotate", 'rotation = "free"')
+        if len(self.places) > 1 and self.ends is not None:
+            message = "parts of boundaries of several bodies are not supported"
+            yield Fault(("from",), message, "use one boundary, or whole boundaries")
+        if scope.strain == "finite" and self.turning != "fixed" and len(controlled) < 2:
+            # The direction in which a rotating plate would let its body slide rotates with it.
+            message = "a plate that can rotate at finite strain needs a value in both directions"
+            hint = "give ux or fx, and uy or fy; a force of 0.0 for a free direction"
+            yield Fault((), message, hint)
+        hint = "loads on one boundary act on one platen"
+        if plate[0].turning != self.turning:
+            message = (
+                f'"{self.turning}" here, "{plate[0].turning}" in load "{plate[0].name}" on the same platen'
+            )
+            yield Fault(("rotation",), message, hint)
+        elif plate[0].hinge != self.hinge:
+            message = f'differs from that of load "{plate[0].name}" on the same platen'
+            yield Fault(("hinge",), message, hint)
+
 
 class ObstacleMotion(_RigidMotion):
     """Motion of the rigid obstacle of a contact. A direction without force or displacement is fixed."""
@@ -241,6 +351,47 @@ class ObstacleMotion(_RigidMotion):
     pivot: Annotated[Vector, LENGTH] | None = None
     """Centre of rotation in the undeformed position; it moves with the obstacle. The centre of a disk by
     default."""
+
+    def pivot_on(self, obstacle: AnyObstacle) -> tuple[float, float] | None:
+        """The point about which it turns an obstacle, None if the case gives none."""
+        return self.pivot or (obstacle.center if isinstance(obstacle, DiskObstacle) else None)
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        if not self.control and not self.rotation:
+            hint = "give force, displacement, or ux/uy/fx/fy"
+            yield Fault((), "the motion of an obstacle needs a direction", hint)
+        if self.rotation and scope.strain == "small":
+            yield Fault(("rotation",), "an obstacle that turns needs finite strain", NEEDS_FINITE)
+        obstacles = {one.name: one.obstacle for one in scope.case.contact}
+        obstacle = obstacles.get(self.obstacle)
+        if self.obstacle not in scope.names["contact"]:
+            fitting = [name for name in obstacles if obstacles[name] is not None] or obstacles
+            hint = suggestion(self.obstacle, fitting, "contacts with an obstacle")
+            yield Fault(("obstacle",), f'there is no contact "{self.obstacle}"', hint)
+        elif self.obstacle in obstacles and obstacle is None:
+            message = f'contact "{self.obstacle}" has a master and no obstacle'
+            yield Fault(("obstacle",), message, 'a load of kind "platen" moves a boundary')
+        loads = [one for one in scope.case.load if isinstance(one, ObstacleMotion)]
+        earlier = [
+            one for one in takewhile(lambda one: one is not self, loads) if one.obstacle == self.obstacle
+        ]
+        for direction, (control, _) in self.control.items():
+            first = next((one for one in earlier if direction in one.control), self)
+            other = first.control[direction][0]
+            if other != control:
+                message = (
+                    f'{control} here, {other} in load "{first.name}" on the same obstacle in {direction}'
+                )
+                yield Fault((), message, "use one of the two in each direction")
+        if obstacle is not None and self.rotation and scope.strain == "finite":
+            pivot = self.pivot_on(obstacle)
+            others = {one.pivot_on(obstacle) for one in earlier if one.rotation}
+            if pivot is None:
+                yield Fault(("rotation",), "needs a pivot", "give pivot")
+            elif others - {None, pivot}:
+                message = "differs from that of another load on the same obstacle"
+                yield Fault(("pivot",), message, "one pivot for all")
 
     @property
     def owner(self) -> None:

@@ -1,29 +1,38 @@
-"""Materials: isotropic, orthotropic or given by a plane stiffness, with checks of admissibility."""
+"""Materials: their constants, laws, and the conditions of a positive definite stiffness. A further law is an
+entry of ``law``, its keys, and a row of ``FORMS`` and ``FINITE_LAWS``."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section, expecting
-from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.model.model import UNSUPPORTED
+from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
 
 Triple = tuple[float, float, float]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
 
-FORMS: dict[Form, tuple[str, ...]] = {
-    "isotropic": ("E", "nu"),
-    "orthotropic": ("E1", "E2", "G12", "nu12"),
-    "stiffness": ("stiffness",),
-}
-"""Keys required by each form of a material."""
 OUT_OF_PLANE = ("E3", "nu13", "nu23")
-"""Additional keys required by an orthotropic material in plane strain."""
+"""Constants of an orthotropic material that plane strain requires too."""
+FORMS: Mapping[Form, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "stiffness": (("stiffness",), ()),
+    "orthotropic": (("E1", "E2", "G12", "nu12"), (*OUT_OF_PLANE, "angle")),
+    "isotropic": (("E", "nu"), ()),
+}
+"""Required and optional keys of each form of a material. One of them selects the form."""
+CHOICES = "E, nu; or E1, E2, G12, nu12; or stiffness"
+FINITE_LAWS: Mapping[str, Form] = {"saint-venant-kirchhoff": "isotropic", "neo-hookean": "isotropic"}
+"""Laws for finite strain, with the form of their constants."""
+MAX_PLANE_STRAIN_NU = 4.0 / 9.0
+"""Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 
 
 class Material(Section):
@@ -72,96 +81,92 @@ class Material(Section):
     @property
     def form(self) -> Form:
         """The form to which the keys belong; isotropic if there are none."""
+        given = {key for key in type(self).model_fields if getattr(self, key) is not None}
+        return next((form for form, keys in FORMS.items() if given & {*keys[0], *keys[1]}), "isotropic")
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        """Missing and contradictory keys, and stiffnesses that are not positive definite."""
+        form = self.form
+        required, optional = FORMS[form]
+        for key in self.model_fields_set.difference(required, optional, ("alpha", "law")):
+            yield Fault((key,), f"cannot be combined with {', '.join(required)}", CHOICES)
+        third = OUT_OF_PLANE if form == "orthotropic" and scope.confined else ()
+        missing = [key for key in (*required, *third) if getattr(self, key) is None]
+        for key in missing:
+            hint = "required in plane strain" if key in third else ""
+            yield Fault((key,), "missing (required)", hint if self.model_fields_set else CHOICES)
+        if not missing:
+            yield from self._stiffness_faults(scope.confined)
+        yield from self._law_faults(scope)
+        listed = isinstance(self.alpha, tuple)
+        if listed and form == "isotropic":
+            yield Fault(("alpha",), "an isotropic material has a single coefficient")
+        elif form == "stiffness" and self.alpha is not None and scope.confined and not listed:
+            message = "with a plane stiffness the effect of out-of-plane expansion is unknown"
+            yield Fault(("alpha",), message, "give the plane strains per degree, [xx, yy, 2xy]")
+
+    def _law_faults(self, scope: Scope) -> Iterator[Fault]:
+        form = FINITE_LAWS.get(self.law)
+        if scope.strain == "small" and form is not None:
+            hint = 'write strain = "finite" in [model], or remove the key'
+            yield Fault(("law",), f'"{self.law}" needs finite strain', hint)
+        if scope.strain != "finite":
+            return
+        if form is None:
+            hint = 'law = "saint-venant-kirchhoff" or "neo-hookean"'
+            yield Fault(("law",), '"linear" elasticity is not valid at finite strain', hint)
+        elif self.form != form:
+            yield Fault(("law",), f'"{self.law}" needs an isotropic material', "give E and nu")
+        elif self.nu is not None and scope.confined and self.nu > MAX_PLANE_STRAIN_NU:
+            message = f"{self.nu:g}: a nearly incompressible material {UNSUPPORTED}"
+            yield Fault(("nu",), message, f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain")
+        elif self.nu == 0.5:
+            yield Fault(("nu",), f"{self.nu:g}: an incompressible material {UNSUPPORTED}", "below 0.5")
+
+    def _stiffness_faults(self, confined: bool) -> Iterator[Fault]:
         if self.stiffness is not None:
-            return "stiffness"
-        given = [getattr(self, key) for key in (*FORMS["orthotropic"], *OUT_OF_PLANE, "angle")]
-        return "orthotropic" if any(value is not None for value in given) else "isotropic"
+            c = self.stiffness
+            largest = max(abs(value) for row in c for value in row)
+            pairs = ((0, 1), (0, 2), (1, 2))
+            if any(abs(c[i][j] - c[j][i]) > ROUND_OFF * largest for i, j in pairs):
+                hint = "rows and columns are xx, yy, xy; the last strain is 2 e_xy"
+                yield Fault(("stiffness",), "is not symmetric", hint)
+            elif not _positive(c):
+                yield Fault(("stiffness",), "is not positive definite")
+        elif self.form == "orthotropic":
+            yield from self._compliance_faults()
+        elif confined and self.nu == 0.5:
+            message = "an incompressible material (0.5) has no finite stiffness in plane strain"
+            yield Fault(("nu",), message, "use a value below 0.5, or plane stress")
 
-
-def check_material(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
-    """Adds missing and contradictory keys, and stiffnesses that are not positive definite in ``plane``."""
-    form = material.form
-    allowed = {*FORMS[form], "alpha", "law", *((*OUT_OF_PLANE, "angle") if form == "orthotropic" else ())}
-    for key in material.model_fields_set - allowed:
-        message = f"cannot be combined with {', '.join(FORMS[form])}"
-        report.add((*path, key), message, "E, nu; or E1, E2, G12, nu12; or stiffness")
-    needed = [*FORMS[form], *(OUT_OF_PLANE if form == "orthotropic" and plane == "strain" else ())]
-    missing = [key for key in needed if getattr(material, key) is None]
-    for key in missing:
-        hint = {
-            "isotropic": "" if material.model_fields_set else "E, nu; or E1, E2, G12, nu12; or stiffness",
-            "orthotropic": "required in plane strain" if key in OUT_OF_PLANE else "",
-            "stiffness": "",
-        }[form]
-        report.add((*path, key), "missing (required)", hint)
-    if missing:
-        pass
-    elif form == "orthotropic":
-        _check_orthotropic(material, path, report)
-    elif form == "stiffness":
-        _check_stiffness(material, path, report)
-    elif plane == "strain" and material.nu == 0.5:
-        message = "an incompressible material (0.5) has no finite stiffness in plane strain"
-        report.add((*path, "nu"), message, "use a value below 0.5, or plane stress")
-    _check_expansion(material, path, plane, report)
-
-
-def _check_orthotropic(material: Material, path: KeyPath, report: Report) -> None:
-    """Checks that the compliance is positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
-    moduli = [material.E1, material.E2, material.E3]
-    sound = True
-    for key, first, second in (("nu12", 0, 1), ("nu13", 0, 2), ("nu23", 1, 2)):
-        one, other, value = moduli[first], moduli[second], getattr(material, key)
-        if one is None or other is None or value is None:
-            continue
-        limit = math.sqrt(one / other)
-        if not abs(value) < limit:
-            sound = False
-            message = f"{value:g} is not between -{limit:g} and {limit:g}, the square root of "
-            report.add((*path, key), f"{message}E{first + 1}/E{second + 1}")
-    third = [getattr(material, key) for key in OUT_OF_PLANE]
-    if sound and None not in third:
-        cross = [
-            -getattr(material, f"nu{i}{j}")
-            * math.sqrt(getattr(material, f"E{j}") / getattr(material, f"E{i}"))
-            for i, j in ((1, 2), (1, 3), (2, 3))
-        ]
-        unit = [[1.0, cross[0], cross[1]], [cross[0], 1.0, cross[2]], [cross[1], cross[2], 1.0]]
-        if not _determinant(unit) > FINE_ROUND_OFF:
+    def _compliance_faults(self) -> Iterator[Fault]:
+        """The compliance must be positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
+        moduli = {1: self.E1, 2: self.E2, 3: self.E3}
+        unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        sound = True
+        for key, i, j, nu in (
+            ("nu12", 1, 2, self.nu12),
+            ("nu13", 1, 3, self.nu13),
+            ("nu23", 2, 3, self.nu23),
+        ):
+            first, second = moduli[i], moduli[j]
+            if first is None or second is None or nu is None:
+                continue
+            limit = math.sqrt(first / second)
+            unit[i - 1][j - 1] = unit[j - 1][i - 1] = -nu / limit
+            if not abs(nu) < limit:
+                sound = False
+                message = f"{nu:g} is not between -{limit:g} and {limit:g}, the square root of E{i}/E{j}"
+                yield Fault((key,), message)
+        if sound and not _positive(unit):
             message = "nu12, nu13 and nu23 together give a stiffness that is not positive definite"
-            report.add((*path, "nu12"), message, "reduce them")
-
-
-def _check_stiffness(material: Material, path: KeyPath, report: Report) -> None:
-    assert material.stiffness is not None
-    c, here = material.stiffness, (*path, "stiffness")
-    largest = max(abs(value) for row in c for value in row)
-    if any(abs(c[i][j] - c[j][i]) > ROUND_OFF * largest for i, j in ((0, 1), (0, 2), (1, 2))):
-        report.add(here, "is not symmetric", "rows and columns are xx, yy, xy; the last strain is 2 e_xy")
-    elif not _positive(c):
-        report.add(here, "is not positive definite")
+            yield Fault(("nu12",), message, "reduce them")
 
 
 def _positive(c: Sequence[Sequence[float]]) -> bool:
+    """Whether a symmetric (3, 3) matrix, scaled to a unit diagonal, is positive definite by its minors."""
     if not all(c[i][i] > 0.0 for i in range(3)):
         return False
-    root = [math.sqrt(c[i][i]) for i in range(3)]
-    unit = [[c[i][j] / (root[i] * root[j]) for j in range(3)] for i in range(3)]
-    return 1.0 - unit[0][1] ** 2 > FINE_ROUND_OFF and _determinant(unit) > FINE_ROUND_OFF
-
-
-def _determinant(m: Sequence[Sequence[float]]) -> float:
-    return (
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
-        - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-        + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
-    )
-
-
-def _check_expansion(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
-    listed = isinstance(material.alpha, tuple)
-    if listed and material.form == "isotropic":
-        report.add((*path, "alpha"), "an isotropic material has a single coefficient")
-    elif material.form == "stiffness" and material.alpha is not None and plane == "strain" and not listed:
-        message = "with a plane stiffness the effect of out-of-plane expansion is unknown"
-        report.add((*path, "alpha"), message, "give the plane strains per degree, [xx, yy, 2xy]")
+    xy, xz, yz = (c[i][j] / math.sqrt(c[i][i] * c[j][j]) for i, j in ((0, 1), (0, 2), (1, 2)))
+    determinant = 1.0 + 2.0 * xy * xz * yz - xy**2 - xz**2 - yz**2
+    return 1.0 - xy**2 > FINE_ROUND_OFF and determinant > FINE_ROUND_OFF

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import LENGTH, NUMBER, Positive, Section, Vector
-from mlsanm_cli.case.report import Report
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
 
 
 class PlaneObstacle(Section):
@@ -26,6 +30,11 @@ class PlaneObstacle(Section):
     def curvature(self) -> float:
         """Zero."""
         return 0.0
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if self.normal == (0.0, 0.0):
+            hint = "it points out of the obstacle, as in [0.0, 1.0]"
+            yield Fault(("normal",), "has no direction", hint)
 
 
 class DiskObstacle(Section):
@@ -60,16 +69,11 @@ class PolylineObstacle(Section):
         """Zero, as of its straight sides."""
         return 0.0
 
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        for index, (a, b) in enumerate(pairwise(self.points), start=1):
+            if math.dist(a, b) == 0.0:
+                yield Fault(("points", index), "repeats the previous point")
+
 
 AnyObstacle = PlaneObstacle | DiskObstacle | PolylineObstacle
 Obstacle = Annotated[AnyObstacle, Field(discriminator="kind")]
-
-
-def check_obstacle(obstacle: AnyObstacle, path: KeyPath, report: Report) -> None:
-    """Adds a problem for a normal of zero length and for repeated points."""
-    if isinstance(obstacle, PlaneObstacle) and obstacle.normal == (0.0, 0.0):
-        report.add((*path, "normal"), "has no direction", "it points out of the obstacle, as in [0.0, 1.0]")
-    if isinstance(obstacle, PolylineObstacle):
-        for index, (a, b) in enumerate(zip(obstacle.points[:-1], obstacle.points[1:], strict=True)):
-            if math.dist(a, b) == 0.0:
-                report.add((*path, "points", index + 1), "repeats the previous point")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, LENGTH, Point, Section, Vector, split_boundary
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
 
 _NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
 
@@ -25,14 +30,6 @@ def _boundaries(value: Any) -> str | tuple[str, ...]:
     return names if isinstance(value, tuple) else names[0]
 
 
-Boundaries = Annotated[
-    str | tuple[str, ...],
-    PlainValidator(_boundaries),
-    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
-]
-"""A boundary of a body, or several that form one surface."""
-
-
 def _plate_boundaries(value: Any) -> str | tuple[str, ...]:
     names = value if isinstance(value, tuple) else (value,)
     bodies = list(dict.fromkeys(split_boundary(name)[0] for name in names if isinstance(name, str)))
@@ -40,17 +37,16 @@ def _plate_boundaries(value: Any) -> str | tuple[str, ...]:
         return _boundaries(value)
     # The boundaries of each body must be valid on their own.
     for body in bodies:
-        own = [name for name in names if not isinstance(name, str) or split_boundary(name)[0] == body]
-        _boundaries(tuple(own))
+        _boundaries(tuple(n for n in names if not isinstance(n, str) or split_boundary(n)[0] == body))
     return names
 
 
-PlateBoundaries = Annotated[
-    str | tuple[str, ...],
-    PlainValidator(_plate_boundaries),
-    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
-]
-"""The same, of one body or of several, for a rigid plate."""
+_SCHEMA = WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]})
+
+Boundaries = Annotated[str | tuple[str, ...], PlainValidator(_boundaries), _SCHEMA]
+"""A boundary of a body, or several that form one surface."""
+PlateBoundaries = Annotated[str | tuple[str, ...], PlainValidator(_plate_boundaries), _SCHEMA]
+"""A boundary, or several of one body or more, that a rigid plate moves."""
 
 
 def listed(boundaries: str | tuple[str, ...] | None) -> tuple[str, ...]:
@@ -112,3 +108,12 @@ class BoundaryPart(Section):
     def ends(self) -> tuple[Point, Point] | None:
         """Both ends, None for the whole boundary."""
         return None if self.start is None or self.to is None else (self.start, self.to)
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        if (self.start is None) != (self.to is None):
+            key, other = ("from", "to") if self.to is None else ("to", "from")
+            yield Fault((key,), f'needs "{other}" too', "give both ends of the part of the boundary")
+        elif self.start is not None and self.start == self.to:
+            hint = "give two different ends of the part of the boundary"
+            yield Fault(("to",), "is the same point", hint)

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
+from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import ANGLE, LENGTH, Name, Positive, Section, Vector
+from mlsanm_cli.case.model.tables import with_points
 from mlsanm_cli.errors import Fault
 
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
+
 Degrees = Annotated[float, Field(gt=0.0, lt=180.0)]
+
+
+def _absolute(file: str, info: ValidationInfo) -> str:
+    """The absolute path of a file named relative to the folder of the case."""
+    return file if info.context is None else str((info.context / file).absolute())
 
 
 class _FileShape(Section):
     """A shape read from a file."""
 
-    file: Annotated[str, Field(min_length=1)]
+    file: Annotated[str, Field(min_length=1), AfterValidator(_absolute)]
     """Path, relative to the case file."""
     corner: Annotated[Degrees, ANGLE] = 40.0
     """Angle between the outline's edges at a node above which the node is a corner."""
@@ -71,6 +81,11 @@ class Rectangle(Section):
     y: Annotated[Vector, LENGTH]
     """Range in y, the smaller number first."""
 
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        for axis, (low, high) in (("x", self.x), ("y", self.y)):
+            if not low < high:
+                yield Fault((axis,), f"[{low:g}, {high:g}] is not a range", "the smaller number first")
+
 
 class Disk(Section):
     """A full disk; its only boundary is ``arc``."""
@@ -96,28 +111,39 @@ class HalfDisk(Section):
     """The half that is kept."""
 
 
-class Sector(Section):
+class _Ring(Section):
+    """A ring or a part of one."""
+
+    kind: str
+    center: Center
+    """Centre of the circles."""
+    radii: Annotated[Vector, LENGTH]
+    """Inner and outer radius."""
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if not 0.0 < self.radii[0] < self.radii[1]:
+            yield Fault(("radii",), "must be the inner and the outer radius, both above 0")
+
+
+class Sector(_Ring):
     """Part of a ring between two radii and two angles; boundaries outer, end, inner, start."""
 
     kind: Literal["sector"]
     """Kind of shape."""
-    center: Center
-    """Centre of the circles."""
-    radii: Annotated[Vector, LENGTH]
-    """Inner and outer radius."""
     angles: Annotated[Vector, ANGLE]
     """First and last angle, counter-clockwise from the x axis; the straight sides are `start` and `end`."""
 
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        if not 0.0 < self.angles[1] - self.angles[0] < 360.0:
+            yield Fault(("angles",), "must increase by less than 360 degrees", "as in [0.0, 90.0]")
 
-class Annulus(Section):
+
+class Annulus(_Ring):
     """A whole ring; boundaries outer and inner."""
 
     kind: Literal["annulus"]
     """Kind of shape."""
-    center: Center
-    """Centre of the circles."""
-    radii: Annotated[Vector, LENGTH]
-    """Inner and outer radius."""
 
 
 class Hole(Section):
@@ -161,6 +187,24 @@ class Polygon(Section):
         # An invalid radius is kept once, to be reported once.
         return {**data, "rounding": (radius,) * (len(points) if 0.0 <= radius < math.inf else 1)}
 
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        for key in ("names", "rounding", "corners"):
+            given = len(getattr(self, key))
+            if given not in (0, len(self.points)):
+                yield Fault((key,), f"has {given} items for {len(self.points)} points", "one per point")
+        sides = side_names(self)
+        # Names that the shape gives to sides, holes and the arcs between sides of different names.
+        default = {*sides[len(self.names) :], *hole_names(self)}
+        for number, radius in enumerate(self.rounding[: len(sides)]):
+            named = number < len(self.corners) and self.corners[number]
+            if radius and not named and sides[number - 1] != sides[number]:
+                default.add(f"corner{number + 1}")
+        for name in dict.fromkeys([*self.names, *filter(None, self.corners)]):
+            if name in default:
+                given_to_side = name in self.names
+                yield _twice(("names", self.names.index(name)) if given_to_side else ("corners",), name)
+        yield from _hole_faults(self, [name for name in sides if name not in self.names])
+
 
 class OutlineSide(Section):
     """A side of an outline: a straight line to a point, or a smooth curve through points; with neither, the
@@ -175,6 +219,13 @@ class OutlineSide(Section):
     file: Annotated[str, Field(min_length=1)] | None = None
     """CSV file of these points with the header x,y; relative paths are relative to the case file."""
 
+    _read = model_validator(mode="before")(with_points)
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        given = [key for key in ("to", "points", "file") if getattr(self, key) is not None]
+        if len(given) > 1:
+            yield Fault((given[1],), f'"{given[0]}" is given too', "one of to, points and file")
+
 
 class OutlineShape(Section):
     """Consecutive sides around the body, in either direction, and circular holes. Every side starts at the
@@ -184,6 +235,13 @@ class OutlineShape(Section):
     """Kind of shape."""
     sides: Annotated[tuple[OutlineSide, ...], Field(min_length=1)]
     holes: tuple[Hole, ...] = ()
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        explicit = {side.name for side in self.sides}
+        for number, (side, name) in enumerate(zip(self.sides, side_names(self), strict=True)):
+            if side.name is None and name in explicit:
+                yield _twice(("sides", number), name)
+        yield from _hole_faults(self, side_names(self))
 
 
 DrawnShape = Rectangle | Disk | HalfDisk | Sector | Annulus | Polygon | OutlineShape
@@ -224,58 +282,13 @@ def edge_names(shape: AnyShape) -> tuple[str, ...]:
     return EDGES.get(shape.kind, ())
 
 
-def shape_faults(shape: AnyShape) -> Iterator[Fault]:
-    """Contradictory values and duplicate names; geometry is checked on the outline."""
-    if isinstance(shape, Rectangle):
-        for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
-            if not low < high:
-                yield Fault((axis,), f"[{low:g}, {high:g}] is not a range", "the smaller number first")
-    if isinstance(shape, Sector | Annulus) and not 0.0 < shape.radii[0] < shape.radii[1]:
-        yield Fault(("radii",), "must be the inner and the outer radius, both above 0")
-    if isinstance(shape, Sector) and not 0.0 < shape.angles[1] - shape.angles[0] < 360.0:
-        yield Fault(("angles",), "must increase by less than 360 degrees", "as in [0.0, 90.0]")
-    if isinstance(shape, Polygon):
-        yield from _polygon_faults(shape)
-    if isinstance(shape, OutlineShape):
-        for number, side in enumerate(shape.sides):
-            given = [key for key in ("to", "points", "file") if getattr(side, key) is not None]
-            if len(given) > 1:
-                hint = "one of to, points and file"
-                yield Fault(("sides", number, given[1]), f'"{given[0]}" is given too', hint)
-        explicit = {side.name for side in shape.sides}
-        for number, name in enumerate(side_names(shape)):
-            if shape.sides[number].name is None and name in explicit:
-                yield _twice(("sides", number), name)
-        yield from _hole_faults(shape)
-
-
-def _polygon_faults(shape: Polygon) -> Iterator[Fault]:
-    for key in ("names", "rounding", "corners"):
-        given = len(getattr(shape, key))
-        if given not in (0, len(shape.points)):
-            yield Fault((key,), f"has {given} items for {len(shape.points)} points", "one per point")
-    sides, holes = side_names(shape), hole_names(shape)
-    own = {*sides[len(shape.names) :], *holes}
-    for number, radius in enumerate(shape.rounding[: len(sides)]):
-        named = number < len(shape.corners) and shape.corners[number]
-        if radius and not named and sides[number - 1] != sides[number]:
-            own.add(f"corner{number + 1}")
-    for name in dict.fromkeys([*shape.names, *filter(None, shape.corners)]):
-        if name in own:
-            of_side = name in shape.names
-            yield _twice(("names", shape.names.index(name)) if of_side else ("corners",), name)
-    yield from _hole_faults(shape)
-
-
-def _hole_faults(shape: Polygon | OutlineShape) -> Iterator[Fault]:
+def _hole_faults(shape: Polygon | OutlineShape, sides: Sequence[str]) -> Iterator[Fault]:
+    """Holes with the names of other holes or of ``sides``."""
     names = hole_names(shape)
-    # Explicit names of polygon sides are reported by _polygon_faults.
-    given = shape.names if isinstance(shape, Polygon) else ()
-    sides = [name for name in side_names(shape) if name not in given]
     for number, name in enumerate(names):
         if name in [*sides, *names[:number]]:
             yield _twice(("holes", number), name)
 
 
-def _twice(key: tuple[str | int, ...], name: str) -> Fault:
+def _twice(key: KeyPath, name: str) -> Fault:
     return Fault(key, f'"{name}" is the name of two boundaries', "rename one of them")

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
 from mlsanm_cli.case.model.base import NUMBER, AutoCount, AutoDegree, Section
+from mlsanm_cli.case.model.model import UNSUPPORTED
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
+
+MAX_NEIGHBORS_PER_TERM = 20
+"""Largest number of nodes of a stencil per coefficient of its polynomial."""
 
 
 class Mls(Section):
@@ -20,6 +29,24 @@ class Mls(Section):
     neighbors: AutoCount = "auto"
     """Nodes per stencil; `"auto"` is about 2.5 times the number of coefficients."""
 
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if self.neighbors != "auto":
+            # The lowest degree that "auto" selects.
+            degree = 2 if self.degree == "auto" else self.degree
+            terms = (degree + 1) * (degree + 2) // 2
+            most = MAX_NEIGHBORS_PER_TERM * terms
+            of = f"for the {terms} terms of degree {degree}"
+            if self.neighbors < terms:
+                hint = f'at least {terms}, better twice as many, or "auto"'
+                yield Fault(("neighbors",), f"{self.neighbors} nodes are too few {of}", hint)
+            elif self.neighbors > most:
+                hint = f'at most {most}, or "auto"'
+                yield Fault(("neighbors",), f"{self.neighbors} nodes are too many {of}", hint)
+        if scope.strain == "finite" and self.scheme != "least-squares":
+            yield Fault(("scheme",), f'"{self.scheme}" {UNSUPPORTED}', '"least-squares"')
+        if scope.strain == "finite" and self.degree == 1:
+            yield Fault(("degree",), f"degree 1 {UNSUPPORTED}", "at least 2")
+
 
 class Adapt(Section):
     """Adaptive refinement."""
@@ -27,6 +54,20 @@ class Adapt(Section):
     passes: Annotated[int, Field(ge=0, le=20)] = 0
     """Number of refinement passes: solve, refine at contact edges and where the local error is large, solve
     again. Stops earlier at convergence."""
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if not self.passes:
+            return
+        case = scope.case
+        fixed = [body.name for body in case.body if body.has_nodes]
+        if fixed:
+            message = f'body "{fixed[0]}" cannot be refined: its nodes come from a file'
+            yield Fault(("passes",), message, 'write 0, or take the outline only: use = "outline"')
+        if case.contact and not case.touching:
+            hint = "write 0, and refine along the bonds and at their ends with [[body.refine]]"
+            yield Fault(("passes",), "bonded contacts are not refined automatically", hint)
+        if scope.strain == "finite":
+            yield Fault(("passes",), f"refinement {UNSUPPORTED}", "write 0")
 
 
 class Solver(Section):
@@ -53,3 +94,35 @@ class Solver(Section):
     """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu"] = "auto"
     """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation, SuperLU for square schemes."""
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if scope.strain == "finite" and self.method == "active-set" and not scope.names["contact"]:
+            yield Fault(("method",), '"active-set" needs a contact', '"anm" or "newton"')
+        law = scope.case.touching[0].regularization.law if scope.case.touching else None
+        if law is None and not scope.complete("contact"):
+            return
+        if self.polish is True and law != "hyperbolic":
+            why = "the contact law is exact already" if law else "there is no [[contact]]"
+            yield Fault(("polish",), f"nothing to polish: {why}", "remove it, or set it to false")
+        fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(self.method, law)
+        if law not in (None, fitting):
+            hint = f'law = "{fitting}" in [contact.regularization], or method = "auto"'
+            yield Fault(("method",), f'"{self.method}" cannot solve the {law} contact law', hint)
+        if self.formulation == "monolithic":
+            yield from self._monolithic_faults(scope, law)
+
+    def _monolithic_faults(self, scope: Scope, law: str | None) -> Iterator[Fault]:
+        key, hint = ("formulation",), 'formulation = "condensed"'
+        if law is None:
+            yield Fault(key, "the monolithic formulation needs a contact", hint)
+        elif law != "hyperbolic":
+            other = 'law = "hyperbolic" in [contact.regularization], or ' + hint
+            yield Fault(key, "the exact contact law is solved on the condensed system only", other)
+        for contact in scope.case.contact:
+            if contact.bonded:
+                yield Fault(key, f"bonds (contact {contact.name}) need the condensed formulation", hint)
+            elif contact.obstacle is not None or contact.interference is not None:
+                message = (
+                    f"obstacles and interference (contact {contact.name}) need the condensed formulation"
+                )
+                yield Fault(key, message, hint)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import Section, Unit
-from mlsanm_cli.case.report import Report, suggestion
+from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
 
 UNIT_OF_QUANTITY = Unit("unit of the quantity")
 VECTORS = ("force", "displacement")
@@ -37,28 +41,32 @@ class Stop(Section):
         side, value = ("above", self.above) if self.above is not None else ("below", self.below)
         return f"{self.what.replace('_', ' ')} of {self.of}{along} {side} {value:g}"
 
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        given = [key for key in ("above", "below") if getattr(self, key) is not None]
+        if self.what == "fold":
+            for key in (*given, *(("of",) if self.of else ())):
+                yield Fault((key,), "does not apply to a fold", "remove it")
+            return
+        if len(given) != 1:
+            yield Fault((), "needs exactly one of above and below", "as in above = 100.0")
+        if self.component != "size" and self.what not in VECTORS:
+            yield Fault(("component",), f"{self.what} has no components", "remove it")
+        what, sections, known = self._named(scope)
+        if self.of not in known and scope.complete(*sections):
+            message = f'there is no {what} "{self.of}"' if self.of else f"missing: the name of a {what}"
+            yield Fault(("of",), message, suggestion(self.of, known))
+        if self.what == "slip" and any(c.name == self.of and not c.friction for c in scope.case.contact):
+            yield Fault(("of",), f'contact "{self.of}" is frictionless and has no slip')
 
-def check_stop(stop: Stop, path: KeyPath, names: dict[str, list[str]], report: Report) -> None:
-    """Adds problems for missing or double limits and unknown names. ``names`` are those of the items of the
-    case by section ("load", "contact", "probe", "support"), and of its platen and obstacle loads
-    ("rigid")."""
-    given = [key for key in ("above", "below") if getattr(stop, key) is not None]
-    if stop.what == "fold":
-        for key in (*given, *(("of",) if stop.of else ())):
-            report.add((*path, key), "does not apply to a fold", "remove it")
-        return
-    if len(given) != 1:
-        report.add(path, "needs exactly one of above and below", "as in above = 100.0")
-    if stop.component != "size" and stop.what not in VECTORS:
-        report.add((*path, "component"), f"{stop.what} has no components", "remove it")
-    sections = {
-        "force": ("load", "contact", "support"),
-        "displacement": ("rigid", "probe"),
-        "von_mises": ("probe",),
-    }.get(stop.what, ("contact",))
-    known = [name for section in sections for name in names[section]]
-    if stop.of not in known:
-        what = {"rigid": "platen or obstacle load"}
-        there = " or ".join(what.get(section, section) for section in sections)
-        message = f'there is no {there} "{stop.of}"' if stop.of else f"missing: the name of a {there}"
-        report.add((*path, "of"), message, suggestion(stop.of, known))
+    def _named(self, scope: Scope) -> tuple[str, tuple[str, ...], list[str]]:
+        """What ``of`` can name: in words, the sections, and the names."""
+        names = scope.names
+        if self.what == "force":
+            supports = [one.boundary for one in scope.case.support if isinstance(one.boundary, str)]
+            known = [*names["load"], *names["contact"], *supports]
+            return "load or contact or support", ("support",), known
+        if self.what == "displacement":
+            rigid = [one.name for one in scope.case.load if one.kind in ("platen", "obstacle")]
+            return "platen or obstacle load or probe", ("load",), [*rigid, *names["probe"]]
+        section = "probe" if self.what == "von_mises" else "contact"
+        return section, (), list(names[section])

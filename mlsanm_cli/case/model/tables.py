@@ -1,121 +1,88 @@
-"""Tables of loads and points of curves, read from CSV files into the case, which makes it self-contained."""
+"""Tables of loads and points of curves in CSV files. Validation reads them into the case, which is then
+self-contained; its context is the folder to which names of files are relative, None in a resolved case."""
 
 from __future__ import annotations
 
 import csv
 import io
-import math
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.case.lines import KeyPath
+from pydantic import AfterValidator, BeforeValidator, ValidationError, ValidationInfo
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from mlsanm_cli.case.limits import MAX_ITEMS, magnitude_problem
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.inputs import MB, read_input
+from mlsanm_cli.inputs import MAX_TEXT_BYTES, read_input
 
-HEADERS = {"pressure": ("s", "pressure"), "traction": ("s", "tx", "ty")}
-"""Columns of the table by kind of load; s is the arc length."""
-POINT_HEADER = ("x", "y")
-"""Columns of the table of a curve."""
-MAX_ROWS, MAX_POINTS = 100_000, 2000
-MAX_BYTES = 16 * MB
-"""Largest file of a table."""
+Rows = tuple[tuple[float, ...], ...]
 
 
-class TableError(ValueError):
-    """A table file that cannot be read or is invalid."""
+def from_file(*header: str) -> BeforeValidator:
+    """Reads the rows of a CSV file in place of its name; its first line is ``header``."""
+
+    def read(value: Any, info: ValidationInfo) -> Any:
+        named = isinstance(value, str) and info.context is not None
+        return _rows(info.context / value, header, MAX_ITEMS["table"]) if named else value
+
+    return BeforeValidator(read)
 
 
-def with_items(data: dict[str, Any], section: str, change: Callable[[int, Any], Any]) -> dict[str, Any]:
-    """The content of a case with the items of a list, if there is one, replaced by ``change`` of their number
-    and content."""
-    items = data.get(section)
-    if not isinstance(items, tuple):
-        return data
-    return {**data, section: tuple(change(number, item) for number, item in enumerate(items))}
+def with_points(side: Any, info: ValidationInfo) -> Any:
+    """A raw side of an outline with the points of its file in place of the name."""
+    match side:
+        case {"file": str(file), **others} if file and not others.keys() & {"points", "to"} and info.context:
+            try:
+                return {**others, "points": _rows(info.context / file, ("x", "y"), MAX_ITEMS["points"])}
+            except PydanticCustomError as error:
+                place = InitErrorDetails(type=error, loc=("file",), input=file)
+                raise ValidationError.from_exception_data("file", [place]) from error
+    return side
 
 
-def inline_tables(data: dict[str, Any], base: Path) -> tuple[dict[str, Any], list[tuple[KeyPath, str]]]:
-    """The content of a case with the rows of tables in place of file names, which are relative to ``base``.
-    Also returns the problems found, by key; there the file name remains."""
-    problems: list[tuple[KeyPath, str]] = []
-
-    def inlined(item: Any, key: KeyPath, to: str, header: tuple[str, ...] | None, most: int) -> Any:
-        """The item with rows under the key ``to`` in place of the file named by the last part of ``key``."""
-        name = key[-1]
-        try:
-            rows = read_table(base / item[name], header, most)
-        except TableError as error:
-            problems.append((key, str(error)))
-            return item
-        return {**{other: value for other, value in item.items() if other != name}, to: rows}
-
-    def of_load(index: int, load: Any) -> Any:
-        match load:
-            case {"table": str(), **others}:
-                header = HEADERS.get(str(others.get("kind")))
-                return inlined(load, ("load", index, "table"), "table", header, MAX_ROWS)
-        return load
-
-    def of_body(index: int, body: Any) -> Any:
-        match body:
-            case {"shape": {"sides": tuple(sides)} as shape}:
-                here: KeyPath = ("body", index, "shape", "sides")
-                filled = tuple(of_side((*here, number, "file"), side) for number, side in enumerate(sides))
-                return {**body, "shape": {**shape, "sides": filled}}
-        return body
-
-    def of_side(key: KeyPath, side: Any) -> Any:
-        match side:
-            case {"file": str(file), **others} if file and not others.keys() & {"points", "to"}:
-                return inlined(side, key, "points", POINT_HEADER, MAX_POINTS)
-        return side
-
-    return with_items(with_items(data, "load", of_load), "body", of_body), problems
-
-
-def read_table(
-    path: Path, header: tuple[str, ...] | None, most: int = MAX_ROWS
-) -> tuple[tuple[float, ...], ...]:
-    """Rows of a CSV file whose first line is ``header``, at most ``most``. Raises TableError."""
-    if header is None:
-        raise TableError("loads of this kind have no table")
+def _rows(path: Path, header: tuple[str, ...], most: int) -> Rows:
     try:
-        file = io.StringIO(read_input(path, MAX_BYTES).decode("utf-8-sig"), newline="")
+        file = io.StringIO(read_input(path, MAX_TEXT_BYTES).decode("utf-8-sig"), newline="")
         lines = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if any(row)]
     except RunError as error:
-        raise TableError(f"{error.message} ({error.hint})" if error.hint else error.message) from error
+        raise _problem(f"{error.message} ({error.hint})" if error.hint else error.message) from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise TableError(f"{path} is not CSV text") from error
-    found = tuple(cell.strip() for cell in lines[0][1]) if lines else ()
-    if found != header:
-        raise TableError(f"{path} must begin with the line {','.join(header)}")
+        raise _problem(f"{path} is not CSV text") from error
+    if not lines or tuple(cell.strip() for cell in lines[0][1]) != header:
+        raise _problem(f"{path} must begin with the line {','.join(header)}")
     if len(lines) > most + 1:
-        raise TableError(f"{path} has more than {most} rows")
-    return tuple(_numbers(path, number, row, len(header)) for number, row in lines[1:])
+        raise _problem(f"{path} has more than {most} rows")
+    for number, row in lines[1:]:
+        if len(row) != len(header):
+            raise _problem(f"{path}, line {number}: {len(row)} columns instead of {len(header)}")
+    return tuple(tuple(_number(path, number, cell) for cell in row) for number, row in lines[1:])
 
 
-def _numbers(path: Path, line: int, row: list[str], columns: int) -> tuple[float, ...]:
-    if len(row) != columns:
-        raise TableError(f"{path}, line {line}: {len(row)} columns instead of {columns}")
-    numbers = []
-    for cell in row:
-        try:
-            number = float(cell)
-        except ValueError as error:
-            raise TableError(f'{path}, line {line}: "{cell.strip()}" is not a number') from error
-        if not math.isfinite(number):
-            raise TableError(f"{path}, line {line}: {cell.strip()} is not allowed")
-        numbers.append(number)
-    return tuple(numbers)
+def _number(path: Path, line: int, cell: str) -> float:
+    try:
+        number = float(cell)
+    except ValueError as error:
+        raise _problem(f'{path}, line {line}: "{cell.strip()}" is not a number') from error
+    problem = magnitude_problem(number) if abs(number) < float("inf") else f"{cell.strip()} is not allowed"
+    if problem:
+        raise _problem(f"{path}, line {line}: {problem}")
+    return number
 
 
-def row_problem(rows: tuple[tuple[float, ...], ...]) -> str:
-    """The problem with the rows of a table, "" if there is none."""
+def _increasing(rows: Rows) -> Rows:
     if len(rows) < 2:
-        return "a table needs at least two rows"
+        raise _problem("a table needs at least two rows")
     for number, (before, after) in enumerate(pairwise(rows), start=2):
         if not before[0] < after[0]:
-            return f"arc lengths must increase: row {number} has {after[0]:g} after {before[0]:g}"
-    return ""
+            text = f"arc lengths must increase: row {number} has {after[0]:g} after {before[0]:g}"
+            raise _problem(text)
+    return rows
+
+
+INCREASING = AfterValidator(_increasing)
+"""Rows over the arc length, at least two."""
+
+
+def _problem(text: str) -> PydanticCustomError:
+    return PydanticCustomError("table", "{problem}", {"problem": text})

@@ -7,29 +7,28 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.case.checks.relations import run_checks
-from mlsanm_cli.case.checks.valid_parts import LISTS, Geometry, GeometryInspector, validate
+from mlsanm_cli.case.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.model.base import all_faults
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.tables import inline_tables, with_items
-from mlsanm_cli.case.reading.limits import number_problems, size_problems, text_problem
+from mlsanm_cli.case.model.scope import Geometry, GeometryInspector, Scope
+from mlsanm_cli.case.reading.names import declared_names, name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
+from mlsanm_cli.case.reading.valid import LISTS, ValidPart, valid_part
 from mlsanm_cli.case.report import Report, nearest
-from mlsanm_cli.errors import CaseError, CaseProblem, RunError
-from mlsanm_cli.inputs import MB, is_text, read_input
+from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
+from mlsanm_cli.inputs import MAX_TEXT_BYTES, is_text, read_input
 from mlsanm_cli.toml import plain
 
 MAX_LISTED_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""
-MAX_BYTES = 16 * MB
-"""Largest case file."""
-REGULARIZED = "hyperbolic"
-"""The law of contacts with parameters or methods that the exact law does not have."""
+RESTRAINING_SECTIONS = ("model", "body", "support", "load", "contact")
+"""Sections that determine whether a body can move freely."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def load_case(
         # Files of bodies are stored with their absolute path.
         raise RunError(f"the path {str(path.absolute())!r} is not UTF-8 text", "rename the directories in it")
     try:
-        content = read_input(path, MAX_BYTES, what="case file", streams=True)
+        content = read_input(path, MAX_TEXT_BYTES, what="case file", streams=True)
     except RunError as error:
         if isinstance(error.__cause__, FileNotFoundError):
             raise RunError(error.message, _nearest_case(path)) from error
@@ -101,25 +100,55 @@ def parse_case(
     content, changed, bad_overrides = apply_overrides(content, overrides)
     if changed:
         _refuse_sizes(content, Report(content, text, source, changed))
-    data = _anchored({key: _frozen(value) for key, value in content.items()}, path.parent)
-    data = _with_law(data)
-    data, bad_tables = inline_tables(data, path.parent)
+    data = {key: _frozen(value) for key, value in content.items()}
     report = Report(data, text, source, changed)
-    covered: list[KeyPath] = []
-    for table, message in bad_tables:
-        report.add(table, message)
-        covered.append(table)
     for key, message, hint in number_problems(data):
         report.add(key, message, hint)
-        covered.append(key)
-    parts = validate(data, report, frozenset(covered))
-    if parts is not None:
-        parts = run_checks(parts, inspector, report)
+    part = valid_part(data, path.parent, report)
+    scope = _check_relations(data, part, inspector, report)
     problems = report.problems + bad_overrides
-    if problems or parts is None:
+    if problems:
         raise CaseError(problems)
-    case = _with_digests(parts.case, parts.geometries)
+    case = _with_digests(scope)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
+
+
+def _check_relations(
+    data: dict[str, Any], part: ValidPart, inspector: GeometryInspector | None, report: Report
+) -> Scope:
+    """Adds every relation that does not hold between the valid tables, which are returned with the geometries
+    of the bodies. Without ``inspector`` nothing that depends on geometry is checked."""
+
+    def add(fault: Fault) -> None:
+        report.add(part.in_file(fault.key), fault.message, fault.hint)
+
+    scope = Scope(part.case, declared_names(data), part.incomplete, {})
+    if data.get("body") == ():
+        report.add(("body",), "the list is empty, at least one item is required", "add [[body]]")
+    geometries: dict[str, Geometry] = {}
+    for index, body in enumerate(part.case.body):
+        key: KeyPath = ("body", index, "shape")
+        place = part.in_file(key)
+        faulty = any(path[:3] == place for path in report.paths) or any(all_faults(body.shape, scope))
+        if inspector is None or faulty:
+            continue
+        try:
+            geometries.setdefault(body.name, inspector.geometry(body.shape))
+        except OutlineError as error:
+            for fault in error.faults:
+                add(replace(fault, key=(*key, *fault.key)))
+        except GeometryError as error:
+            add(Fault((*key, "file"), error.message, error.hint))
+    scope = replace(scope, geometries=geometries)
+    for fault in name_faults(data, scope):
+        report.add(fault.key, fault.message, fault.hint)
+    for fault in all_faults(part.case, scope):
+        add(fault)
+    # Otherwise a fault in a support would be reported again as a body that can move.
+    if inspector is not None and not {path[0] for path in report.paths}.intersection(RESTRAINING_SECTIONS):
+        for fault in inspector.floating(part.case):
+            add(fault)
+    return scope
 
 
 def stored_case(text: str) -> Case:
@@ -131,62 +160,16 @@ def stored_case(text: str) -> Case:
         raise RunError("the case stored in the run is damaged or from another version") from error
 
 
-def _anchored(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The content with absolute paths of the files of shapes."""
-
-    def anchored(number: int, body: Any) -> Any:
-        match body:
-            case {"shape": {"file": str(file)} as shape} if file:
-                return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
-        return body
-
-    return with_items(data, "body", anchored)
-
-
-def _with_law(data: dict[str, Any]) -> dict[str, Any]:
-    """The content with the regularised law in contacts that name no law, if another contact, a parameter of
-    that law, the method, the formulation or polishing requires it; never at finite strain."""
-    match data:
-        case {"model": {"strain": "finite"}}:
-            return data
-        case (
-            {"solver": {"method": "anm" | "newton"}}
-            | {"solver": {"formulation": "monolithic"}}
-            | {"solver": {"polish": True}}
-        ):
-            return with_items(data, "contact", _regularized)
-        case {"contact": tuple(contacts)} if any(map(_is_regularized, contacts)):
-            return with_items(data, "contact", _regularized)
-    return data
-
-
-def _is_regularized(contact: Any) -> bool:
-    """Whether a contact names the regularised law, or only parameters of it."""
-    match contact:
-        case {"regularization": {**given}}:
-            return bool(given) and given.get("law", REGULARIZED) == REGULARIZED
-    return False
-
-
-def _regularized(number: int, contact: Any) -> Any:
-    match contact:
-        case {"friction": "bonded"}:
-            return contact
-        case {"regularization": {**given}}:
-            return {**contact, "regularization": {"law": REGULARIZED, **given}}
-        case {**keys} if "regularization" not in keys:
-            return {**contact, "regularization": {"law": REGULARIZED}}
-    return contact
-
-
-def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:
+def _with_digests(scope: Scope) -> Case:
     """The case with the SHA-256 of its files."""
-    bodies = list(case.body)
-    for index, geometry in geometries.items():
-        if geometry.digest:
-            shape = bodies[index].shape.model_copy(update={"sha256": geometry.digest})
-            bodies[index] = bodies[index].model_copy(update={"shape": shape})
-    return case.model_copy(update={"body": tuple(bodies)})
+    bodies = []
+    for body in scope.case.body:
+        geometry = scope.geometries.get(body.name)
+        if geometry is not None and geometry.digest:
+            shape = body.shape.model_copy(update={"sha256": geometry.digest})
+            body = body.model_copy(update={"shape": shape})
+        bodies.append(body)
+    return scope.case.model_copy(update={"body": tuple(bodies)})
 
 
 def resolved_mapping(case: Case) -> dict[str, Any]:

@@ -25,6 +25,7 @@ MAX_ITEMS: Mapping[str, int] = {
     "points": 2000,
     "obstacle.points": 20_000,
     "at": 10_000,
+    "table": 100_000,
 }
 """Largest number of items by the key of their list or table, or by the last two keys."""
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-60, 1e60
@@ -76,13 +77,19 @@ def size_problems(content: Mapping[str, Any]) -> list[Problem]:
 def number_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
     """Numbers too large or too small for floating-point arithmetic."""
     for path, value in _numbers((), content):
-        # Coordinates and components may be 0 up to round-off.
-        small = 0.0 < abs(value) < MIN_MAGNITUDE and not isinstance(path[-1], int)
-        if small or MAX_MAGNITUDE < abs(value) < float("inf"):
-            size = "small" if small else "large"
-            shown = f"{value:g}" if isinstance(value, float) else "a number"
-            hint = f"allowed magnitudes: {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
-            yield path, f"{shown} is too {size} for floating-point arithmetic", hint
+        problem = magnitude_problem(value, coordinate=isinstance(path[-1], int))
+        if problem:
+            yield path, problem, f"allowed magnitudes: {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
+
+
+def magnitude_problem(value: int | float, coordinate: bool = True) -> str:
+    """What makes a number unfit for floating-point arithmetic, "" if it is not; coordinates and components
+    may be 0 up to round-off."""
+    small = 0.0 < abs(value) < MIN_MAGNITUDE and not coordinate
+    if not small and not MAX_MAGNITUDE < abs(value) < float("inf"):
+        return ""
+    shown = f"{value:g}" if isinstance(value, float) else "a number"
+    return f"{shown} is too {'small' if small else 'large'} for floating-point arithmetic"
 
 
 _NESTED = (dict, list, tuple)

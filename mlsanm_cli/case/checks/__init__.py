@@ -1,1 +1,0 @@
-"""Checks of the relations between the parts of a case."""

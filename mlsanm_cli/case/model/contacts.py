@@ -1,0 +1,180 @@
+"""``[[contact]]``: contacts between bodies and with rigid obstacles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import takewhile
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from mlsanm_cli.case.model.base import (
+    LENGTH,
+    NUMBER,
+    Amount,
+    AutoLength,
+    Coefficient,
+    Name,
+    Positive,
+    Section,
+)
+from mlsanm_cli.case.model.model import UNSUPPORTED
+from mlsanm_cli.case.model.obstacles import Obstacle
+from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.scope import Scope
+
+
+class Regularization(Section):
+    """The contact and friction law."""
+
+    law: Literal["exact", "hyperbolic"] = "exact"
+    """Exact Signorini and Coulomb conditions, or the regularised contact law (a smooth hyperbola), required
+    by power series; the same in all contacts. Hyperbolic by default if another parameter of this table,
+    `solver.method` `"anm"` or `"newton"`, the monolithic formulation or `solver.polish = true` requires it;
+    always exact at finite strain."""
+    eta: Annotated[Positive, NUMBER] = 1e-4
+    """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
+    stick: Annotated[Positive, NUMBER] = 1e-4
+    """Slip at the onset of sliding, relative to the largest slip at full sliding (hyperbolic law only)."""
+    friction_law: Literal["memory", "holonomic"] = "memory"
+    """History-dependent friction, or holonomic friction that depends on the total slip only (hyperbolic law,
+    monotonic loading); the same in all contacts."""
+
+
+class Contact(BoundaryPart):
+    """A possible contact between two boundaries, or between a boundary and a rigid obstacle. ``from`` and
+    ``to`` restrict it to a part of the slave."""
+
+    name: Name
+    """Name of the contact."""
+    slave: Boundaries
+    """Boundary that carries the contact pressures, or a list of boundaries that join end to end. Choose the
+    one with the finer nodes or the smaller radius."""
+    master: Boundaries | None = None
+    """Opposite boundary, or a list of boundaries that join end to end; give `master` or `obstacle`."""
+    obstacle: Obstacle | None = None
+    """Rigid obstacle instead of a master."""
+    interference: Annotated[Positive, LENGTH] | None = None
+    """Interference of a press fit: the largest overlap of the undeformed surfaces."""
+    gap: Annotated[Amount, LENGTH] = 0.0
+    """Initial gap in addition to the drawn one: a number or an expression in the coordinates x, y of the
+    slave, for crowned, wavy or rough profiles."""
+    friction: Annotated[Coefficient, NUMBER] = 0.0
+    """Coulomb's coefficient of friction, or `"bonded"`: touching surfaces are tied together and also carry
+    tension."""
+    accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
+    """Tolerance of the contact grid: error of the pressures relative to the largest pressure. At finite
+    strain, relative error of the contact force: bodies of automatic spacing are refined for it after a first
+    run."""
+    reach: Annotated[AutoLength, LENGTH] = "auto"
+    """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes."""
+    regularization: Regularization = Regularization()
+
+    @property
+    def bonded(self) -> bool:
+        """Whether its surfaces are tied together."""
+        return self.friction == "bonded"
+
+    @property
+    def coefficient(self) -> float:
+        """Coulomb's coefficient; inf for bonded surfaces."""
+        return math.inf if self.friction == "bonded" else self.friction
+
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """Its boundaries of elastic bodies: those of the slave and of the master, if there is one."""
+        return tuple(name for side in self.sides for name in side.boundaries)
+
+    @property
+    def sides(self) -> tuple[Place, ...]:
+        """The slave and, if there is one, the master."""
+        master = () if self.master is None else (Place(listed(self.master)),)
+        return (Place(listed(self.slave), self.ends), *master)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sides."""
+        return tuple(side.label for side in self.sides)
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        if (self.master is None) == (self.obstacle is None):
+            hint = "a boundary of another body, or a rigid obstacle"
+            yield Fault((), "needs exactly one of master and obstacle", hint)
+        elif self.master is None and self.bonded:
+            hint = "fix the boundary with a [[support]], or move it with a platen"
+            yield Fault(("friction",), "bonding to a rigid obstacle is not possible", hint)
+        elif self.master is not None:
+            yield from self._pair_faults(scope)
+        if self.interference is not None and self.name in scope.names["load"]:
+            message = f'a load is called "{self.name}" too, which is ambiguous in stages'
+            yield Fault(("name",), message)
+        yield from self._law_faults(scope)
+        if scope.strain == "finite":
+            yield from self._finite_faults()
+
+    def _pair_faults(self, scope: Scope) -> Iterator[Fault]:
+        slave, master = (side.boundaries for side in self.sides)
+        common = [name for name in master if name in slave]
+        if common:
+            single = len(self.boundaries) == 2
+            part = f"{common[0]} is part of the slave too"
+            yield Fault(("master",), "slave and master are the same boundary" if single else part)
+            return
+        if self.sides[0].body == self.sides[1].body:
+            message = f"self-contact (body {self.sides[0].body}) is not supported yet"
+            yield Fault((), message, "slave and master must belong to two bodies")
+        if self.bonded:
+            for key in ("interference", "gap", "reach", "regularization"):
+                if getattr(self, key) != type(self).model_fields[key].default:
+                    yield Fault((key,), "does not apply to bonded surfaces", "remove it")
+        pair = {*self.boundaries}, self.ends
+        for other in takewhile(lambda other: other is not self, scope.case.contact):
+            if ({*other.boundaries}, other.ends) == pair:
+                yield Fault((), f'the same two boundaries as contact "{other.name}"')
+                break
+
+    def _law_faults(self, scope: Scope) -> Iterator[Fault]:
+        """All contacts have one law, and one friction law."""
+        if self.bonded:
+            return
+        law, first = self.regularization, scope.case.touching[0].regularization
+        if law.law != first.law:
+            message = f'"{law.law}" here, "{first.law}" in another contact'
+            hint = "use one law in all contacts; mixed laws are not supported yet"
+            yield Fault(("regularization", "law"), message, hint)
+        if not self.friction:
+            return
+        first = next(one.regularization for one in scope.case.touching if one.friction)
+        if law.friction_law != first.friction_law:
+            message = f'"{law.friction_law}" here, "{first.friction_law}" in another contact'
+            yield Fault(("regularization", "friction_law"), message, "use one friction law in all contacts")
+        if law.friction_law == "holonomic" and law.law == "exact":
+            message, hint = (
+                "holonomic friction needs the hyperbolic law",
+                'law = "hyperbolic", or friction_law = "memory"',
+            )
+            yield Fault(("regularization", "friction_law"), message, hint)
+
+    def _finite_faults(self) -> Iterator[Fault]:
+        if self.master is not None and self.sides[0].body == self.sides[1].body:
+            message = f"contact of a body with itself {UNSUPPORTED}"
+            yield Fault(("master",), message, "another body's boundary")
+        if self.bonded:
+            yield Fault(("friction",), f"bonded surfaces {UNSUPPORTED}", "a coefficient")
+        if self.gap:
+            hint = "include it in the shape or position of the body"
+            yield Fault(("gap",), f"an additional gap {UNSUPPORTED}", hint)
+        if self.interference is not None:
+            yield Fault(("interference",), f"an interference {UNSUPPORTED}", "move the obstacle")
+        if self.regularization.law != "exact":
+            message = f'the "{self.regularization.law}" contact law {UNSUPPORTED}'
+            yield Fault(("regularization", "law"), message, 'law = "exact"')
+        # resolved.toml has all keys, so the default is allowed.
+        if self.reach != "auto":
+            message = "does not apply at finite strain: all nodes of the slave are candidates"
+            yield Fault(("reach",), message, "remove it")

@@ -1,0 +1,83 @@
+"""Validates the content of a case file; whatever is invalid does not hide what else is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.model.case import Case
+from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, findings, report_finding
+
+LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
+BODY_KEYS = ("name", "material", "spacing", "seed", "refine")
+"""Keys of a body without which it can be checked."""
+UNNAMED = {"name": "unnamed", "material": "unnamed"}
+REQUIRED: dict[str, Any] = {"format": 1, "material": {}, "body": (), "model": {"plane": "stress"}}
+"""Valid content for required tables that are missing or invalid."""
+
+
+@dataclass(frozen=True)
+class ValidPart:
+    """The valid tables of a case. ``numbers`` are those of its list items in the file, ``incomplete`` the
+    sections with invalid tables."""
+
+    case: Case
+    numbers: Mapping[str, tuple[int, ...]]
+    incomplete: frozenset[str]
+
+    def in_file(self, path: KeyPath) -> KeyPath:
+        """The path in the file of a path in the case."""
+        if path[:1] and path[0] in self.numbers and len(path) > 1 and isinstance(path[1], int):
+            return (path[0], self.numbers[str(path[0])][path[1]], *path[2:])
+        return path
+
+
+def valid_part(data: Mapping[str, Any], folder: Path, report: Report) -> ValidPart:
+    """The valid tables of the content of a file; files are relative to ``folder``. Adds all errors of single
+    tables to the report, except where it has a problem already."""
+    numbers = {section: tuple(range(len(_items(data, section)))) for section in LISTS}
+    try:
+        return ValidPart(Case.model_validate(data, context=folder), numbers, frozenset())
+    except ValidationError as error:
+        found = list(findings(data, error))
+    reported = report.paths
+    for path, detail in found:
+        if not any(path[: len(known)] == known for known in reported):
+            report_finding(report, path, detail)
+    removed = {_removable(path, detail["type"] == UNKNOWN_KEY) for path, detail in found}
+    numbers = {
+        section: tuple(k for k in all_ if (section, k) not in removed) for section, all_ in numbers.items()
+    }
+    incomplete = {str(path[0]) for path, detail in found if detail["type"] != UNKNOWN_KEY}
+    rest = REQUIRED | _without(data, removed)
+    rest["body"] = tuple(UNNAMED | body for body in rest["body"])
+    return ValidPart(Case.model_validate(rest, context=folder), numbers, frozenset(incomplete))
+
+
+def _items(data: Mapping[str, Any], section: str) -> tuple[Any, ...]:
+    items = data.get(section)
+    return items if isinstance(items, tuple) else ()
+
+
+def _removable(path: KeyPath, unknown: bool) -> KeyPath:
+    """The part that an error makes invalid: the unknown key, else the enclosing list item or table."""
+    if unknown or (path[0] == "body" and path[2:3] and path[2] in BODY_KEYS):
+        return path if unknown else path[:3]
+    return path[:2] if path[0] in (*LISTS, "material") else path[:1]
+
+
+def _without(value: Any, removed: set[KeyPath], path: KeyPath = ()) -> Any:
+    """The content without the removed parts."""
+    if isinstance(value, Mapping):
+        keys = [key for key in value if (*path, key) not in removed]
+        return {key: _without(value[key], removed, (*path, key)) for key in keys}
+    if isinstance(value, tuple):
+        numbers = [k for k in range(len(value)) if (*path, k) not in removed]
+        return tuple(_without(value[k], removed, (*path, k)) for k in numbers)
+    return value
