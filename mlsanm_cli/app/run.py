@@ -29,7 +29,6 @@ from mlsanm_cli.app.checks.verdicts import (
     check_linear,
     check_open,
     check_points,
-    check_polish,
     check_spacing,
     check_state,
     check_transfer,
@@ -52,8 +51,9 @@ from mlsanm_cli.io.lock import locked
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import at_limit
+from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import Checkpoint, State
-from mlsanm_cli.solve.stop_events import StoppedPath, load_path
+from mlsanm_cli.solve.stop_events import StoppedPath
 
 RESULTS = Path("results")
 
@@ -169,8 +169,7 @@ def carry_out(
             adapted = replace(adapted, accuracy=accuracy)
         adapted = replace(adapted, accuracy=adapted.accuracy.with_energies(recorder.energies))
         estimates = adapted.accuracy.figures(built, recorder.last)
-        known = adapted.accuracy
-        for warning in check_estimates(built, estimates, known.from_law, known.missing):
+        for warning in check_estimates(built, estimates, adapted.accuracy.missing):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
@@ -196,7 +195,7 @@ def _follow(
 ) -> Stop | None:
     """Follows the path; returns the stop condition of the case that ended it early, if any. Raises
     NumericalError as soon as a state is not reliable."""
-    path = StoppedPath(built, start, recorder.last, load_path)
+    path = StoppedPath(built, start, recorder.last, path_of)
     steps, first = path.steps(), None
     while True:
         context.check_stop()
@@ -257,4 +256,3 @@ def _warnings(built: CondensedScene, first: State | None, recorder: Recorder) ->
     yield check_rolling(built, last)
     yield check_open(built)
     yield from built.weak
-    yield check_polish(recorder.polished)

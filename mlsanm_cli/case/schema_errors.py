@@ -33,6 +33,12 @@ _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "
 
 UNKNOWN_KEY = "extra_forbidden"
 """Pydantic's type of error for an unknown key."""
+_REMOVED = {
+    "polish": 'remove it; contact.regularization.law = "exact" gives states of the exact laws',
+    "friction_law": "remove it; friction depends on its history",
+    "ghost": '"least-squares", or "collocation" with the hyperbolic contact law',
+}
+"""Hints for keys and values that no longer exist."""
 Finding = tuple[KeyPath, ErrorDetails]
 
 
@@ -59,14 +65,15 @@ def report_finding(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
     """Adds an error in the words of the case file."""
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
     if kind == UNKNOWN_KEY:
-        report.add(path, "unknown key", _unknown_hint(report.data, path))
+        report.add(path, "unknown key", _REMOVED.get(str(path[-1])) or _unknown_hint(report.data, path))
     elif kind == "missing":
         hint = _MISSING.get(str(path[0]), f"add {_heading(path)}") if len(path) == 1 else ""
         report.add(path, "missing (required)", hint)
     elif kind == "literal_error":
         # Pydantic lists the options as text: 'a', 'b' or 'c'.
         options = [part.strip(" '") for part in str(context["expected"]).replace(" or ", ",").split(",")]
-        report.add(path, f"{_show(value)} is not a valid value", suggestion(value, options))
+        hint = _REMOVED.get(str(value)) or suggestion(value, options)
+        report.add(path, f"{_show(value)} is not a valid value", hint)
     elif kind == "union_tag_invalid":
         options = [part.strip(" '") for part in str(context["expected_tags"]).split(",")]
         report.add((*path, "kind"), f'unknown kind "{context["tag"]}"', suggestion(context["tag"], options))

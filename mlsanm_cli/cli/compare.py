@@ -19,7 +19,6 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
 @click.argument("case", type=FILE)
 @click.option("--newton", is_flag=True, help="Newton-Raphson with the regularised law.")
 @click.option("--active-set", is_flag=True, help="Active-set method with the exact law.")
-@click.option("--monolithic", is_flag=True, help="The regularised methods without static condensation.")
 @click.option("--analytic", is_flag=True, help="Errors relative to the [reference] of the case.")
 @click.option(
     "--levels",
@@ -47,15 +46,13 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
 @threads_option
 @common
 @click.pass_obj
-def compare(
-    settings: Settings, /, case: Path, newton: bool, active_set: bool, monolithic: bool, **options: Any
-) -> int:
+def compare(settings: Settings, /, case: Path, newton: bool, active_set: bool, **options: Any) -> int:
     """Solve CASE by several methods and compare the results.
 
     The asymptotic numerical method (ANM: power series), the selected methods and that of CASE use the same
     operators. Exit code 1 if they disagree.
     """
-    selected = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
+    selected = {"newton": newton, "active-set": active_set}
     with console_for(settings) as console:
         with numerics(options["threads"]):
             from mlsanm_cli.app.comparison.compare import CompareOptions

@@ -160,13 +160,13 @@ def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
     return first_row, total
 
 
-def node_rows(
-    model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]], springs: Springs
-) -> sparse.csr_array:
-    """All rows (r, 2N) of the nodes: equilibrium, conditions of surfaces, single held components."""
-    first_row, total = _first_rows(model.cloud)
-    table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    return sparse.csr_array(_rows(model, held, single) + spring_rows(model.cloud, table, len(model.nodes)))
+def node_rows(body: ElasticBody) -> sparse.csr_array:
+    """The rows (r, 2N) of a body's nodes: equilibrium, conditions of surfaces, single held components."""
+    first_row, total = _first_rows(body.model.cloud)
+    last = total + len(body.held_nodes)
+    table = RowTable(first_row, total, last, body.model.material.modulus, body.springs)
+    pulls = spring_rows(body.model.cloud, table, len(body.model.nodes))
+    return sparse.csr_array(_rows(body.model, body.held, body.held_nodes) + pulls)
 
 
 def _rows(

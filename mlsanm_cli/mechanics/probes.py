@@ -14,7 +14,6 @@ from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.rows import scalar_rows, vector_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.operators.stencils import build_stencils
 
 ROWS = 5
 """Two displacements and three stresses."""

@@ -16,12 +16,13 @@ ONE_SIDED_RADIUS, ONE_SIDED_DEGREE = 0.9, 4
 """Factor on the radius in these weights at boundary nodes, whose stencils reach one and a half times as far,
 from this degree on. It halves some errors; 0.8 doubles noise, and at degree 2 frames became stiffer."""
 
+
 @dataclass(frozen=True)
 class MlsSettings:
     """``degree`` of the local polynomial (1 to 6) and ``neighbors`` per stencil (None: by degree). With
-    ``corners`` fits are enriched by singular functions at reentrant corners; with ``narrow`` one-sided fits have narrower weights from ONE_SIDED_DEGREE on, and their
-    equilibrium counts less: at finite strain a block compressed by two fifths was 0.9 % too stiff with them,
-    0.4 % without."""
+    ``corners`` fits are enriched by singular functions at reentrant corners; with ``narrow`` one-sided fits
+    have narrower weights from ONE_SIDED_DEGREE on, and their equilibrium counts less: at finite strain a block
+    compressed by two fifths was 0.9 % too stiff with them, 0.4 % without."""
 
     degree: int = 2
     neighbors: int | None = None

@@ -1,9 +1,4 @@
-"""The strong form by collocation with as many equations as unknowns.
-
-Equilibrium inside a body, one boundary condition per component on its boundary. At a corner a component held by
-one of the surfaces stays held, otherwise both tractions are added: separately they would impose the shear stress
-twice. Scales: equilibrium h^2/E, traction h/E, displacement 1.
-"""
+"""The strong form by collocation with as many equations as unknowns."""
 
 from __future__ import annotations
 
@@ -18,6 +13,8 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.operators.system import Equations
 
+SINGLE, HELD, TRACTION, EQUILIBRIUM = range(4)
+
 
 @dataclass(frozen=True, eq=False)
 class Collocation:
@@ -28,29 +25,25 @@ class Collocation:
 
     @classmethod
     def of(cls, body: ElasticBody) -> Collocation:
-        """Choose among the rows of a body, in the order of its unknowns."""
-        cloud, modulus = body.model.cloud, body.model.material.modulus
-        count, rows = len(cloud.points), node_rows(body.model, body.held, body.held_nodes, body.springs)
-        inside = np.setdiff1d(np.arange(count), cloud.boundary_nodes)
-        parts = []
-        for component in (0, 1):
-            alone = np.array([node for node, along in body.held_nodes if along == component], dtype=np.int64)
-            taken = np.isin(np.arange(count), alone)
-            free = inside[~taken[inside]]
-            parts.append((2 * free + component, component * count + free, cloud.spacing[free] ** 2 / modulus))
-            # Held surfaces first: at a corner the held component replaces the other surface's traction.
-            for name in sorted(cloud.surfaces, key=lambda one: not body.held.get(one, FREE)[component]):
-                index, holds = cloud.surfaces[name].index, body.held.get(name, FREE)[component]
-                own = np.flatnonzero(~taken[index])
-                node = index[own]
-                taken[node] |= holds
-                spring = body.springs.get(name, NO_SPRING)[component] * cloud.spacing[node]
-                scale = np.ones(len(node)) if holds else cloud.spacing[node] / (modulus + spring)
-                parts.append((2 * node + component, body.condition_rows(name, component)[own], scale))
-        single = np.array([2 * node + component for node, component in body.held_nodes], dtype=np.int64)
-        parts.append((single, rows.shape[0] - len(single) + np.arange(len(single)), np.ones(len(single))))
-        equation, row, factor = (np.concatenate(column) for column in zip(*parts, strict=True))
-        choice = sparse.csr_array((factor, (equation, row)), shape=(2 * count, body.rows))
+        """For every unknown the row with the highest rank at its node: a displacement, else a traction, else
+        equilibrium. At free corners both tractions are added: separately they would impose the shear stress
+        twice. Scales: displacement 1, traction h/E, equilibrium h^2/E."""
+        rows, h, modulus = node_rows(body), body.model.cloud.spacing, body.model.material.modulus
+        nodes, inside = np.arange(len(h)), np.full(len(h), EQUILIBRIUM)
+        parts = [(2 * nodes + axis, inside, h**2 / modulus) for axis in (0, 1)]
+        for name, surface in body.model.cloud.surfaces.items():
+            for axis in (0, 1):
+                index, held = surface.index, body.held.get(name, FREE)[axis]
+                stiffness = modulus + body.springs.get(name, NO_SPRING)[axis] * h[index]
+                scale = np.ones(len(index)) if held else h[index] / stiffness
+                parts.append((2 * index + axis, np.full(len(index), HELD if held else TRACTION), scale))
+        single = np.array([2 * node + axis for node, axis in body.held_nodes], dtype=np.int64)
+        parts.append((single, np.full(len(single), SINGLE), np.ones(len(single))))
+        unknown, rank, scale = (np.concatenate(column) for column in zip(*parts, strict=True))
+        highest = np.full(2 * len(h), EQUILIBRIUM)
+        np.minimum.at(highest, unknown, rank)
+        row = np.flatnonzero(rank == highest[unknown])
+        choice = sparse.csr_array((scale[row], (unknown[row], row)), shape=(2 * len(h), body.rows))
         return cls(sparse.csr_array(choice[:, : rows.shape[0]] @ rows), choice)
 
     def equations(self, sources: sparse.csc_array) -> Equations:

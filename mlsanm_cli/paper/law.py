@@ -19,8 +19,8 @@ LEAST_SHARE = 0.01
 
 @dataclass(frozen=True)
 class Law:
-    """Tensions ``eta`` (m,), lengths ``delta`` (m,), friction coefficients ``mu`` (n,), ``compliance`` c (n,),
-    ``elastic_slip`` c mu p (n,) at the largest pressure, and products ``eps`` (n,). ``pressure``, ``gap``,
+    """Tensions ``eta`` and lengths ``delta`` (m,); friction coefficients ``mu``, ``compliance`` c, its
+    ``elastic_slip`` c mu p at the largest pressure, and products ``eps`` (n,). ``pressure``, ``gap``,
     ``elastic`` (of displacements) and ``slip`` are scales."""
 
     eta: FloatArray
@@ -36,8 +36,8 @@ class Law:
 
     @classmethod
     def of(cls, built: CondensedScene) -> Law:
-        """The law of a case, relative to the exact states at the ends of its stages: neither units nor the size
-        of a load affect the relative result. Raises NumericalError if no state has any pressure."""
+        """The law of a case, relative to the exact states at the ends of its stages: units and sizes of loads
+        do not matter. Raises NumericalError if no state has any pressure."""
         c, law = built.condensed, {contact.name: contact.regularization for contact in built.case.touching}
         pressures = [state.pressure for state in built.ends]
         largest = np.max(pressures, axis=0)

@@ -1,7 +1,7 @@
 """Path of the regularised laws along the stages of a case.
 
-With friction a stage is divided into ``solver.increments`` equal parts, at whose ends the stick references follow
-the plastic slips; within a part the path is one smooth curve, the same for power series and Newton-Raphson.
+With friction a stage is divided into ``solver.increments`` equal parts, at whose ends the stick references
+follow the plastic slips; within a part the path is one smooth curve, whatever method follows it.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ SYMBOLS = {"pressure": "p", "gap": "h", "motion": "q", "traction": "t"}
 
 
 def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """Path of the scene, or its remaining part. Requested states come from the series of their step, or are ends
-    of Newton steps. NumericalError if the path cannot be continued."""
+    """Path of the scene, or its remaining part. NumericalError if the path cannot be continued."""
     system, stages = System.of(built), built.stages
     ends = np.arange(1.0, built.case.solver.increments + 1.0) / built.case.solver.increments
     ends = ends if len(system.law.mu) else np.ones(1)
@@ -59,8 +58,8 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of the path: unknowns, fraction of the stage, and the work (n,) dissipated when its stick references
-    moved last."""
+    """A point of the path: unknowns, fraction of the stage, and the work (n,) dissipated until the stick
+    references moved last."""
 
     system: System
     x: FloatArray
@@ -68,8 +67,7 @@ class Point:
     work: FloatArray
 
     def overrun(self) -> FloatArray:
-        """Motion (n,) of the stick references that the plastic slips ask for: by what exceeds the elastic slip, up
-        to which nodes unload elastically."""
+        """Motion (n,) of the stick references that the plastic slips ask for: beyond the elastic slip."""
         (a, b), limit = self.system.split(self.x, "ab"), self.system.law.elastic_slip
         return np.asarray(np.maximum(b - limit, 0.0) - np.maximum(a - limit, 0.0))
 
@@ -85,19 +83,9 @@ class Point:
         moved = replace(system, reference=system.reference + self.overrun())
         return Point(moved, x, self.lam, self.dissipated())
 
-    def sharpened(self) -> tuple[Point, float]:
-        """The point after one Newton update, if that is better, and its residual: series only satisfy the
-        tolerance, while results are compared to the last digit."""
-        system, residual = self.system, self.system.residual(self.x, self.lam)
-        better = self.x - system.tangent(self.x, self.lam).solve(residual)
-        before, after = (float(np.abs(one).max()) for one in (residual, system.residual(better, self.lam)))
-        if after < before and system.admissible(better, self.lam):
-            return replace(self, x=better), after
-        return self, before
-
     def state(self, stage: int, residual: float) -> State:
-        """The state at this point. A node is closed if its pressure, in units of the scene, exceeds its gap; it
-        slips if it has slipped by more than its asperities deform."""
+        """The state at this point. A node is closed if its pressure, in units of the scene, exceeds its gap,
+        and slips if it has slipped by more than its asperities deform."""
         law, nodes = self.system.law, self.system.built.condensed.friction_nodes
         p, h, q, t, a, b, u = self.system.split(self.x, "phqtabu")
         closed = p / law.pressure > h / law.gap
@@ -110,24 +98,27 @@ class Point:
 def _increment(
     point: Point, stage: int, end: float, previous: Branch | None, options: AnmOptions | NewtonOptions
 ) -> Generator[PathStep, None, tuple[Point, Branch | None]]:
-    """Steps to the fraction ``end`` of a stage, in the direction of a ``previous`` piece; returns the point there
-    with moved references, and the last piece."""
+    """Steps to the fraction ``end`` of a stage, in the direction of a ``previous`` piece; returns the point
+    there, with moved references, and the last piece."""
     system = point.system
     wanted = [level for level in output_positions(system.built) if level <= stage + end]
     levels = [level - stage for level in wanted if stage < level < stage + end]
     follower = follow(system, point.x, point.lam, end, options, previous, levels=levels)
     for step in follower.steps():
         before, point, residual = point, replace(point, x=step.x, lam=step.lam), step.residual
-        saved, updates = [], 0
+        saved, updates = list[State](), 0
         for level in [one for one in wanted if stage + before.lam < one <= stage + step.lam]:
             found, error = point, residual
-            if step.order and level < stage + step.lam:
-                x, lam = step.branch.evaluate(step.branch.parameter_at(level - stage))
-                found, error = replace(before, x=x, lam=lam).sharpened()
-            elif step.order:
-                found, error = point, residual = point.sharpened()
-            updates += step.order > 0
-            # The series has the position up to round-off.
+            if step.order:
+                # Series only satisfy the tolerance, while results are compared to the last digit.
+                x, lam = step.x, step.lam
+                if level < stage + lam:
+                    x, lam = step.branch.evaluate(step.branch.parameter_at(level - stage))
+                better = correct(system, x, lam, options)
+                found, error = replace(before, x=better.x, lam=lam), better.residual
+                updates += better.updates
+                if lam == step.lam:
+                    point, residual = found, error
             saved.append(replace(found.state(stage, error), position=level))
         state = point.state(stage, residual)
         if step.lam == end:
@@ -150,15 +141,14 @@ def _increment(
     outcome = follower.outcome
     if not outcome.reached:
         raise NumericalError(
-            f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value} ({outcome.message})",
-            'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"',
+            f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value}",
+            f'{outcome.message}; raise contact.regularization.eta, or use its law = "exact"',
         )
     return point, outcome.piece
 
 
 def _series(system: System, branch: Branch, stage: int) -> dict[str, FloatArray]:
-    """Coefficients of position and unknowns in the path parameter a, 0 <= a <= length; with ``denominator`` of the
-    Pade form."""
+    """Coefficients of position and unknowns in the path parameter; with ``denominator`` of the Pade form."""
     found = {name: system.split(branch.x, symbol)[0] for name, symbol in SYMBOLS.items()}
     position = np.concatenate([[stage + branch.lam[0]], branch.lam[1:]])
     ratio = {} if branch.denominator is None else {"denominator": branch.denominator}

@@ -28,13 +28,13 @@ digits, which residuals of the rows themselves restore."""
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The equations R(x, lam) = 0 over a stage from load factors ``start`` to ``end`` (L,) with the stick
-    ``reference`` (n,): a problem for the continuation.
+    """R(x, lam) over a stage from load factors ``start`` to ``end`` (L,) with stick ``reference`` (n,).
 
-    ``places`` are the ranges of the unknowns and of their rows, ``scale`` typical values of the unknowns,
-    ``divisor`` of the rows. M, C and Q are divided by these; Q has ``factor`` x[``first``] x[``second``] in
-    ``row``. The residuals of the ``bodies`` are their own, and ``matrix`` and ``load`` serve the other rows.
-    ``ordered`` is M in the ``order`` of elimination, in scaled unknowns, and ``threshold`` that of pivoting.
+    ``places`` are the ranges of the unknowns and of their rows, ``scale`` typical values of the unknowns and
+    ``divisor`` of the rows, which are divided by these. Q has the products ``factor`` x[``first``]
+    x[``second``] in rows ``first``. The ``bodies`` form their residuals themselves; ``matrix`` and ``load``
+    make the other rows. ``ordered`` is M in scaled unknowns and in the ``order`` of elimination, with
+    ``threshold`` of pivoting.
     """
 
     built: CondensedScene
@@ -46,7 +46,6 @@ class System:
     matrix: Matrix
     constant: FloatArray
     load: FloatArray
-    row: IntArray
     first: IntArray
     second: IntArray
     factor: FloatArray
@@ -60,32 +59,35 @@ class System:
     @classmethod
     def of(cls, built: CondensedScene) -> System:
         """The equations of the first stage of a scene. Raises NumericalError if contacts carry nothing."""
-        c, scene, law, balance = built.condensed, built.scene, Law.of(built), built.condensed.balance
+        c, scene, law = built.condensed, built.scene, Law.of(built)
         m, n, k, loads = len(c.weight), len(c.friction_nodes), len(scene.unknown_motions), len(scene.loads)
         square = built.case.mls.scheme == "collocation"
         bodies = {name: Collocation.of(one) if square else one.system for name, one in scene.bodies.items()}
-        equations = {name: one.equations(c.sources[name]) for name, one in bodies.items()}
-        stiffness = sparse.block_diag([one.matrix for one in equations.values()], format="csr")
-        _, of_q, of_p, of_t = np.split(np.arange(loads + k + m + n), np.cumsum([loads, k, m]))
-        caused = -sparse.vstack([one.sources for one in equations.values()], format="csc")
+        equations = [one.equations(c.sources[name]) for name, one in bodies.items()]
+        stiffness = sparse.csr_array(sparse.block_diag([one.matrix for one in equations]))
+        caused = -sparse.vstack([one.sources for one in equations], format="csc")
+        by_q, by_p, by_t = (
+            caused[:, one] for one in np.split(np.arange(loads, loads + k + m + n), [k, k + m])
+        )
         normal, tangential = _relative_motions(built)
         cone, one_n = sparse.diags_array(law.mu * law.eta[c.friction_nodes]), sparse.eye_array(n)
         near, along = np.split(c.beyond.toarray(), [m])
         along[:, m:] += np.diag(law.compliance)
         blocks = {
-            "u": {"u": stiffness, "p": caused[:, of_p], "t": caused[:, of_t], "q": caused[:, of_q]},
+            "u": {"u": stiffness, "p": by_p, "t": by_t, "q": by_q},
             "h": {"u": -normal, "h": sparse.eye_array(m), "p": -near[:, :m], "t": -near[:, m:]},
             "a": {"a": cone},
             "b": {"b": cone},
             "p": {"h": sparse.diags_array(law.eta)},
             "t": {"u": tangential, "a": one_n, "b": -one_n, "p": along[:, :m], "t": along[:, m:]},
-            "q": {"p": balance.pressure, "t": balance.traction, "q": balance.motion},
+            "q": {"p": c.balance.pressure, "t": c.balance.traction, "q": c.balance.motion},
         }
-        force = np.abs(balance.pressure) @ np.full(m, law.pressure)
+        largest = np.asarray(abs(stiffness).max(axis=1).toarray()).ravel()
+        force = np.abs(c.balance.pressure) @ np.full(m, law.pressure)
         motion = np.max([np.abs(end.motion) for end in built.ends], axis=0)
-        # Typical values of each unknown, and of its row.
+        # Typical values of unknowns and rows.
         typical = {
-            "u": (np.full(stiffness.shape[0], law.elastic), law.elastic * _row_sizes(stiffness)),
+            "u": (np.full(len(largest), law.elastic), law.elastic * largest),
             "h": (np.full(m, law.gap), np.full(m, law.gap)),
             "a": (np.full(n, law.slip), law.mu * law.pressure * law.slip),
             "b": (np.full(n, law.slip), law.mu * law.pressure * law.slip),
@@ -98,18 +100,17 @@ class System:
         places = dict(zip(typical, map(slice, ends[:-1], ends[1:]), strict=True))
         linear = sparse.block_array([[row.get(name) for name in blocks] for row in blocks.values()])
         linear = sparse.csr_array(sparse.diags_array(1.0 / divisor) @ linear)
-        constant, load = np.zeros(len(scale)), np.zeros((len(scale), loads))
-        for name, values in zip(
-            "habp", (-c.gap.constant, -law.eps, -law.eps, -law.eta * law.delta), strict=True
-        ):
-            constant[places[name]] = values
-        constant[places["q"]], load[places["q"]] = balance.constant, balance.load
+        known = {"h": -c.gap.constant, "a": -law.eps, "b": -law.eps, "p": -law.eta * law.delta}
+        known |= {"u": np.zeros(len(largest)), "t": np.zeros(n), "q": c.balance.constant}
+        load = np.zeros((len(scale), loads))
+        load[places["q"]] = c.balance.load
         a, b, p, h, t = (np.arange(places[name].start, places[name].stop) for name in "abpht")
-        products = [(p, p, h, 1.0), (a, a, p[c.friction_nodes], law.mu), (a, a, t, -1.0)]
-        products += [(b, b, p[c.friction_nodes], law.mu), (b, b, t, 1.0)]
-        row, first, second = (np.concatenate([one[i] for one in products]) for i in range(3))
-        factor = np.concatenate([np.broadcast_to(one[3], one[0].shape) for one in products]) / divisor[row]
-        order = _elimination_order(built, stiffness, len(scale))
+        first, pressed = np.concatenate([p, a, a, b, b]), p[c.friction_nodes]
+        factor = np.concatenate([np.ones(m), law.mu, -np.ones(n), law.mu, np.ones(n)])
+        points = np.concatenate([body.model.nodes for body in scene.bodies.values()])
+        # Bodies first, by nested dissection: the Schur complement of the contact is the condensed problem.
+        order = elimination_order(sparse.csc_array(abs(stiffness) + abs(stiffness).T), points)
+        order = np.concatenate([order, np.arange(len(order), len(scale))])
         return cls(
             built=built,
             law=law,
@@ -118,15 +119,14 @@ class System:
             scale=scale,
             divisor=divisor,
             matrix=linear[places["h"].start :],
-            constant=constant / divisor,
+            constant=np.concatenate([known[name] for name in places]) / divisor,
             load=(load / divisor[:, None])[places["h"].start :],
-            row=row,
             first=first,
-            second=second,
-            factor=factor,
+            second=np.concatenate([h, pressed, t, pressed, t]),
+            factor=factor / divisor[first],
             order=order,
             ordered=sparse.csc_array((linear @ sparse.diags_array(scale))[order][:, order]),
-            threshold=0.0 if all(one.definite for one in equations.values()) else THRESHOLD,
+            threshold=0.0 if all(one.definite for one in equations) else THRESHOLD,
             start=built.stages[0],
             end=built.stages[1],
             reference=np.zeros(n),
@@ -168,13 +168,13 @@ class System:
             body.residual_vector(self.built.condensed.sources[name] @ causes, u[own[name]])
             for name, body in self.bodies.items()
         ]
-        others = self.matrix @ x + self.load @ f
-        return np.concatenate([np.concatenate(bodies) / self.divisor[self.places["u"]], others])
+        excess = np.concatenate(bodies) / self.divisor[self.places["u"]]
+        return np.concatenate([excess, self.matrix @ x + self.load @ f])
 
     def quadratic(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Q(x, y) (size,), summed over pairs of x and y (k, size)."""
         products = (x[:, self.first] * y[:, self.second]).sum(axis=0)
-        return np.bincount(self.row, self.factor * products, self.size)
+        return np.bincount(self.first, self.factor * products, self.size).astype(np.float64)
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """R(x, lam) (size,)."""
@@ -197,9 +197,9 @@ class System:
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
         """The factorised derivative dR/dx."""
-        values = self.factor * x[self.second], self.factor * x[self.first]
-        places = np.tile(self.row, 2), np.concatenate([self.first, self.second])
-        return Tangent(self, sparse.csr_array((np.concatenate(values), places), shape=(self.size,) * 2))
+        values = np.concatenate([self.factor * x[self.second], self.factor * x[self.first]])
+        places = np.tile(self.first, 2), np.concatenate([self.first, self.second])
+        return Tangent(self, sparse.csr_array((values, places), shape=(self.size, self.size)))
 
 
 class Tangent:
@@ -226,34 +226,17 @@ class Tangent:
         def update(y: FloatArray) -> FloatArray:
             return by_factor(rhs - system.linear(unloaded, y[:, 0]) - self._local @ y[:, 0])
 
-        first = by_factor(rhs)
-        return np.asarray(refine(first, update, Progress.of(first, REFINED))[0][:, 0])
-
-
-def _row_sizes(matrix: Matrix) -> FloatArray:
-    """Largest entry of every row."""
-    return np.asarray(abs(matrix).max(axis=1).toarray()).ravel()
+        start = by_factor(rhs)
+        return np.asarray(refine(start, update, Progress.of(start, REFINED))[0][:, 0])
 
 
 def _relative_motions(built: CondensedScene) -> list[Matrix]:
     """N (m, 2N) and T (n, 2N): normal and tangential motions of slaves relative to masters."""
-    normal, tangential = (
-        [],
-        [sparse.csr_array((0, sum(b.model.unknowns for b in built.scene.bodies.values())))],
-    )
+    bodies = built.scene.bodies
+    normal, tangential = [], [sparse.csr_array((0, sum(body.model.unknowns for body in bodies.values())))]
     for pairing in built.condensed.pairings:
-        both = zip(
-            *(candidate_rows(body, name, pairing) for name, body in built.scene.bodies.items()), strict=True
-        )
-        gap, slip = (sparse.hstack(parts, format="csr") for parts in both)
+        both = zip(*(candidate_rows(body, name, pairing) for name, body in bodies.items()), strict=True)
+        gap, slip = (sparse.csr_array(sparse.hstack(parts)) for parts in both)
         normal.append(gap)
-        if pairing.friction:
-            tangential.append(slip_fit(pairing) @ slip)
-    return [sparse.csr_array(sparse.vstack(rows, format="csr")) for rows in (normal, tangential)]
-
-
-def _elimination_order(built: CondensedScene, stiffness: Matrix, size: int) -> IntArray:
-    """Bodies first, by nested dissection, then the contact: its Schur complement is the condensed problem."""
-    points = np.concatenate([body.model.nodes for body in built.scene.bodies.values()])
-    order = elimination_order(sparse.csc_array(abs(stiffness) + abs(stiffness).T), points)
-    return np.concatenate([order, np.arange(len(order), size)])
+        tangential += [sparse.csr_array(slip_fit(pairing) @ slip)] if pairing.friction else []
+    return [sparse.csr_array(sparse.vstack(rows)) for rows in (normal, tangential)]

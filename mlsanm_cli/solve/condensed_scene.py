@@ -51,14 +51,6 @@ class CondensedScene:
         no scales, and without friction it would follow a separating body without end."""
         return self.stays_open or (self.ends_early and not len(self.condensed.friction_nodes))
 
-    @property
-    def is_holonomic(self) -> bool:
-        """Whether friction depends on the total slip alone."""
-        return any(
-            contact.friction and contact.regularization.friction_law == "holonomic"
-            for contact in self.case.touching
-        )
-
 
 def stage_factors(case: Case) -> FloatArray:
     """Load factors (T + 1, L): zero initially, then the values at the end of every stage; factors not named

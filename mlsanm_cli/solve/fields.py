@@ -83,6 +83,8 @@ def _displacements(
         unknowns = [state.unknowns for state in states]
         return condensed.checked_displacements(built.scene, name, unknowns, start)
     solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
+    if built.case.mls.scheme == "collocation":  # other equations than those of the body's system
+        return [one.reshape(-1, 2) for one in solution.T], np.zeros(len(states))
     sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
     residual = built.scene.bodies[name].system.residual(sparse.csc_array(sources), solution)
     return [one.reshape(-1, 2) for one in solution.T], residual

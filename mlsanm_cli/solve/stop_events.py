@@ -1,4 +1,4 @@
-"""Load paths, polished if requested, that end where a ``[[stop]]`` of the case is reached.
+"""Load paths that end where a ``[[stop]]`` of the case is reached.
 
 Every method can continue after any of its steps, and save states at any position of the next one. The step in
 which a limit is passed is therefore repeated with the positions of a root search among the saved ones; for
@@ -21,7 +21,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record
-from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 LIMIT_TOLERANCE = 1e-10
@@ -30,15 +29,6 @@ SAMPLES = 65
 AXES = {"x": 0, "y": 1}
 Follow = Callable[[CondensedScene, Checkpoint | None], Iterator[PathStep]]
 """Returns the path of a scene, or the part after a checkpoint."""
-
-
-def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """The path of the scene, or its remaining part, polished if requested."""
-    if not built.case.polished or built.follows_exactly:
-        return path_of(built, start)
-    from mlsanm_cli.solve.polish import polished
-
-    return polished(built, start)
 
 
 class _NotSaved(Exception):

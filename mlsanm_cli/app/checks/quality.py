@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -246,27 +245,12 @@ def case_warnings(case: Case) -> Iterator[str]:
                 f"material {name}: a plane stiffness does not determine the out-of-plane stress, so that von "
                 f"Mises stresses are nan; give E1, E2, G12, nu12 and the constants of the third axis"
             )
-    turning = [load.name for load in case.load if _reverses(case, load.name)]
     for contact in case.touching:
         if isinstance(contact.friction, float) and contact.friction > MAX_FRICTION:
             yield (
                 f"contact {contact.name}: friction = {contact.friction:g} is above all known coefficients; "
                 f"if it is a percentage, use {contact.friction / 100.0:g}"
             )
-        if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
-            yield (
-                f"contact {contact.name}: the holonomic friction law has no memory, but load "
-                f'{turning[0]} reverses; use friction_law = "memory"'
-            )
-
-
-def _reverses(case: Case, load: str) -> bool:
-    """Whether a load's factor both grows and falls along the stages."""
-    factors = [0.0]
-    for stage in case.stage:
-        factors.append(stage.get(load, factors[-1]))
-    changes = [after - before for before, after in pairwise(factors)]
-    return max(changes) > 0.0 > min(changes)
 
 
 def load_warnings(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Iterator[str]:

@@ -15,7 +15,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.stage_ends import passing_error, reach_error
-from mlsanm_cli.solve.state import UNLOADED, Polish, State
+from mlsanm_cli.solve.state import UNLOADED, State
 
 BALANCE_LIMIT = 0.1
 """Largest accepted force imbalance of a body, relative to the forces on it. Reactions are computed from the
@@ -43,8 +43,6 @@ SPACING_LIMIT = 4.0
 CONE_TOLERANCE = 1e-8
 """Largest excess of tractions over their friction limits at the ends of stages, relative to the peak
 pressure."""
-CONE_ETA_SHARE = 1e-3
-"""Or relative to eta, the error of pressures of the regularised law."""
 
 LINEAR_LIMIT = 1e-6
 """Largest relative change of an elastic solution by iterative refinement."""
@@ -55,10 +53,6 @@ ESTIMATE_WARNING = 0.02
 
 LARGE_ERROR = 0.05
 """Estimated error of pressures with friction or on nodes above which a run warns."""
-
-POLISH_WARNING = 0.1
-"""Relative change of pressures by polishing above which a run warns: between saved levels the regularised
-path deviates as much from the exact one."""
 
 
 @dataclass(frozen=True)
@@ -231,18 +225,6 @@ def check_open(built: CondensedScene) -> str:
     )
 
 
-def check_polish(levels: Sequence[Polish]) -> str:
-    """Warning if the regularised law is far from the exact one ("" otherwise)."""
-    change = max((level.overall for level in levels), default=0.0)
-    if change <= POLISH_WARNING:
-        return ""
-    return (
-        f"polishing changed contact pressures or tractions by up to {100 * change:.2g} % overall; "
-        f"between the saved levels the path deviates as much from the exact laws: lower "
-        f"contact.regularization.eta"
-    )
-
-
 FORCE_WARNING = 0.005
 """Estimated error of the force of a contact above which a run warns."""
 PLACE_WARNING = 0.02
@@ -265,7 +247,6 @@ def estimate_limits(built: CondensedScene) -> dict[str, Any]:
 def check_estimates(
     built: CondensedScene,
     estimates: Mapping[str, Any],
-    from_law: float = 0.0,
     missing: str = "",
 ) -> list[str]:
     """Warnings of displacements, forces and pressures with large estimated errors, or that estimates are
@@ -275,23 +256,16 @@ def check_estimates(
         return [f"errors are not estimated: {missing}"]
     limits = estimate_limits(built)["pressure"]
     coarse = finer_nodes(built.case, built.scene.bodies)
-    if displacement is not None and from_law > PLACE_WARNING:
+    places = estimates.get("probes") or {}
+    worst = max(places, key=places.__getitem__, default="")
+    error, what = displacement or 0.0, "displacements are"
+    if places and places[worst] > max(error, PLACE_WARNING):
+        error, what = places[worst], f"the displacement at probe {worst} is"
+    if error > PLACE_WARNING:
         texts.append(
-            f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
-            f'lightly loaded bodies float on it: use contact.regularization.law = "exact", or a lower '
-            f"contact.regularization.eta"
+            f"{what} estimated to be off by {100 * error:.2g} %; {coarse}, above all where bodies are "
+            "held, loaded or bent"
         )
-    else:
-        places = estimates.get("probes") or {}
-        worst = max(places, key=places.__getitem__, default="")
-        error, what = displacement or 0.0, "displacements are"
-        if places and places[worst] > max(error, PLACE_WARNING):
-            error, what = places[worst], f"the displacement at probe {worst} is"
-        if error > PLACE_WARNING:
-            texts.append(
-                f"{what} estimated to be off by {100 * error:.2g} %; {coarse}, above all where bodies are "
-                "held, loaded or bent"
-            )
     for pairing in built.condensed.pairings:
         force = (estimates.get("force") or {}).get(pairing.name, 0.0)
         if force > FORCE_WARNING:

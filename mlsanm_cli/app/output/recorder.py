@@ -35,7 +35,7 @@ from mlsanm_cli.io.summary import write_csv
 from mlsanm_cli.io.vtu import write_parts
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, fields_of
-from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 ESTIMATE_AFTER = 2.0
 """Seconds after which the remaining time of a path is shown."""
@@ -66,7 +66,6 @@ class Recorder(RunWriter):
         self.last: State | None = None
         self.linear_residual: float | None = None
         self.cone: dict[str, float] = {}
-        self.polished: list[Polish] = []
         self._mapped = False
         self._views = Views({}, {})
         self._starts: Mapping[str, FloatArray] = {}
@@ -102,7 +101,6 @@ class Recorder(RunWriter):
             return None
         self.last = before.last
         self.take_up(before.rows, before.figures, built.scene.bodies)
-        self.polished = [Polish(**one) for one in before.figures["polished"]]
         self._reported += before.figures["told"]
         self.warnings += self._reported
         return before.checkpoint
@@ -126,7 +124,7 @@ class Recorder(RunWriter):
                 self._save_fields(built, step.saved, rows, datasets, attributes)
             self._count(built, step)
             figures = self.tallied()
-            more = {"polished": tuple(self.polished), "told": tuple(self._reported)}
+            more = {"told": tuple(self._reported)}
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
             self.add_step(step, state, rows, datasets, attributes, latest)
         peak = float(state.pressure.max(initial=0.0))
@@ -159,8 +157,6 @@ class Recorder(RunWriter):
         for name in built.condensed.tangential:
             ratios = [recording.cone_ratio(built, name, state) for state in states]
             self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
-        if step.polish is not None:
-            self.polished.append(step.polish)
         if step.warning:
             self._reported.append(step.warning)
             self.warn(step.warning)

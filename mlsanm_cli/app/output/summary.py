@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -29,7 +29,7 @@ from mlsanm_cli.io.records import ProbeRecord
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import plates_turned, probe_record
-from mlsanm_cli.solve.state import Polish, State
+from mlsanm_cli.solve.state import State
 from mlsanm_cli.system import peak_memory_mb
 
 
@@ -130,8 +130,6 @@ def summarise(
         energies = dict(recorder.energies.bodies) if recorder.energies else {}
         summary["energy_error"] = energies[worst_of(energies)] if energies else None
         summary["energy_error_bodies"] = energies
-    if recorder.polished:
-        summary["polish"] = polish_figures(recorder.polished)
     summary["stability"] = built.stability if built is not None else ending.stability
     if adapted is not None and adapted.refined:
         summary["adapt"] = [asdict(one) for one in adapted.passes]
@@ -152,18 +150,8 @@ def limits(case: Case, built: CondensedScene | None) -> dict[str, Any]:
     if built is None:
         return found
     return found | {
-        "stability": stability_limit(built.case, built.ends),
+        "stability": stability_limit(built.ends),
         "estimates": estimate_limits(built),
-    }
-
-
-def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
-    """The largest changes by polishing over all levels, and its cost."""
-    return {
-        "levels": len(levels),
-        "pressure": max(level.pressure for level in levels),
-        "traction": max(level.traction for level in levels),
-        "factorizations": sum(level.factorizations for level in levels),
     }
 
 

@@ -84,8 +84,7 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
     asked = neighbors if isinstance(neighbors, int) else None
     if degree == "auto":
         few = asked is not None and asked < MIN_HIGH_NEIGHBORS
-        low = low or few or case.mls.scheme != "least-squares"
-        degree = LOW_DEGREE if low else HIGH_DEGREE
+        degree = LOW_DEGREE if low or few else HIGH_DEGREE
     # Corner singularities are known for small strains only.
     return MlsSettings(degree, asked, corners=small, narrow=small)
 

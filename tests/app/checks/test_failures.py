@@ -21,7 +21,7 @@ from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
-from mlsanm_cli.solve.stop_events import load_path
+from mlsanm_cli.solve.paths import path_of
 from tests.app.runs import events_of
 from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NODAL, PATCH, SHEARED, hertz, solve
 
@@ -36,7 +36,7 @@ def altered(change: Change, saved: bool) -> Callable[[CondensedScene, Checkpoint
 
     def path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
         end = float(len(built.case.stage))
-        for step in load_path(built, start):
+        for step in path_of(built, start):
             if step.state.position < end:
                 yield step
             elif saved:
@@ -56,7 +56,7 @@ def assert_failed(summary: Mapping[str, Any], words: str) -> None:
 @pytest.mark.parametrize("bad", BAD)
 def test_a_residual(bad: float, saved: bool, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, residual=bad), saved)
-    afterwards.setattr(run_module, "load_path", path)
+    afterwards.setattr(run_module, "path_of", path)
     summary = solve(PATCH, tmp_path / "run")
     assert_failed(summary, "residual")
     assert summary["hint"]
@@ -65,7 +65,7 @@ def test_a_residual(bad: float, saved: bool, tmp_path: Path, afterwards: pytest.
 @pytest.mark.parametrize("name", ["pressure", "gap", "motion", "traction"])
 def test_a_number_that_is_none(name: str, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, **{name: getattr(state, name) * np.nan}), False)
-    afterwards.setattr(run_module, "load_path", path)
+    afterwards.setattr(run_module, "path_of", path)
     summary = solve(SHEARED, tmp_path / "run", EXACT_LAW, *ONCE)
     assert_failed(summary, "not finite")
     assert len(summary["failure"]["worst_nodes"]) == 10
@@ -73,7 +73,7 @@ def test_a_number_that_is_none(name: str, tmp_path: Path, afterwards: pytest.Mon
 
 def test_a_traction_beyond_its_limit(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, traction=1.2 * state.traction), False)
-    afterwards.setattr(run_module, "load_path", path)
+    afterwards.setattr(run_module, "path_of", path)
     summary = solve(SHEARED, tmp_path / "run", EXACT_LAW, *ONCE)
     assert_failed(summary, "friction limit")
     nodes = summary["failure"]["worst_nodes"]

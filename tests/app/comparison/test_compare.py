@@ -23,7 +23,7 @@ from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import PathStep
-from mlsanm_cli.solve.stop_events import load_path
+from mlsanm_cli.solve.paths import path_of
 from tests.app.scenes import (
     ANM,
     AS_SERIES,
@@ -148,7 +148,7 @@ def perturbed(size: float) -> Any:
     """A path whose pressures are off by a part, of the active set only."""
 
     def path(built: CondensedScene) -> Iterator[PathStep]:
-        for step in load_path(built):
+        for step in path_of(built):
             if built.case.solver.method == "active-set":
                 saved = tuple(replace(s, pressure=(1.0 + size) * s.pressure) for s in step.saved)
                 step = replace(step, saved=saved)
@@ -159,7 +159,7 @@ def perturbed(size: float) -> Any:
 
 @pytest.mark.parametrize("size", [0.2, np.nan])
 def test_a_method_that_is_wrong_is_found(tmp_path: Path, afterwards: pytest.MonkeyPatch, size: float) -> None:
-    afterwards.setattr(measure_module, "load_path", perturbed(size))
+    afterwards.setattr(measure_module, "path_of", perturbed(size))
     found = compared(tmp_path, hertz(), QUICK, FAST)
     assert found["status"] == "disagree"
     assert not found["methods"][1].get("agrees")
@@ -168,7 +168,7 @@ def test_a_method_that_is_wrong_is_found(tmp_path: Path, afterwards: pytest.Monk
 def test_a_small_difference_between_equal_laws_is_found(
     tmp_path: Path, afterwards: pytest.MonkeyPatch
 ) -> None:
-    afterwards.setattr(measure_module, "load_path", perturbed(1e-4))
+    afterwards.setattr(measure_module, "path_of", perturbed(1e-4))
     found = compared(tmp_path, hertz(), QUICK, FAST, "solver.polish=true")
     assert [row.get("agrees") for row in found["methods"]] == [None, True, False]
     loose = compared(tmp_path, hertz(), replace(QUICK, tolerance=1e-3), FAST, "solver.polish=true")
@@ -177,7 +177,7 @@ def test_a_small_difference_between_equal_laws_is_found(
 
 def failing(built: CondensedScene) -> Iterator[PathStep]:
     """A path of which the active set finds the first state only."""
-    steps = load_path(built)
+    steps = path_of(built)
     yield next(steps)
     if built.case.solver.method == "active-set":
         raise NumericalError("no state", "another eta")
@@ -185,7 +185,7 @@ def failing(built: CondensedScene) -> Iterator[PathStep]:
 
 
 def test_a_method_that_fails_is_a_row(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
-    afterwards.setattr(measure_module, "load_path", failing)
+    afterwards.setattr(measure_module, "path_of", failing)
     found = compared(tmp_path, hertz(), replace(QUICK, picture=True), FAST)
     row = found["methods"][1]
     assert (row["status"], row["reason"], row["hint"]) == ("failed", "no state", "another eta")
@@ -215,7 +215,7 @@ def test_exit_codes_and_table(
     text = capsys.readouterr().out
     assert "anm failed: the path stopped" in text
     assert "raise solver.max_steps" in text
-    afterwards.setattr(measure_module, "load_path", failing)
+    afterwards.setattr(measure_module, "path_of", failing)
     assert main([*shown, "--force"]) == 1
     assert "active-set failed: no state; another eta" in capsys.readouterr().out
 
