@@ -17,7 +17,7 @@ from benchmarks.formulas.plates import plates_approach
 from benchmarks.formulas.punch import FlatPunch
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
-from mlsanm_cli.io.run_reader import ContactData, RunData
+from mlsanm_cli.io.run_reader import Dataset, RunData
 from mlsanm_cli.reference.hertz import HertzLine
 
 Judge = Callable[[RunData], dict[str, float]]
@@ -32,7 +32,7 @@ class Entry:
     judge: Judge | None = None
 
 
-def _only(run: RunData) -> ContactData:
+def _only(run: RunData) -> Dataset:
     (contact,) = run.contacts.values()
     return contact
 

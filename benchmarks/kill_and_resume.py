@@ -134,7 +134,7 @@ def trial(case: list[str], directory: Path, moments: list[float]) -> dict[str, A
         return {**result, "killed": False, "error": "killed before it began"}
     for moment in [*moments[1:], None]:
         try:
-            result["rows"] = read_run(directory).path.rows
+            result["rows"] = read_run(directory).rows
         except RunError as error:
             return {**result, "readable": False, "error": error.message}
         process = command("resume", str(directory))
@@ -171,7 +171,7 @@ def main() -> None:
                 number, killed = number + 1, killed + bool(result["killed"])
                 print(name, number, result, flush=True)
             report[name] = {
-                "rows": read_run(whole).path.rows,
+                "rows": read_run(whole).rows,
                 "cpu_seconds": last,
                 "killed": killed,
                 "trials_in_all": number,

@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.app.run import run  # noqa: E402
 from mlsanm_cli.errors import MlsanmError  # noqa: E402
-from mlsanm_cli.io.run_reader import ContactData, read_run  # noqa: E402
+from mlsanm_cli.io.run_reader import Dataset, read_run  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results"
@@ -137,7 +137,7 @@ def scene(seed: int, law: str) -> str:
     )
 
 
-def faults(summary: Mapping[str, Any], contact: ContactData) -> list[str]:
+def faults(summary: Mapping[str, Any], contact: Dataset) -> list[str]:
     """What is wrong with the states of a run that were accepted."""
     found = []
     figures = summary["contacts"]["interface"]

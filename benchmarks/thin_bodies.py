@@ -143,7 +143,7 @@ def portal(side: float = 10.0, fillet: float = 0.5) -> Thin:
 def solved(thin: Thin, across: int, degree: int, seed: int = 0) -> tuple[float, float]:
     """Work of the loads, and the energy error 2U/W - 1; degree 0 is the program's own choice."""
     cloud = build_cloud(thin.outline, Spacing(1.0 / (across - 1)), seed)
-    degree = degree or (HIGH_DEGREE if cloud.thinnest.spacings >= MIN_HIGH_SPACINGS else LOW_DEGREE)
+    degree = degree or (HIGH_DEGREE if cloud.spacings_across >= MIN_HIGH_SPACINGS else LOW_DEGREE)
     model = BodyModel.build("body", cloud, MATERIAL, MlsSettings(degree))
     body = assemble(model, dict.fromkeys(thin.clamped, (True, True)), [], "auto")
     source = np.zeros(body.rows)

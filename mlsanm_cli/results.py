@@ -167,11 +167,11 @@ class Run:
 
         Raises RunError where no fields are saved.
         """
+        from mlsanm_cli.app.results.fields import saved_state, triangles_of
         from mlsanm_cli.app.results.path_lookup import refuse_unknown
-        from mlsanm_cli.app.results.views import chosen_state, triangles_of
 
         refuse_unknown(body, self.bodies, "body")
-        state, own = chosen_state(self.data, at), self.data.bodies[body]
+        state, own = saved_state(self.data, at), self.data.bodies[body]
         return {"points": own.points, "triangles": triangles_of(own), **state.bodies[body]}
 
     def plot(
@@ -187,8 +187,8 @@ class Run:
         formats: Sequence[str] = ("png",),
     ) -> list[Path]:
         """Draw the pictures of ``mlsanm plot`` into the run directory or ``out``; returns the files."""
+        from mlsanm_cli.app.results.choice import Choice
         from mlsanm_cli.app.results.plot import plot
-        from mlsanm_cli.app.results.views import Choice
 
         choice = Choice(
             what=(what,) if what else (),

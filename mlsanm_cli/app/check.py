@@ -9,7 +9,7 @@ from typing import Any
 from mlsanm_cli.app.checks.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.recording import model_bodies
+from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files
@@ -55,7 +55,7 @@ def check(
         write_parts(write, "body", model_bodies(prepared))
         console.note(f"model written to {write}")
     if picture is not None:
-        from mlsanm_cli.app.results.drawn import draw_model
+        from mlsanm_cli.app.results.marks import draw_model
 
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")

@@ -9,18 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.checks.refinement import Refinement
+from mlsanm_cli.app.analysis import analysis_of
 from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.checkpoint import interrupted_run
-from mlsanm_cli.app.output.recorder import Recorder
-from mlsanm_cli.app.run import carry_out, resumable
+from mlsanm_cli.app.run import carry_out
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
-from mlsanm_cli.io.run_reader import RunOrigin, read_origin
+from mlsanm_cli.io.run_reader import RunData, read_origin
 from mlsanm_cli.io.summary import read_json
 
 
@@ -44,25 +43,14 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
                 "change the case and run it with --force",
             )
         loaded = stored_case(origin, rundir)
-        again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
-        if loaded.case.model.strain == "finite":
-            from mlsanm_cli.app.finite.run import run_finite
-
-            prepared = build_scene(loaded, context)
-            run_dir.reopen(rundir)
-            with resumable(rundir):
-                found = run_finite(loaded, prepared, rundir, again, context, origin)
-            return {**found, "directory": str(rundir)}
         earlier = interrupted_run(origin)
-        prepared = build_scene(loaded, context)
+        analysis = analysis_of(loaded.case, build_scene(loaded, context), context, earlier)
         run_dir.reopen(rundir)
-        with resumable(rundir), Recorder(rundir, loaded, again, context, earlier=earlier) as recorder:
-            known = Refinement.read(earlier.refinement) if earlier.refinement else None
-            summary = carry_out(loaded.case, prepared, recorder, context, known)
-    return {**summary, "directory": str(rundir)}
+        again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
+        return carry_out(analysis, rundir, loaded, again, earlier)
 
 
-def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
+def stored_case(origin: RunData, rundir: Path) -> LoadedCase:
     """The stored case of a run, with its files inspected again. Raises RunError if it is incomplete."""
     if not origin.case_resolved:
         raise RunError(

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.case.model.base import split_boundary
 from mlsanm_cli.case.model.bodies import Body
 from mlsanm_cli.case.model.case import Case, finer_nodes
 from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.expressions import ExpressionError, value_at
+from mlsanm_cli.case.model.fields import split_boundary
 from mlsanm_cli.case.model.loads import (
-    AnyLoad,
     BodyForce,
     Displacement,
-    ObstacleMotion,
-    Platen,
     Pressure,
     Temperature,
     Traction,
 )
 from mlsanm_cli.case.model.materials import Material
+from mlsanm_cli.case.model.motions import AnyLoad, ObstacleMotion, Platen
 from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle, PlaneObstacle
 from mlsanm_cli.case.model.places import Place
-from mlsanm_cli.case.model.scope import Geometry, GeometryInspector
+from mlsanm_cli.case.model.section import Geometry, GeometryInspector
 from mlsanm_cli.case.model.shapes import AnyShape, HalfDisk, Mesh, OutlineShape, Points
 from mlsanm_cli.case.model.solver import Solver
 from mlsanm_cli.case.model.stop import Stop

@@ -7,12 +7,10 @@ from typing import Any
 
 import click
 
+from mlsanm_cli.app.results.choice import FIELDS, KINDS, Choice
 from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, console_for, print_result
 from mlsanm_cli.cli.settings import Settings, numerics
-
-KINDS = ("pressure", "traction", "loop", "hysteresis", "force", "peak", "bodies", "line")
-FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
 
 
 @click.command()
@@ -63,7 +61,6 @@ def plot(settings: Settings, /, rundirs: tuple[Path, ...], formats: tuple[str, .
     with console_for(settings, "drawing"):
         with numerics(1):
             from mlsanm_cli.app.results.plot import plot as plot_run
-            from mlsanm_cli.app.results.views import Choice
         files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=Choice(**chosen))
     print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
     return 0

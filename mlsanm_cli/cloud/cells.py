@@ -60,8 +60,10 @@ class Faces:
         points = np.stack([self.start + x * along for x, _ in rule], axis=1)
         return points, np.stack([weight * normal for _, weight in rule], axis=1)
 
-    def edges(self, rule: Rule = GAUSS[2]) -> Edges:
-        """Both faces between the same two cells merged, with the points of a ``rule`` on each."""
+    def edges(self, rule: Rule = GAUSS[2]) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Boundaries between the cells of two nodes, one face or two: the nodes ``one`` < ``other`` (e,), the
+        g points (e, 2g, 2) of a ``rule`` on either face, and normals (e, 2g, 2) out of the cell of ``one``
+        times quadrature weights, zero for a missing second face."""
         count = 1 + int(max(self.one.max(initial=0), self.other.max(initial=0)))
         low, high = np.minimum(self.one, self.other), np.maximum(self.one, self.other)
         key, first, edge = np.unique(low * count + high, return_index=True, return_inverse=True)
@@ -74,24 +76,7 @@ class Faces:
         others = normals[second]
         others[alone] = 0.0
         points = np.concatenate([points[first], points[np.where(alone, first, second)]], axis=1)
-        return Edges(key // count, key % count, points, np.concatenate([normals[first], others], axis=1))
-
-
-@dataclass(frozen=True)
-class Edges:
-    """The boundary between the cells of nodes ``one`` < ``other`` (e,): one face or two. ``points`` (e, 2g,
-    2) are the g quadrature points on either face, ``normals`` (e, 2g, 2) the normals out of the cell of
-    ``one`` times quadrature weights, zero for a missing second face."""
-
-    one: IntArray
-    other: IntArray
-    points: FloatArray
-    normals: FloatArray
-
-    @property
-    def middle(self) -> FloatArray:
-        """Mean (e, 2) of the points."""
-        return np.asarray(self.points.mean(axis=1))
+        return key // count, key % count, points, np.concatenate([normals[first], others], axis=1)
 
 
 @dataclass(frozen=True)
@@ -190,20 +175,13 @@ def _outline_middles(count: int, surfaces: Mapping[str, Surface]) -> tuple[IntAr
     return key[order], np.concatenate(middles)[order]
 
 
-@dataclass(frozen=True)
-class Measures:
-    """``area`` (k,) and centroid ``middle`` (k, 2) of cells or groups of cells, and whether they are
-    ``closed`` (k,): they are not where the triangulation misses an edge of the outline."""
-
-    area: FloatArray
-    middle: FloatArray
-    closed: BoolArray
-
-
-def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], labels: IntArray) -> Measures:
-    """Area and centroid of the groups of cells with equal ``labels`` (n,); -1 marks cells to be left out.
-    Labels are counted from the smallest one. By boundary integrals: A = 1/2 oint x . n, first moments 1/2
-    oint x^2 n_x and 1/2 oint y^2 n_y."""
+def measure(
+    points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], labels: IntArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Areas (k,) and centroids (k, 2) of the groups of cells with equal ``labels`` (n,), counted from the
+    smallest one, and whether they are closed (k,): they are not where the triangulation misses an edge of the
+    outline. -1 marks cells to be left out. By boundary integrals: A = 1/2 oint x . n, first moments 1/2 oint
+    x^2 n_x and 1/2 oint y^2 n_y."""
     chosen = np.flatnonzero(labels >= 0)
     lowest = int(labels[chosen].min())
     labels = np.where(labels >= 0, labels - lowest, -1)
@@ -231,4 +209,4 @@ def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], l
     closed = (np.hypot(*opening.T) <= CLOSURE_TOLERANCE * length) & (area > 0.0)
     first = 0.5 * total(arm**2 * normal)
     middle = near + np.where(closed[:, None], first / np.where(closed, area, 1.0)[:, None], 0.0)
-    return Measures(area, middle, closed)
+    return area, middle, closed

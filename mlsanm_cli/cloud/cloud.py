@@ -15,9 +15,9 @@ from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import fill_region, relax
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.membership import boundary_chords, inside_body
+from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
+from mlsanm_cli.cloud.separation import separation, widths
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface, boundary_of
@@ -25,7 +25,6 @@ from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
-from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
@@ -74,7 +73,17 @@ class Cloud:
     @cached_property
     def tips(self) -> Tips | None:
         """Reentrant corners; None without any."""
-        return tips_of(self.points, self.edges, *self.boundary[:2])
+        return tips_of(self.points, *self.boundary)
+
+    @cached_property
+    def corners(self) -> list[tuple[int, float, tuple[str, str]]]:
+        """Nodes where one surface ends and another begins, angle (radian) by which the outline turns left
+        there, and names of both."""
+        index, _, names = self.boundary
+        return [
+            (int(index[first]), turn, (names[last], names[first]))
+            for last, first, turn in joints(*self.boundary)
+        ]
 
     @cached_property
     def room(self) -> FloatArray:
@@ -98,22 +107,16 @@ class Cloud:
         return cKDTree(self.points)
 
     @cached_property
-    def separation(self) -> NodeSeparation:
-        """Node distances relative to the spacing."""
+    def separation(self) -> tuple[FloatArray, float]:
+        """Distance (n,) of every node from the nearest other one over the local spacing, and the largest
+        spacing difference of neighbours over their distance."""
         return separation(self.points, self.tree, self.spacing, self.sight, self._between_faces)
 
     @cached_property
     def acute(self) -> dict[int, float]:
         """Corner nodes with an interior angle below MAX_ACUTE_ANGLE, and these angles (radians)."""
-        found = {}
-        for one in self.surfaces.values():
-            for other in self.surfaces.values():
-                if not one.curve.closed and one.index[-1] == other.index[0]:
-                    (x, y), (u, v) = one.normal[-1], other.normal[0]
-                    angle = float(np.pi - np.arctan2(x * v - y * u, x * u + y * v))
-                    if angle < MAX_ACUTE_ANGLE:
-                        found[int(other.index[0])] = angle
-        return found
+        angles = {node: math.pi - turn for node, turn, _ in self.corners}
+        return {node: angle for node, angle in angles.items() if angle < MAX_ACUTE_ANGLE}
 
     @property
     def _between_faces(self) -> FloatArray:
@@ -127,9 +130,14 @@ class Cloud:
         return room
 
     @cached_property
-    def thinnest(self) -> Thinnest:
-        """Number of nodes across the thinnest part of the body, and where that is."""
-        return thinnest(self.points, self.spacing, *self.boundary[:2])
+    def widths(self) -> FloatArray:
+        """Width (n,) of the body at its boundary nodes; infinite at others and where no part is thin."""
+        return widths(self.points, *self.boundary[:2])
+
+    @property
+    def spacings_across(self) -> float:
+        """Number of spacings across the thinnest part of the body."""
+        return float((self.widths / self.spacing).min())
 
     @cached_property
     def boundary(self) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
@@ -176,14 +184,14 @@ def build_cloud(
     does not run along the outline.
     Raises RunError if more than ``limit`` nodes would be needed.
     """
-    half, places = None, Places.of(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
-    if line is not None and spacing.symmetric(line) and places.upon(line):
+    half, (places, inner) = None, _located(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
+    if line is not None and spacing.symmetric(line) and line.contains(inner):
         boundary, surfaces, edges = _bounded(outline, spacing, places, line)
         half = halved(line, boundary, edges, spacing)
     if half is None:
         boundary, surfaces, edges = _bounded(outline, spacing, places)
     first, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)
-    inside = places.inside(boundary, surfaces, spacing)
+    inside = _apart(inner, boundary, surfaces, spacing) if len(inner) else inner
     start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
     far, zones = spacing.far, spacing.table()
 
@@ -217,13 +225,13 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
 
 
 def _bounded(
-    outline: Outline, spacing: Spacing, places: Places, line: SymmetryLine | None = None
+    outline: Outline, spacing: Spacing, places: Sequence[FloatArray], line: SymmetryLine | None = None
 ) -> tuple[FloatArray, dict[str, Surface], IntArray]:
-    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places`` and where the middle of a
-    curve lies on the symmetry ``line``."""
+    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places``, arc lengths on every curve,
+    and where the middle of a curve lies on the symmetry ``line``."""
     steps = [
-        spacing.steps_along(curve, line, places.along(number).tolist())
-        for number, curve in enumerate(outline.curves)
+        spacing.steps_along(curve, line, at.tolist())
+        for curve, at in zip(outline.curves, places, strict=True)
     ]
     points = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
     surfaces = _surfaces(outline, steps)
@@ -267,45 +275,27 @@ def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
     return start.astype(np.int64), number[order].astype(np.int64), bottom, height
 
 
-@dataclass(frozen=True)
-class Places:
-    """Wanted ``points`` (k, 2), the index ``curve`` (k,) of the outline curve they lie on or next to (-1
-    inside), and the arc length ``arc`` (k,) of the closest point there."""
+def _located(outline: Outline, spacing: Spacing, points: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Of wanted ``points`` (k, 2), the arc lengths on every curve of those on or next to it, and the others
+    (m, 2)."""
+    number, arc, least = np.full(len(points), -1), np.zeros(len(points)), np.full(len(points), np.inf)
+    for k, curve in enumerate(outline.curves if len(points) else ()):
+        s = curve.closest(points)
+        away = np.hypot(*(curve.points(s) - points).T)
+        nearer = away < least
+        number[nearer], arc[nearer], least[nearer] = k, s[nearer], away[nearer]
+    number[least > MIN_DISTANCE * spacing.at(points)] = -1
+    return [arc[number == k] for k in range(len(outline.curves))], points[number < 0]
 
-    points: FloatArray
-    curve: IntArray
-    arc: FloatArray
 
-    @classmethod
-    def of(cls, outline: Outline, spacing: Spacing, points: FloatArray) -> Places:
-        """Locate ``points`` (k, 2)."""
-        number, arc, least = np.full(len(points), -1), np.zeros(len(points)), np.full(len(points), np.inf)
-        for k, curve in enumerate(outline.curves if len(points) else ()):
-            s = curve.closest(points)
-            away = np.hypot(*(curve.points(s) - points).T)
-            nearer = away < least
-            number[nearer], arc[nearer], least[nearer] = k, s[nearer], away[nearer]
-        number[least > MIN_DISTANCE * spacing.at(points)] = -1
-        return cls(points, number, arc)
-
-    def along(self, number: int) -> FloatArray:
-        """Arc lengths of the points on curve ``number``."""
-        return np.asarray(self.arc[self.curve == number])
-
-    def upon(self, line: SymmetryLine) -> bool:
-        """Whether all interior points are on a ``line``."""
-        points = self.points[self.curve < 0]
-        size = np.abs(points).max(initial=0.0) + abs(line.at)
-        return bool((np.abs(points[:, line.axis] - line.at) <= ROUND_OFF * size).all())
-
-    def inside(self, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing) -> FloatArray:
-        """Interior points (m, 2) in the body of ``boundary`` nodes (b, 2), not too close to each other."""
-        points = self.points[self.curve < 0]
-        if not len(points):
-            return points
-        room = MIN_DISTANCE * spacing.at(points)
-        kept = inside_body(boundary, *boundary_of(surfaces.values()), points)
-        for k in np.flatnonzero(kept):
-            others = np.flatnonzero(kept[:k])
-            kept[k] = (np.hypot(*(points[others] - points[k]).T) > room[k]).all()
-        return np.ascontiguousarray(points[kept])
+def _apart(
+    points: FloatArray, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing
+) -> FloatArray:
+    """Those of the ``points`` (k, 2) inside the body of ``boundary`` nodes (b, 2) that are not too close to
+    an earlier one."""
+    room = MIN_DISTANCE * spacing.at(points)
+    kept = inside_body(boundary, *boundary_of(surfaces.values()), points)
+    for k in np.flatnonzero(kept):
+        others = np.flatnonzero(kept[:k])
+        kept[k] = (np.hypot(*(points[others] - points[k]).T) > room[k]).all()
+    return np.ascontiguousarray(points[kept])

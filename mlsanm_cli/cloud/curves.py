@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 
 
 class Curve(Protocol):
@@ -137,11 +137,13 @@ def ends_of(curve: Curve) -> tuple[tuple[float, float], tuple[float, float]]:
 @dataclass(frozen=True)
 class Outline:
     """Closed loops of named curves with the material on the left, one loop after the other. ``starts`` are
-    the indices of the first curve of each loop."""
+    the indices of the first curve of each loop. An outline that interpolates given nodes has their numbers:
+    ``nodes[c]`` (b,) of curve c include both ends, but only one of a closed curve."""
 
     names: tuple[str, ...]
     curves: tuple[Curve, ...]
     starts: tuple[int, ...] = (0,)
+    nodes: tuple[IntArray, ...] = ()
 
     @property
     def loops(self) -> tuple[slice, ...]:

@@ -4,7 +4,6 @@ nodes: its corners and mid-side nodes in cyclic order, either way round."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -17,20 +16,19 @@ from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.startup import cKDTree
 
 
-@dataclass(frozen=True)
-class EdgeNames:
-    """Names of the boundary edges. ``lines`` (l, 2) are line elements with ``names`` (l,), "" for none. A
-    node set names the edges between its nodes, unless it contains interior nodes."""
+def boundary_loops(
+    points: FloatArray,
+    rings: Sequence[IntArray],
+    lines: IntArray,
+    names: Sequence[str],
+    node_sets: Mapping[str, IntArray],
+) -> tuple[Loop, ...]:
+    """Boundary loops of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use.
 
-    lines: IntArray
-    names: tuple[str, ...]
-    node_sets: Mapping[str, IntArray]
-
-
-def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: EdgeNames) -> tuple[Loop, ...]:
-    """Boundary loops of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use. Raises
-    GeometryError for coincident nodes, degenerate or overlapping elements, edges of three elements, separate
-    parts, a boundary that touches itself, and edge names that do not fit."""
+    Line elements ``lines`` (l, 2) name edges by ``names`` (l,), "" for none; a node set names the edges
+    between its nodes, unless it contains interior nodes. Raises GeometryError for coincident nodes,
+    degenerate or overlapping elements, edges of three elements, separate parts, a boundary that touches
+    itself, and edge names that do not fit."""
     _refuse_coincident(points)
     turned = [_counter_clockwise(points, ring) for ring in rings]
     edges = np.concatenate(
@@ -40,8 +38,7 @@ def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: EdgeNam
     _refuse_parts(points, edges)
     key, back = _key(edges, len(points)), _key(edges[:, ::-1], len(points))
     boundary = edges[~np.isin(key, back)]
-    names = _edge_names(points, edges, boundary, marks)
-    loops = _chain(points, boundary, names)
+    loops = _chain(points, boundary, _edge_names(points, edges, boundary, lines, names, node_sets))
     outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
     if sum(outer) != 1:
         raise GeometryError("the elements overlap: their boundary does not go around them once")
@@ -118,7 +115,14 @@ def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
         )
 
 
-def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: EdgeNames) -> tuple[str, ...]:
+def _edge_names(
+    points: FloatArray,
+    edges: IntArray,
+    boundary: IntArray,
+    lines: IntArray,
+    line_names: Sequence[str],
+    node_sets: Mapping[str, IntArray],
+) -> tuple[str, ...]:
     """Names (b,) of the boundary edges."""
     count = len(points)
     place = {int(k): number for number, k in enumerate(_key(np.sort(boundary, axis=1), count))}
@@ -132,17 +136,17 @@ def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: 
             )
         names[edge] = name
 
-    lines = _key(np.sort(marks.lines, axis=1), count)
-    known = np.isin(lines, _key(np.sort(edges, axis=1), count))
+    keys = _key(np.sort(lines, axis=1), count)
+    known = np.isin(keys, _key(np.sort(edges, axis=1), count))
     if not known.all():
-        lost = marks.lines[int(np.argmin(known))]
+        lost = lines[int(np.argmin(known))]
         raise GeometryError(f"the line element near {_at(points, lost)} is not an edge of an element")
-    for key, name in zip(lines, marks.names, strict=True):
+    for key, name in zip(keys, line_names, strict=True):
         if name and int(key) in place:
             mark(place[int(key)], name)
     on_boundary = np.zeros(count, dtype=bool)
     on_boundary[boundary] = True
-    for name, nodes in marks.node_sets.items():
+    for name, nodes in node_sets.items():
         inside: BoolArray = np.zeros(count, dtype=bool)
         inside[nodes] = True
         if on_boundary[nodes].all():

@@ -35,23 +35,7 @@ class Loop:
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Traced:
-    """An outline and the nodes it interpolates: ``nodes[c]`` (b,) of curve c include both ends, but only one
-    of a closed curve."""
-
-    outline: Outline
-    nodes: tuple[IntArray, ...]
-
-
-@dataclass(frozen=True)
-class _Piece:
-    name: str
-    curve: Curve
-    nodes: IntArray
-
-
-def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
+def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Outline:
     """The outline through the loops' nodes, with corners where it turns by more than ``corner`` (radians).
 
     The outer loop comes first; each loop begins at its lowest corner. Names of several curves are numbered
@@ -62,18 +46,17 @@ def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
     cut = [list(_pieces(points, _begun(points, loop, corner), corner, ROUND_OFF * size)) for loop in loops]
     outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
     cut = [cut[k] for k in sorted(range(len(cut)), key=lambda k: not outer[k])]
-    pieces = [piece for loop in cut for piece in loop]
-    starts = np.cumsum([0, *map(len, cut)])[:-1]
-    outline = Outline(_names(pieces), tuple(piece.curve for piece in pieces), tuple(map(int, starts)))
-    return Traced(outline, tuple(piece.nodes for piece in pieces))
+    names, curves, nodes = zip(*(piece for loop in cut for piece in loop), strict=True)
+    starts = np.cumsum([0, *map(len, cut)])[:-1].tolist()
+    return Outline(_numbered(names), curves, tuple(starts), nodes)
 
 
-def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | None = None) -> Cloud:
+def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | None = None) -> Cloud:
     """The cloud of given nodes and their outline; its spacing is the mean neighbour distance. Given
     ``normals`` (n, 2) replace those of the curves where they agree within 25 degrees: a corner node has one
     normal in a file and two here."""
     surfaces = {}
-    for name, curve, nodes in zip(traced.outline.names, traced.outline.curves, traced.nodes, strict=True):
+    for name, curve, nodes in zip(outline.names, outline.curves, outline.nodes, strict=True):
         arc = _node_arcs(curve, points[nodes])
         normal = curve.normals(arc)
         if normals is not None:
@@ -151,8 +134,11 @@ def _breaks(points: FloatArray, loop: Loop, corner: float) -> tuple[BoolArray, B
     return sharp, renamed
 
 
-def _pieces(points: FloatArray, loop: Loop, corner: float, small: float) -> Iterator[_Piece]:
-    """The curves of one loop, in order; nodes within ``small`` of a line lie on it."""
+def _pieces(
+    points: FloatArray, loop: Loop, corner: float, small: float
+) -> Iterator[tuple[str, Curve, IntArray]]:
+    """Name, curve and nodes of the pieces of one loop, in order; nodes within ``small`` of a line lie on
+    it."""
     sharp, renamed = _breaks(points, loop, corner)
     count = len(sharp)
     nodes = np.append(loop.nodes, loop.nodes[0])
@@ -160,7 +146,7 @@ def _pieces(points: FloatArray, loop: Loop, corner: float, small: float) -> Iter
     ends = np.flatnonzero(sharp | renamed)
     if not len(ends):
         spline = NodeSpline(points[nodes], True)
-        yield _Piece(loop.names[0], SplinePart(spline, 0, count), loop.nodes)
+        yield loop.names[0], SplinePart(spline, 0, count), loop.nodes
         return
     if len(ends) == 1:
         # A curve that ends where it begins is split: no surface contains a node twice.
@@ -176,7 +162,7 @@ def _pieces(points: FloatArray, loop: Loop, corner: float, small: float) -> Iter
             if straight:
                 (x0, y0), (x1, y1) = place[[0, -1]].tolist()
                 curve = Segment((x0, y0), (x1, y1))
-            yield _Piece(loop.names[start], curve, nodes[start : stop + 1])
+            yield loop.names[start], curve, nodes[start : stop + 1]
 
 
 def _straight(points: FloatArray, small: float) -> bool:
@@ -188,16 +174,15 @@ def _straight(points: FloatArray, small: float) -> bool:
     return bool((np.abs(away[:, 0] * along[1] - away[:, 1] * along[0]) <= small * length).all())
 
 
-def _names(pieces: Sequence[_Piece]) -> tuple[str, ...]:
-    """Names of all curves, numbered where they are shared or empty."""
-    total = Counter(piece.name for piece in pieces)
-    passed: Counter[str] = Counter()
-    names = []
-    for piece in pieces:
-        passed[piece.name] += 1
-        several = total[piece.name] > 1 or not piece.name
-        names.append(f"{piece.name or 'edge'}{passed[piece.name]}" if several else piece.name)
-    for name, times in Counter(names).items():
+def _numbered(names: Sequence[str]) -> tuple[str, ...]:
+    """The ``names`` of all curves, numbered where they are shared or empty."""
+    total, passed = Counter(names), Counter[str]()
+    numbered = []
+    for name in names:
+        passed[name] += 1
+        several = total[name] > 1 or not name
+        numbered.append(f"{name or 'edge'}{passed[name]}" if several else name)
+    for name, times in Counter(numbered).items():
         if times > 1:
             raise GeometryError(f'two boundaries would be called "{name}"', "rename that group in the file")
-    return tuple(names)
+    return tuple(numbered)

@@ -3,7 +3,8 @@ boundary nodes alone, as run.h5 stores them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -26,6 +27,18 @@ def boundary_chords(index: IntArray, names: Sequence[str]) -> IntArray:
     # A surface that no other one continues is closed.
     whole = [chain if int(index[chain[-1]]) in starts else np.append(chain, chain[:1]) for chain in chains]
     return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in whole])
+
+
+def joints(index: IntArray, normal: FloatArray, names: Sequence[str]) -> Iterator[tuple[int, int, float]]:
+    """Where one surface ends and another begins: positions in the boundary nodes ``index`` (nb,) of the last
+    node of one and the first of the other, and the angle (radian) by which the outline turns left. ``normal``
+    (nb, 2) are outward; ``names`` as in :func:`boundary_chords`."""
+    owner = np.array(names)
+    ends = [np.flatnonzero(owner == name)[[0, -1]].tolist() for name in dict.fromkeys(names)]
+    for (_, last), (first, _) in product(ends, repeat=2):
+        if index[last] == index[first] and last != first:
+            (x, y), (u, v) = normal[last], normal[first]
+            yield last, first, float(np.arctan2(x * v - y * u, x * u + y * v))
 
 
 def inside_body(

@@ -36,6 +36,11 @@ class SymmetryLine:
         signs[self.axis] = -1.0
         return signs
 
+    def contains(self, points: FloatArray) -> bool:
+        """Whether all ``points`` (n, 2) are on the line."""
+        size = np.abs(points).max(initial=0.0) + abs(self.at)
+        return bool((np.abs(points[:, self.axis] - self.at) <= ROUND_OFF * size).all())
+
     def images(self, points: FloatArray, size: FloatArray) -> IntArray | None:
         """Indices (n,) of the images of ``points`` (n, 2), within ROUND_OFF times ``size`` (n,); None
         if the points are not mirror-symmetric."""

@@ -29,13 +29,9 @@ class CloudQuality:
 
 def measure(cloud: Cloud) -> CloudQuality:
     """Quality figures of a cloud."""
-    return CloudQuality(
-        nodes=len(cloud.points),
-        boundary_nodes=len(cloud.boundary_nodes),
-        closest=cloud.separation.closest,
-        hole=_largest_hole(cloud),
-        growth=cloud.separation.growth,
-    )
+    nearest_other, growth = cloud.separation
+    counts = len(cloud.points), len(cloud.boundary_nodes)
+    return CloudQuality(*counts, float(nearest_other.min()), _largest_hole(cloud), growth)
 
 
 def _largest_hole(cloud: Cloud) -> float:

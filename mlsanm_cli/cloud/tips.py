@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.membership import joints
 
 SMOOTH_TURN = 0.3
 """Corners that turn inward by less (radians) count as smooth: their displacements are nearly linear."""
@@ -38,25 +40,18 @@ class Tips:
         return tuple(_modes(2.0 * float(half)) for half in self.half)
 
 
-def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatArray) -> Tips | None:
-    """Reentrant corners of an outline of ``edges`` (e, 2) between ``points`` (n, 2), material on the left,
-    with surface nodes ``index`` (b,) and outward ``normal`` (b, 2); None without any."""
+def tips_of(points: FloatArray, index: IntArray, normal: FloatArray, names: Sequence[str]) -> Tips | None:
+    """Reentrant corners of the outline of a body with nodes ``points`` (n, 2), whose boundary nodes ``index``
+    (b,) have outward ``normal`` (b, 2) and belong to surfaces ``names`` (b,); None without any."""
     place, axis, half, edge = [], [], [], []
-    before = dict(zip(edges[:, 1].tolist(), edges[:, 0].tolist(), strict=True))
-    after = dict(zip(edges[:, 0].tolist(), edges[:, 1].tolist(), strict=True))
-    node, count = np.unique(index, return_counts=True)
-    for corner in node[count == 2].tolist():
-        if corner not in before or corner not in after:
-            continue
-        ways = points[corner] - points[before[corner]], points[after[corner]] - points[corner]
-        one, other = _in_order(normal[index == corner], *ways)
-        turn = float(np.arctan2(one[0] * other[1] - one[1] * other[0], one @ other))
+    for last, first, turn in sorted(joints(index, normal, names), key=lambda joint: int(index[joint[1]])):
         if turn < -SMOOTH_TURN:
-            place.append(points[corner])
+            tip, (x, y) = points[index[first]], normal[last]
+            place.append(tip)
             # Rotated by half the turn: at a crack the two normals would cancel.
-            axis.append(one * np.cos(0.5 * turn) + np.array([-one[1], one[0]]) * np.sin(0.5 * turn))
+            axis.append(np.array([x, y]) * np.cos(0.5 * turn) + np.array([-y, x]) * np.sin(0.5 * turn))
             half.append(0.5 * (np.pi - turn))
-            edge.append(max(float(np.hypot(*way)) for way in ways))
+            edge.append(float(np.hypot(*(points[index[[last - 1, first + 1]]] - tip).T).max()))
     if not place:
         return None
     at, into = np.array(place), -np.array(axis)
@@ -67,14 +62,6 @@ def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatA
     across = (way * into[:, None]).sum(axis=2) > np.cos(np.array(half) - SMOOTH_TURN)[:, None] * away
     counted = np.where(across & across.T, 2.0 * away, away)
     return Tips(at, into, np.array(half), counted.min(axis=1) / np.array(edge))
-
-
-def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) -> FloatArray:
-    """The two normals (2, 2) ordered as the ``arriving`` and the ``leaving`` face of a corner."""
-    right = [np.array([way[1], -way[0]]) / np.hypot(*way) for way in (arriving, leaving)]
-    straight = sum(float(a @ b) for a, b in zip(normals, right, strict=True))
-    crossed = sum(float(a @ b) for a, b in zip(normals[::-1], right, strict=True))
-    return normals if straight >= crossed else normals[::-1]
 
 
 def _modes(angle: float) -> tuple[tuple[float, bool], ...]:

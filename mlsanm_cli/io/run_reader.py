@@ -1,131 +1,103 @@
-"""Reader of run.h5 into frozen values; also for runs that were killed or are still being written."""
+"""Reader of run.h5 as one labelled dataset; also for runs that were killed or are still being written.
+
+`mlsanm_cli.io.schema` describes the members: their dimensions, units and types.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import ContactRecord
+from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_dir import RUN_FILE
 from mlsanm_cli.io.run_file import FORMAT
-from mlsanm_cli.io.summary import items_of, path_table
+from mlsanm_cli.io.summary import path_table
 
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""
-MAPS = ("forces", "slip", "probes", "bonds")
-PATH: tuple[tuple[str, type[np.generic]], ...] = (
-    *((name, np.float64) for name in ("position", "step_length", "residual", "seconds")),
-    *((name, np.int64) for name in ("order", "factorizations", "solves")),
-)
-"""Columns of /path and their types."""
-NAMED = ("factors", "resultants", "displacements")
-"""Columns of /path by load, or by load or support."""
+RESULTS = ("bodies", "path", "contacts", "probes", "maps", "fields")
+"""The groups that are read by default; series and the checkpoint are read when they are needed."""
 
 Read = TypeVar("Read")
 
 
-@dataclass(frozen=True)
-class BodyData:
-    """Undeformed points (n, 2); indices (nb,), outward normals (nb, 2) and boundary names (nb,) of the
-    boundary nodes; and the degree of the local polynomials, None if it is not stored."""
+class Dataset(Mapping[str, Any]):
+    """A group of run.h5: arrays, texts, lists of texts and further groups, in the order of the case.
 
-    points: FloatArray
-    boundary_index: IntArray
-    boundary_normal: FloatArray
-    boundary_name: tuple[str, ...]
-    degree: int | None = None
+    Members are given by path, ``run["contacts/nose/gap"]``, or as attributes, ``run.contacts["nose"].gap``.
+    ``attributes`` are those of the group.
+    """
 
+    def __init__(self, members: Mapping[str, Any], attributes: Mapping[str, Any] | None = None) -> None:
+        self._members = {name: _as_dataset(one) for name, one in members.items()}
+        self.attributes = dict(attributes or {})
 
-@dataclass(frozen=True)
-class PathData:
-    """The load path, one row per finished step and row 0 for the start: arrays (S+1,), resultants and
-    displacements (S+1, 2)."""
+    def __getitem__(self, path: str) -> Any:
+        name, _, rest = path.partition("/")
+        return self._members[name][rest] if rest else self._members[name]
 
-    position: FloatArray
-    step_length: FloatArray
-    residual: FloatArray
-    order: IntArray
-    factorizations: IntArray
-    solves: IntArray
-    seconds: FloatArray
-    factors: Mapping[str, FloatArray]
-    resultants: Mapping[str, FloatArray]
-    displacements: Mapping[str, FloatArray]
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self._members:
+            raise AttributeError(f"there is no {name!r} in this group")
+        return self._members[name]
 
-    @property
-    def rows(self) -> int:
-        """Number of rows, S+1; 0 if the run ended before its first state."""
-        return len(self.position)
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._members)
+
+    def __len__(self) -> int:
+        return len(self._members)
 
 
-@dataclass(frozen=True)
-class ContactData:
-    """One contact: slave nodes (m, 2), normal (m, 2), arc_length, weight (m,); history (S+1, m) or (S+1,)."""
-
-    points: FloatArray
-    normal: FloatArray
-    arc_length: FloatArray
-    weight: FloatArray
-    pressure: FloatArray
-    traction: FloatArray
-    gap: FloatArray
-    slip: FloatArray
-    status: NDArray[np.int8]
-    dissipated_work: FloatArray
+def _as_dataset(member: Any) -> Any:
+    return Dataset(member) if isinstance(member, dict) else member
 
 
-@dataclass(frozen=True)
-class ProbeData:
-    """Displacement (S+1, 2), stress (S+1, 3) and von Mises stress (S+1,) at a probe."""
-
-    displacement: FloatArray
-    stress: FloatArray
-    von_mises: FloatArray
-
-
-@dataclass(frozen=True)
-class SavedState:
-    """Fields saved at one position: body name -> field name -> array (n,), (n, 2) or (n, 3)."""
+class SavedState(NamedTuple):
+    """Fields saved at one position: body name -> field name -> array (n, ...)."""
 
     position: float
-    bodies: Mapping[str, Mapping[str, FloatArray]]
+    bodies: Dataset
 
 
-@dataclass(frozen=True)
-class RunHead:
-    """The attributes of a run, and its case as given and resolved, as TOML."""
+class RunData(Dataset):
+    """A run as read from its ``directory``; ``attributes`` are those of the file. Runs that were killed
+    before their first state have histories without rows."""
 
-    attributes: Mapping[str, str | int | float]
-    case_raw: str
-    case_resolved: str
+    def __init__(self, directory: Path, members: Mapping[str, Any], attributes: Mapping[str, Any]) -> None:
+        super().__init__(members, attributes)
+        self.directory = directory
 
     @property
     def status(self) -> str:
         """running (or killed), done, failed or stopped."""
         return str(self.attributes["status"])
 
+    @property
+    def case_raw(self) -> str:
+        """The case as given, as TOML."""
+        return str(self.get("case/raw", ""))
 
-@dataclass(frozen=True)
-class RunData(RunHead):
-    """A run as read from its directory; mappings keep the order of the case. ``maps[kind][name]`` (r, 1 + u)
-    map 1 and the unknowns of the path (load factors, motions, pressures and tractions) to forces, slips or
-    the values of a probe; only runs with power series have them."""
+    @property
+    def case_resolved(self) -> str:
+        """The case with all defaults, as TOML."""
+        return str(self.get("case/resolved", ""))
 
-    directory: Path
-    bodies: Mapping[str, BodyData]
-    path: PathData
-    contacts: Mapping[str, ContactData]
-    states: tuple[SavedState, ...]
-    probes: Mapping[str, ProbeData]
-    maps: Mapping[str, Mapping[str, FloatArray]]
+    @property
+    def rows(self) -> int:
+        """Number of rows of the path, S+1; 0 if the run ended before its first state."""
+        return len(self["path/position"])
+
+    @property
+    def seconds(self) -> float:
+        """Seconds that the rows took, of all processes."""
+        return float(self["path/seconds"][-1:].sum())
 
     @property
     def is_finite(self) -> bool:
@@ -135,28 +107,34 @@ class RunData(RunHead):
     @property
     def unilateral_contacts(self) -> tuple[str, ...]:
         """The contacts that are not bonded."""
-        return tuple(name for name in self.contacts if name not in self.maps["bonds"])
+        return tuple(name for name in self["contacts"] if name not in self["maps/bonds"])
+
+    @property
+    def states(self) -> tuple[SavedState, ...]:
+        """The saved states."""
+        positions = self.get("fields/position", np.empty(0)).tolist()
+        return tuple(
+            SavedState(position, self[f"fields/{number}"]) for number, position in enumerate(positions)
+        )
 
 
-@dataclass(frozen=True)
-class RunOrigin(RunHead):
-    """The origin of a run: its seconds and rows so far, and the checkpoint from which it continues: texts,
-    arrays, and mappings of them by name."""
+def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
+    """Reads the case and ``groups`` of the run in directory ``rundir`` (or from the run.h5 itself), also one
+    in progress. Raises RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has
+    another format."""
 
-    seconds: float
-    rows: int
-    checkpoint: Mapping[str, Any]
+    def read(root: Any, file: Path) -> RunData:
+        attributes = _head(root, file)
+        members = {name: _tree(root[name]) if name in root else {} for name in ("case", *groups)}
+        return RunData(file.parent, _completed(members), attributes)
 
-
-def read_run(rundir: Path) -> RunData:
-    """Reads the run in directory ``rundir`` (or from the run.h5 itself), also one in progress. Raises
-    RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has another format."""
-    return _reading(rundir, _run)
+    return _reading(rundir, read)
 
 
-def read_origin(rundir: Path) -> RunOrigin:
-    """Reads the origin of the run in ``rundir``. Raises RunError as `read_run` does."""
-    return _reading(rundir, _origin)
+def read_origin(rundir: Path) -> RunData:
+    """Reads the origin of the run in ``rundir``: its case, path and checkpoint. Raises RunError as `read_run`
+    does."""
+    return read_run(rundir, ("path", "checkpoint"))
 
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
@@ -164,13 +142,12 @@ def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
     return _reading(rundir, lambda root, file: path_table(root))
 
 
-def read_series(rundir: Path, step: int) -> tuple[Mapping[str, FloatArray], Mapping[str, Any]]:
-    """Reads the arrays and attributes of the series of ``step``, both empty if it has none. Raises RunError
-    as `read_run` does."""
+def read_series(rundir: Path, step: int) -> Dataset:
+    """Reads the series of ``step``, empty if it has none. Raises RunError as `read_run` does."""
 
-    def read(root: Any, file: Path) -> tuple[Mapping[str, FloatArray], Mapping[str, Any]]:
-        found = dict(items_of(root, f"series/{step}"))
-        return _tree(found), dict(root[f"series/{step}"].attrs) if found else {}
+    def read(root: Any, file: Path) -> Dataset:
+        group = root.get(f"series/{step}")
+        return Dataset({}) if group is None else Dataset(_tree(group), group.attrs)
 
     return _reading(rundir, read)
 
@@ -199,7 +176,8 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
         ) from error
 
 
-def _head(root: Any, file: Path) -> dict[str, Any]:
+def _head(root: Any, file: Path) -> dict[str, str | int | float]:
+    """The attributes of the file. Raises RunError if it is not a run of this format."""
     attributes = {name: _scalar(value) for name, value in root.attrs.items()}
     if "mlsanm_version" not in attributes or "status" not in attributes:
         raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
@@ -208,82 +186,40 @@ def _head(root: Any, file: Path) -> dict[str, Any]:
             f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
             hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
         )
-    texts = {name: _text(root, name.replace("_", "/")) for name in ("case_raw", "case_resolved")}
-    return {"attributes": attributes, **texts}
+    return attributes
 
 
-def _origin(root: Any, file: Path) -> RunOrigin:
-    seconds = root["path/seconds"][-1:] if "path/seconds" in root else np.zeros(0)
-    return RunOrigin(
-        **_head(root, file),
-        seconds=float(seconds.sum()),
-        rows=len(root["path/position"]) if "path" in root else 0,
-        checkpoint=_tree(root["checkpoint"]) if "checkpoint" in root else {},
-    )
-
-
-def _run(root: Any, file: Path) -> RunData:
-    return RunData(
-        **_head(root, file),
-        directory=file.parent,
-        bodies={name: _body(group) for name, group in items_of(root, "bodies")},
-        path=_path(root),
-        contacts={name: _contact(group) for name, group in items_of(root, "contacts")},
-        states=_states(root),
-        probes={name: ProbeData(**_tree(group)) for name, group in items_of(root, "probes")},
-        maps={kind: _tree(dict(items_of(root, f"maps/{kind}"))) for kind in MAPS},
-    )
-
-
-def _path(root: Any) -> PathData:
-    """The path, without rows for a run without a first state."""
-    columns: dict[str, Any] = {
-        key: root[f"path/{key}"][...] if "path" in root else np.empty(0, kind) for key, kind in PATH
-    }
-    named: dict[str, Any] = {key: _tree(dict(items_of(root, f"path/{key}"))) for key in NAMED}
-    return PathData(**columns, **named)
-
-
-def _contact(group: Any) -> ContactData:
-    found = _tree(group)
-    count = len(found["points"])
-    kinds = {"status": np.int8}
-    history = {
-        one.name: np.empty((0,) if one.name == "dissipated_work" else (0, count), kinds.get(one.name, float))
-        for one in fields(ContactRecord)
-    }
-    return ContactData(**{**history, **found})
-
-
-def _states(root: Any) -> tuple[SavedState, ...]:
-    positions = root["fields/position"][...].tolist() if "fields" in root else []
-    return tuple(
-        SavedState(position, _tree(root[f"fields/{index}"])) for index, position in enumerate(positions)
-    )
-
-
-def _body(group: Any) -> BodyData:
-    boundary = group["boundary"]
-    return BodyData(
-        points=group["points"][...],
-        boundary_index=boundary["index"][...],
-        boundary_normal=boundary["normal"][...],
-        boundary_name=tuple(boundary["name"].asstr()[...].tolist()),
-        degree=int(group["degree"][()]) if "degree" in group else None,
-    )
+def _completed(members: dict[str, Any]) -> dict[str, Any]:
+    """Members with the groups and, without rows, the histories that runs without a first state lack. Raises
+    KeyError if others are missing."""
+    for one in (*schema.NAMED_PATH, *schema.MAPS):
+        group, kind, _ = one.path.split("/")
+        if group in members:
+            members[group].setdefault(kind, {})
+    path = members.get("path", {})
+    if not any(isinstance(column, np.ndarray) for column in path.values()):
+        path |= {one.name: np.empty(0, one.dtype) for one in schema.PATH}
+    for contact in members.get("contacts", {}).values():
+        sizes = {"step": 0, "contact_node": len(contact["points"])}
+        for one in schema.CONTACT_HISTORY:
+            contact.setdefault(one.name, np.empty(one.shape(sizes), one.dtype))
+    for one in (*schema.BODIES, *schema.CONTACT_GEOMETRY, *schema.PROBES):
+        kind, _, name = re.split(r"/(\{\w+\})/", one.path)
+        for group in members.get(kind, {}).values():
+            Dataset(group)[name]
+    return members
 
 
 def _tree(group: Any) -> dict[str, Any]:
-    """The content of a group: groups as mappings, texts, arrays."""
+    """The content of a group: groups as mappings, texts, lists of texts, arrays."""
     return {name: _tree(item) if hasattr(item, "items") else _value(item) for name, item in group.items()}
 
 
 def _value(item: Any) -> Any:
-    return item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[...]
-
-
-def _text(root: Any, path: str) -> str:
-    return str(root[path].asstr()[()]) if path in root else ""
+    if not h5py.check_string_dtype(item.dtype):
+        return item[...]
+    text = item.asstr()[()]
+    return text.tolist() if isinstance(text, np.ndarray) else str(text)
 
 
 def _scalar(value: Any) -> str | int | float:

@@ -45,6 +45,15 @@ class Quantity(NamedTuple):
 Table = tuple[Quantity, ...]
 
 
+class Scalar(NamedTuple):
+    """A number per node of a field: a component of a quantity, None for the magnitude of a vector."""
+
+    quantity: str
+    component: int | None
+    label: str
+    unit: str
+
+
 def _table(prefix: str, *rows: tuple[str, str, str, str] | tuple[str, str, str, str, str]) -> Table:
     """Quantities below a prefix, from path, dimensions separated by spaces, unit, description and type."""
     return tuple(Quantity(prefix + path, tuple(axes.split()), *rest) for path, axes, *rest in rows)
@@ -106,7 +115,6 @@ NAMED_PATH: Table = _table(
 BODIES: Table = _table(
     "bodies/{body}/",
     ("points", "node xy", "length", "nodes of the undeformed body"),
-    ("degree", "", "", "degree of the local polynomials", "int64"),
     ("boundary/index", "boundary_node", "", "boundary nodes, surface by surface", "int64"),
     ("boundary/normal", "boundary_node xy", "", "outward normal"),
     ("boundary/name", "boundary_node", "", "name of the surface", "text"),
@@ -135,6 +143,7 @@ RUN_FILE: Table = (
         ("raw", "", "", "the case as given", "text"),
         ("resolved", "", "", "the case with all defaults", "text"),
     ),
+    *_table("bodies/{body}/", ("degree", "", "", "degree of the local polynomials", "int64")),
     *(*BODIES, *PATH, *NAMED_PATH, *CONTACT_GEOMETRY, *CONTACT_HISTORY, *PROBES, *SERIES, *MAPS),
     *_table("", ("fields/position", "state", "", "positions of the saved states")),
     *FIELDS,
@@ -290,6 +299,28 @@ SUMMARY: Table = (
     ),
 )
 """The keys of summary.json."""
+
+
+PREFIXES: Mapping[str, str] = {"displacement": "u", "stress": ""}
+"""What precedes a component in the name of a scalar; otherwise the name of the quantity and an underscore."""
+
+
+def scalars(table: Table) -> dict[str, Scalar]:
+    """The scalars of fields by name: von_mises, ux, uy and displacement, xx, yy and xy, strain_xx, ...
+
+    >>> scalars(FIELDS)["uy"]
+    Scalar(quantity='displacement', component=1, label='displacement in y', unit='length')
+    """
+    chosen: dict[str, Scalar] = {}
+    for one in table:
+        axis = one.dimensions[-1]
+        word = " in " if axis == "xy" else " "
+        for number, part in enumerate(COMPONENTS.get(axis, ())):
+            name = PREFIXES.get(one.name, f"{one.name}_") + part
+            chosen[name] = Scalar(one.name, number, f"{one.description}{word}{part}", one.unit)
+        if axis == "xy" or axis not in COMPONENTS:
+            chosen[one.name] = Scalar(one.name, None, one.description, one.unit)
+    return chosen
 
 
 def members(table: Table) -> dict[str, Quantity]:

@@ -242,9 +242,9 @@ def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:
-    if cloud.separation.closest < MIN_NODE_DISTANCE:
-        x, y = cloud.points[cloud.separation.node]
-        distance = cloud.separation.closest
+    distance = cloud.separation[0].min()
+    if distance < MIN_NODE_DISTANCE:
+        x, y = cloud.points[cloud.separation[0].argmin()]
         raise NumericalError(
             f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
             "make the spacing smaller there, or leave out the short side, small arc or sharp tip",

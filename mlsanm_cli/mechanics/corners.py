@@ -16,13 +16,14 @@ intensity factors undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
@@ -47,9 +48,6 @@ MIN_DISTANCE = 0.5
 MAX_MIXED_ANGLE = 1.4
 """Turn of the boundary (radians) above which, as at right corners, the change from a sliding to a free side
 causes no singular stress; on a straight boundary it is that of a crack."""
-
-SMOOTH_TURN = 0.3
-"""Corners that turn inward by less (radians) count as smooth: their displacements are nearly linear."""
 
 
 def thickness(cloud: Cloud) -> float:
@@ -83,7 +81,7 @@ def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) ->
     factor = np.ones(len(cloud.points))
     if settings.narrows:
         nodes = cloud.boundary_nodes
-        sharp = [node for node, turn, _ in _corners(cloud) if abs(turn) > SMOOTH_TURN]
+        sharp = [node for node, turn, _ in cloud.corners if abs(turn) > SMOOTH_TURN]
         away = corner[nodes] ** (1.0 / POWER)
         if len(sharp):
             distance = nearest(cKDTree(cloud.points[sharp]), cloud.points[nodes])[0]
@@ -105,7 +103,7 @@ def singular_changes(
         for name, (x, y) in ((name, restraints.get(name, FREE)) for name in cloud.surfaces)
     }
     found = set()
-    for node, turn, both in _corners(cloud):
+    for node, turn, both in cloud.corners:
         if held[both[0]] != held[both[1]]:
             clamped = {sum(restraints.get(each, FREE)) for each in both} == {0, 2}
             if clamped or (turn < MAX_MIXED_ANGLE and not {*both} & set(touching)):
@@ -115,18 +113,7 @@ def singular_changes(
 
 def reentrant_corners(cloud: Cloud) -> IntArray:
     """Nodes where two surfaces meet at a sharp reentrant corner."""
-    return np.array([node for node, turn, _ in _corners(cloud) if turn < -SMOOTH_TURN], dtype=np.int64)
-
-
-def _corners(cloud: Cloud) -> Iterator[tuple[int, float, tuple[str, str]]]:
-    """Nodes where two surfaces meet, the angle by which the outline turns there to the left, and the surfaces
-    before and after."""
-    for name, one in cloud.surfaces.items():
-        for other_name, other in cloud.surfaces.items():
-            if not one.curve.closed and one.index[-1] == other.index[0]:
-                (x, y), (u, v) = one.normal[-1], other.normal[0]
-                turn = float(np.arctan2(x * v - y * u, x * u + y * v))
-                yield int(other.index[0]), turn, (name, other_name)
+    return np.array([node for node, turn, _ in cloud.corners if turn < -SMOOTH_TURN], dtype=np.int64)
 
 
 def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:

@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Measures, Rule, corner_moments, measure
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
@@ -54,14 +54,15 @@ class Pieces:
     """The division of a ``cloud`` into k pieces, each ``strength`` (k,) times as strong as a node's rows.
 
     ``levels`` are piece numbers of all nodes (n,), -1 for none: the first level divides the body into
-    connected pieces, the second has pairs of neighbours at contact surfaces. ``whole`` are areas and
-    centroids. Loads and fluxes are 3k rows: forces x of all pieces, forces y, and moments about the centroids
-    over ``size`` (k,), the square root of the area.
+    connected pieces, the second has pairs of neighbours at contact surfaces. ``middle`` (k, 2) are centroids;
+    pieces that are not ``closed`` (k,) miss a part of the outline. Loads and fluxes are 3k rows: forces x of
+    all pieces, forces y, and moments about the centroids over ``size`` (k,), the square root of the area.
     """
 
     cloud: Cloud
     levels: tuple[IntArray, ...]
-    whole: Measures
+    middle: FloatArray
+    closed: BoolArray
     size: FloatArray
     strength: FloatArray
 
@@ -78,14 +79,12 @@ class Pieces:
             strength = np.append(strength, np.full(int(paired.max()) + 1, PAIR_WEIGHT))
             levels = (labels, np.where(paired >= 0, first + paired, -1))
         parts = [measure(cloud.points, cloud.faces, cloud.surfaces, level) for level in levels]
-        whole = Measures(
-            *(np.concatenate(one) for one in zip(*(vars(m).values() for m in parts), strict=True))
-        )
+        area, middle, closed = (np.concatenate(values) for values in zip(*parts, strict=True))
         nodal = sum(np.bincount(one[one >= 0], cloud.areas[one >= 0], len(strength)) for one in levels)
-        size = np.sqrt(np.where(whole.closed, whole.area, nodal))
+        size = np.sqrt(np.where(closed, area, nodal))
         main = slice(0, int(labels.max()) + 1)
         strength[main] *= np.minimum(1.0, size[main] / (WEIGHT_REACH * thickness(cloud)))
-        return cls(cloud, levels, whole, size, strength)
+        return cls(cloud, levels, middle, closed, size, strength)
 
     @property
     def labels(self) -> IntArray:
@@ -107,7 +106,7 @@ class Pieces:
         ``held`` components of the outline; at least those of ``wanted`` pieces (k,) are filled."""
         parts = (
             matrix @ model.forces_through(*places)
-            for matrix, *places in self._faces(held, wanted, _rule(model))
+            for matrix, *places in self._faces(held, wanted, rule_of(model))
         )
         return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, model.unknowns))))
 
@@ -130,9 +129,11 @@ class Pieces:
         quadrature points (e, t, 2), and normals times weights (e, t, 2)."""
         for level in self.levels:
             faces, chosen = self.cloud.faces.between(level), np.append(wanted, False)
-            edges = faces.select(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
-            out, into = (self._spread(level[at], edges.middle) for at in (edges.one, edges.other))
-            yield sparse.csr_array(into - out), edges.middle, edges.points, edges.normals
+            faces = faces.select(chosen[level[faces.one]] | chosen[level[faces.other]])
+            *ends, points, normals = faces.edges(rule)
+            middle = points.mean(axis=1)
+            out, into = (self._spread(level[at], middle) for at in ends)
+            yield sparse.csr_array(into - out), middle, points, normals
         for name, components in held.items():
             if any(components):
                 surface = self.cloud.surfaces[name]
@@ -157,7 +158,7 @@ class Pieces:
 
     def arm(self, owner: IntArray, points: FloatArray) -> FloatArray:
         """Arms (e, 2) of ``points`` (e, 2) about the centroids of pieces ``owner`` (e,), over their size."""
-        return np.asarray((points - self.whole.middle[owner]) / self.size[owner][:, None])
+        return np.asarray((points - self.middle[owner]) / self.size[owner][:, None])
 
     def loads(self, first_row: Mapping[str, int], rows: int, held: Held) -> sparse.csr_array:
         """Force and moment (3k, rows) on the pieces per right-hand side of a body's rows, the last 3k of
@@ -227,7 +228,7 @@ class Pieces:
             one, other = b - a, c - a
             area = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
             x, y = np.moveaxis(force[corners] - mean[owner][:, None], 2, 0)
-            arm = (points[corners] - self.whole.middle[owner][:, None]) / self.size[owner][:, None, None]
+            arm = (points[corners] - self.middle[owner][:, None]) / self.size[owner][:, None, None]
             across, along = np.moveaxis(arm, 2, 0)
             moment = ((across @ second) * y).sum(axis=1) - ((along @ second) * x).sum(axis=1)
             for row, values in enumerate((x @ first, y @ first, moment)):
@@ -246,7 +247,7 @@ class Pieces:
         """Matrix (3, 3k) from the pieces' forces and moments to force x, force y and moment about ``center``
         of the body."""
         one, none = self.main.astype(float), np.zeros(self.count)
-        x, y = one * (self.whole.middle - np.array(center)).T
+        x, y = one * (self.middle - np.array(center)).T
         lines = [[one, none, none], [none, one, none], [-y, x, one * self.size]]
         return sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
 
@@ -261,7 +262,7 @@ class Pieces:
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
         """Mask of the 3k rows of closed pieces, except where single (node, component) pairs ``hidden`` hold
         the body, whose forces are in no flux."""
-        known = np.tile(self.whole.closed, 3)
+        known = np.tile(self.closed, 3)
         for node, component in hidden:
             for level in self.levels:
                 if level[node] >= 0:
@@ -269,7 +270,7 @@ class Pieces:
         return known
 
 
-def _rule(model: BodyModel) -> Rule:
+def rule_of(model: BodyModel) -> Rule:
     """Gauss rule that integrates moments of stresses of the polynomial degree exactly."""
     return GAUSS[model.settings.degree // 2 + 1]
 
@@ -291,7 +292,7 @@ def reaction_rows(
 ) -> sparse.csr_array:
     """Rows (3, 2N) of force x, y and moment about ``center`` of a held surface on its body, in ``held``
     components, as in the rows of the pieces."""
-    points, normals = _along(surface, Halves.of(surface, _rule(model)))
+    points, normals = _along(surface, Halves.of(surface, rule_of(model)))
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
     along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
@@ -308,7 +309,7 @@ def reaction_of(
     stress: Callable[[FloatArray], FloatArray],
 ) -> FloatArray:
     """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
-    points, normals = _along(surface, Halves.of(surface, _rule(model)))
+    points, normals = _along(surface, Halves.of(surface, rule_of(model)))
     x, y = (traction_of(stress(points), normals) * np.array(held)).T
     arm = points - np.array(center)
     return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])

@@ -198,9 +198,9 @@ def _along_lines(body: ElasticBody, owner: IntArray, force: FloatArray, at: Floa
     """Force and moment (3p, k, 2) on the pieces ``owner`` (e,), -1 for none, by ``force`` (e, k, 2, 2) with
     lines of action through ``at`` (k or 1, 2)."""
     pieces = body.pieces
-    sums = pieces.gathered(owner, pieces.whole.middle[owner], np.moveaxis(force, 2, 1))
+    sums = pieces.gathered(owner, pieces.middle[owner], np.moveaxis(force, 2, 1))
     x, y, _ = sums.reshape(3, pieces.count, *sums.shape[1:])
-    arm = (at - pieces.whole.middle[:, None]) / pieces.size[:, None, None]
+    arm = (at - pieces.middle[:, None]) / pieces.size[:, None, None]
     return np.concatenate([x, y, arm[:, :, :1] * y - arm[:, :, 1:] * x])
 
 

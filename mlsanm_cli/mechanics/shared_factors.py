@@ -27,9 +27,5 @@ def with_shared_factors(twin: ElasticBody, model: BodyModel) -> ElasticBody:
     """The body of ``model`` with the system of ``twin``, for which :func:`is_translated_copy` holds."""
     shift = model.cloud.points[0] - twin.model.cloud.points[0]
     center = (twin.free.center[0] + float(shift[0]), twin.free.center[1] + float(shift[1]))
-    pieces = replace(
-        twin.pieces,
-        cloud=model.cloud,
-        whole=replace(twin.pieces.whole, middle=twin.pieces.whole.middle + shift),
-    )
+    pieces = replace(twin.pieces, cloud=model.cloud, middle=twin.pieces.middle + shift)
     return replace(twin, model=model, free=replace(twin.free, center=center), pieces=pieces)

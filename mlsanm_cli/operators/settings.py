@@ -21,8 +21,8 @@ from this degree on. It halves some errors; 0.8 doubles noise, and at degree 2 f
 class MlsSettings:
     """``degree`` of the local polynomial (1 to 6) and ``neighbors`` per stencil (None: by degree). With
     ``corners`` fits are enriched by singular functions at reentrant corners; with ``narrow`` one-sided fits
-    have narrower weights from ONE_SIDED_DEGREE on, and their equilibrium counts less: at finite strain a block
-    compressed by two fifths was 0.9 % too stiff with them, 0.4 % without."""
+    have narrower weights from ONE_SIDED_DEGREE on, and their equilibrium counts less: at finite strain a
+    block compressed by two fifths was 0.9 % too stiff with them, 0.4 % without."""
 
     degree: int = 2
     neighbors: int | None = None

@@ -1,19 +1,62 @@
-"""Results of a state at plates, probes and contact nodes."""
+"""Quantities of a state at small strain: forces, plates, probes and contacts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.io.records import ProbeRecord
+from mlsanm_cli.contact.laws.contact_status import STICK
+from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Platen, RigidConstraint, RigidMotion
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
+
+
+def quantities(built: CondensedScene, state: State) -> Quantities:
+    """The quantities of a state, as rows of run.h5 have them."""
+    condensed = built.condensed
+    return {
+        "factors": dict(zip(built.scene.loads, state.factors.tolist(), strict=True)),
+        "resultants": {name: force(*state.unknowns) for name, force in condensed.forces.items()},
+        "displacements": platen_displacements(built, state),
+        "contacts": {one.name: contact_values(built, one, state) for one in condensed.reported},
+        "probes": {name: probe_values(built, name, state) for name in condensed.probes},
+    }
+
+
+def contact_values(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
+    """Pressures (m,), tractions, gaps, slips and status of a contact, and its dissipated work. Without
+    friction there is no traction, and slip is not computed (nan); bonds stick, whatever they carry."""
+    if pairing.bonded:
+        pressure, traction = built.condensed.contact_values(pairing, state.unknowns)
+        gap, work = np.zeros(len(pressure)), 0.0
+        slip, status = gap, np.full(len(pressure), STICK, dtype=np.int8)
+    else:
+        span = built.condensed.spans[pairing.name]
+        pressure, gap, status = state.pressure[span], state.gap[span], state.status[span]
+        traction, slip, work = np.zeros(len(pressure)), np.full(len(pressure), np.nan), 0.0
+        if pairing.name in built.condensed.tangential:
+            own = built.condensed.tangential[pairing.name]
+            traction, slip = state.traction[own], state.slip[own]
+            work = float(built.condensed.weight[span] @ state.work[own])
+    values = {"pressure": pressure, "traction": traction, "gap": gap, "slip": slip, "status": status}
+    return values | {"dissipated_work": work}
+
+
+def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
+    """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
+    span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
+    pressure = state.pressure[span]
+    pressed = state.closed[span] & (pressure > ROUND_OFF * pressure.max(initial=0.0))
+    limit = built.condensed.friction[own][pressed] * pressure[pressed]
+    return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:
@@ -59,10 +102,11 @@ def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstra
             yield constraint, motion, float(next(unknown) if given is None else given @ state.factors)
 
 
-def probe_record(built: CondensedScene, name: str, state: State) -> ProbeRecord:
-    """Values at a probe in a state."""
+def probe_values(built: CondensedScene, name: str, state: State) -> dict[str, Any]:
+    """Displacement (2,), stress xx, yy, xy (3,) and von Mises stress at a probe."""
     values = built.condensed.probes[name](*state.unknowns)
     body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
     stress, material = values[2:], built.scene.bodies[body].model.material
     across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))
-    return ProbeRecord(values[:2], stress, float(von_mises(stress[None], across)[0]))
+    mises = float(von_mises(stress[None], across)[0])
+    return {"displacement": values[:2], "stress": stress, "von_mises": mises}

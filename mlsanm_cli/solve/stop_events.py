@@ -20,7 +20,7 @@ from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.functionals import platen_displacements, probe_record
+from mlsanm_cli.solve.functionals import platen_displacements, probe_values
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 LIMIT_TOLERANCE = 1e-10
@@ -143,9 +143,9 @@ def value_of(built: CondensedScene, stop: Stop, state: State) -> float:
         moved = platen_displacements(built, state)
         if stop.of in moved:
             return _along(stop, moved[stop.of])
-        return _along(stop, probe_record(built, stop.of, state).displacement)
+        return _along(stop, probe_values(built, stop.of, state)["displacement"])
     if stop.what == "von_mises":
-        return probe_record(built, stop.of, state).von_mises
+        return float(probe_values(built, stop.of, state)["von_mises"])
     span = condensed.spans[stop.of]
     if stop.what == "area":
         return float(condensed.weight[span] @ state.closed[span])

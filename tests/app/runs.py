@@ -86,5 +86,5 @@ def resumed_differences(one: Path, other: Path, tolerance: float = 1e-6) -> list
         if not np.allclose(a, b, rtol=0.0, atol=tolerance * size, equal_nan=True):
             found.append(name)
     events = [[event["index"] for event in events_of(place, "step")] for place in (one, other)]
-    rows = first.path.rows, second.path.rows
+    rows = first.rows, second.rows
     return found + [f"events {k}" for k in (0, 1) if events[k] != list(range(rows[k]))]

@@ -14,17 +14,17 @@ import pytest
 
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.checks import quality
-from mlsanm_cli.app.results import plot as plot_module
-from mlsanm_cli.app.results import views
+from mlsanm_cli.app.results.bodies import bodies_picture
+from mlsanm_cli.app.results.choice import Choice
+from mlsanm_cli.app.results.curves import pressure_picture
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.scene import size_estimate as estimate
 from mlsanm_cli.case import parse_case, stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.cloud.quality import CloudQuality
 from mlsanm_cli.errors import CaseError, RunError
-from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.run_reader import Dataset, SavedState, read_run
 from tests.app.runs import events_of, summary_of
 from tests.app.scenes import BAR, FAST, PATCH, Quiet, done, hertz, solve
 
@@ -176,23 +176,27 @@ def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
     assert all(file.stat().st_size > 2000 for file in files)
 
 
-def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pressure_picture(hertz_run: Path) -> None:
     """Saved levels from the series, coordinates from the middle, Hertz' formula for the last level."""
-    calls: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(plot_module, "plot_pressure", lambda *arguments, **words: calls.append(arguments))
-    plot(hertz_run, choice=Choice(("pressure",)))
-    _, name, coordinate, pressure, labels, reference, _ = calls[0]
-    assert name == "interface"
-    assert labels == ["position 0.3", "position 0.7", "position 1"]
-    assert coordinate == pytest.approx(-coordinate[::-1], abs=1e-6)
-    weight = read_run(hertz_run).contacts["interface"].weight
+    run = read_run(hertz_run)
+    upper, lower = pressure_picture(run, stored_case(run.case_resolved), "interface", Choice()).panels
+    *levels, formula = upper.curves
+    assert [curve.label for curve in levels] == ["position 0.3", "position 0.7", "position 1"]
+    assert levels[0].x == pytest.approx(-levels[0].x[::-1], abs=1e-6)
+    weight = run.contacts["interface"].weight
+    # Nodes without pressure far from the contact are not shown.
+    hidden = (len(weight) - len(levels[0].x)) // 2
+    weight = weight[hidden : len(weight) - hidden]
     # The force of each level is the load's, although 0.3 and 0.7 lie inside steps.
-    assert pressure @ weight == pytest.approx([0.3 * 226.0, 0.7 * 226.0, 226.0], rel=2e-3)
+    forces = [curve.y @ weight for curve in levels]
+    assert forces == pytest.approx([0.3 * 226.0, 0.7 * 226.0, 226.0], rel=2e-3)
     summary = summary_of(hertz_run)["contacts"]["interface"]["reference"]
     # By the sum of the pressures times their weights; the summary's is by their integral.
-    assert reference.pressure.max() == pytest.approx(summary["peak_pressure"], rel=2e-5)
-    loaded = reference.arc[reference.pressure > 0.0]
+    assert formula.y.max() == pytest.approx(summary["peak_pressure"], rel=2e-5)
+    loaded = formula.x[formula.y > 0.0]
     assert 0.5 * np.ptp(loaded) == pytest.approx(summary["half_width"], rel=0.02)
+    difference = 100.0 * (levels[-1].y - np.interp(levels[-1].x, formula.x, formula.y)) / formula.y.max()
+    assert lower.curves[-1].y == pytest.approx(difference)
 
 
 @pytest.mark.parametrize("fields", ['["stress"]', "[]"])
@@ -205,17 +209,17 @@ def test_plot_with_few_fields(fields: str, tmp_path: Path) -> None:
 def test_colour_of_the_bodies(bar_run: Path) -> None:
     """Von Mises is made from stored stresses where it was not stored itself."""
     run = read_run(bar_run)
-    case = stored_case(run.case_resolved)
-    fields = run.states[-1].bodies["bar"]
-    stored, label = views.field_of(case, "bar", fields, fields["displacement"], None)
-    derived = {"stress": fields["stress"]}
-    made, same = views.field_of(case, "bar", derived, fields["displacement"], None)
-    assert label == same == "von Mises stress"
-    assert made == pytest.approx(stored)
-    assert stored == pytest.approx(np.sqrt(30.0**2 + 40.0**2 + 1200.0))
-    size, label = views.field_of(case, "bar", {}, fields["displacement"], None)
-    assert label == "displacement"
-    assert size.max() == np.hypot(*fields["displacement"].T).max()
+    case, state = stored_case(run.case_resolved), run.states[-1]
+    (body,) = bodies_picture(run, case, state, None).bodies
+    stress = Dataset({"bar": {"stress": state.bodies["bar"].stress}})
+    picture = bodies_picture(run, case, SavedState(state.position, stress), None)
+    assert picture.label == "von Mises stress"
+    assert picture.bodies[0].scalar == pytest.approx(body.scalar)
+    assert body.scalar == pytest.approx(np.sqrt(30.0**2 + 40.0**2 + 1200.0))
+    moved = Dataset({"bar": {"displacement": state.bodies["bar"].displacement}})
+    picture = bodies_picture(run, case, SavedState(state.position, moved), None)
+    assert picture.label == "displacement"
+    assert picture.bodies[0].scalar.max() == np.hypot(*state.bodies["bar"].displacement.T).max()
 
 
 def test_a_failed_run_keeps_what_it_has(
@@ -235,7 +239,7 @@ def test_a_failed_run_keeps_what_it_has(
     assert summary["directory"] == "results/case"
     run = read_run(directory)
     assert run.status == "failed"
-    assert run.path.rows == 5
+    assert run.rows == 5
     assert info(directory)["position"] == run.path.position[-1]
     assert {f.name for f in plot(directory)} >= {"plot_pressure_interface.png", "plot_force.png"}
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from mlsanm_cli.app.context import Stopper
+from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.sweep.point import SweepPoint, solve_point
 from mlsanm_cli.io.run_reader import read_run
@@ -58,7 +58,7 @@ def test_a_second_run_is_refused_and_a_signal_leaves_a_readable_one(tmp_path: Pa
     assert "signal" in summary["stop_reason"]
     run = read_run(tmp_path / "run")
     assert run.status == "stopped"
-    assert run.path.rows == summary["steps"] + 1 >= 5
+    assert run.rows == summary["steps"] + 1 >= 5
     assert 0.0 < run.path.position[-1] == summary["position"] < 1.0
     assert summary["contacts"]["interface"]["peak_pressure"] > 0.0
     assert (tmp_path / "run" / "interface.csv").is_file()
@@ -76,7 +76,7 @@ def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
     wait_for_steps(tmp_path / "run", 20, lambda: process.poll() is None)
     process.kill()
     process.communicate()
-    assert read_run(tmp_path / "run").path.rows >= 19
+    assert read_run(tmp_path / "run").rows >= 19
     assert "killed" in info(tmp_path / "run")["stop_reason"]
     assert resume(tmp_path / "run", console=Quiet())["status"] == "done"
     assert resumed_differences(tmp_path / "case", tmp_path / "run") == []

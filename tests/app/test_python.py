@@ -88,7 +88,7 @@ def test_a_contact_is_known_anywhere_on_the_path(run: mlsanm.Run) -> None:
 def test_columns_of_the_path_are_those_of_the_table(run: mlsanm.Run) -> None:
     head = (run.directory / "path.csv").read_text().splitlines()[0].split(",")
     assert list(run.path) == head
-    assert all(len(column) == run.data.path.rows for column in run.path.values())
+    assert all(len(column) == run.data.rows for column in run.path.values())
 
 
 def test_fields_fill_the_body_and_points_lie_between(run: mlsanm.Run) -> None:

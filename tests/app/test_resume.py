@@ -72,11 +72,11 @@ def test_a_run_cut_short_is_resumed_to_the_same_result(name: str, tmp_path: Path
     text, settings = PATHS[name]
     whole, cut = tmp_path / "case", tmp_path / "cut"
     solve(text, whole, *settings)
-    rows = read_run(whole).path.rows
+    rows = read_run(whole).rows
     kept = max(rows * 2 // 3, 1)
     with pytest.raises(Killed):
         run(tmp_path / "case.toml", overrides=settings, out=cut, console=Deadly(kept - 1))
-    assert (read_run(cut).path.rows, read_run(cut).status) == (kept, "running")
+    assert (read_run(cut).rows, read_run(cut).status) == (kept, "running")
     assert "mlsanm resume" in info(cut)["hint"]
     console = Quiet()
     assert resume(cut, console=console)["status"] == "done"
@@ -137,7 +137,7 @@ def test_the_wall_time_ends_a_run(whole: Path, tmp_path: Path) -> None:
     # Steps that are done are not followed again: they need none of the wall time.
     console = Deadly(-1)
     assert resume(tmp_path / "cut", console=console)["status"] == "done"
-    assert abs(len(console.steps) - (read_run(whole).path.rows - 10)) <= 2
+    assert abs(len(console.steps) - (read_run(whole).rows - 10)) <= 2
     assert resumed_differences(whole, tmp_path / "cut") == []
 
 
@@ -178,7 +178,7 @@ def test_a_model_that_does_not_come_out_again_is_told(tmp_path: Path) -> None:
         file["case/resolved"] = resolved.replace("-226.0", "-227.0")
 
     refused_after(heavier, "contacts/interface/weight is not reproduced")
-    assert read_run(cut).path.rows == 10
+    assert read_run(cut).rows == 10
     state, damaged = "checkpoint/path/state", "checkpoint of the run cannot be read"
     refused_after(lambda file: file.move(f"{state}/pressure", f"{state}/stress"), damaged)
     refused_after(lambda file: file.pop("checkpoint"), damaged)
@@ -195,7 +195,7 @@ def test_events_are_complete(tmp_path: Path) -> None:
     last = log.read_text().splitlines(keepends=True)[-1]
     log.write_text(f"{log.read_text()}{last.replace('9', '10', 1)}{last[:20]}")
     resume(tmp_path / "cut", console=Quiet())
-    rows = read_run(tmp_path / "cut").path.rows
+    rows = read_run(tmp_path / "cut").rows
     assert [one["index"] for one in events_of(tmp_path / "cut", "step")] == list(range(rows))
     others = events_of(tmp_path / "cut", "start", "resume", "end", "failure")
     assert [one["event"] for one in others] == ["start", "resume", "end"]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.peers.scenes import REFERENCE, read_profile
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.io.run_reader import ContactData
+from mlsanm_cli.io.run_reader import Dataset
 from tests.app.scenes import SMOOTH_LAW
 from tests.cases.test_published import Run, solve
 
@@ -29,7 +30,7 @@ def smooth(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return solve("cattaneo_mindlin", tmp_path_factory.mktemp("friction") / "smooth", SMOOTH_LAW, COARSE)
 
 
-def contact_of(run: Run) -> ContactData:
+def contact_of(run: Run) -> Any:
     return run[1].contacts["interface"]
 
 
@@ -37,7 +38,7 @@ def row(run: Run, position: float) -> int:
     return int(np.flatnonzero(run[1].path.position == position)[0])
 
 
-def even(contact: ContactData, traction: FloatArray, x: FloatArray) -> FloatArray:
+def even(contact: Dataset, traction: FloatArray, x: FloatArray) -> FloatArray:
     """The part of a traction that is even about the middle, at coordinates x."""
     order = np.argsort(contact.points[:, 0])
     nodes, values = contact.points[order, 0], traction[order]

@@ -72,7 +72,7 @@ def test_hertz_by_series(exact: Run, regularised: Run) -> None:
     summary, data = regularised
     contact, path = data.contacts["interface"], data.path
     assert summary["steps"] <= 80
-    assert path.rows == summary["steps"] + 1
+    assert data.rows == summary["steps"] + 1
     assert path.residual.max() <= 1e-8
     assert contact.gap.min() > 0.0
     reference = exact[1].contacts["interface"].pressure[-1]

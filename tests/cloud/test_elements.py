@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops
+from mlsanm_cli.cloud.elements import boundary_loops
 from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import GeometryError
 
-NONE = EdgeNames(np.zeros((0, 2), dtype=np.int64), (), {})
+NO_LINES: IntArray = np.zeros((0, 2), dtype=np.int64)
 
 
 def grid(nx: int, ny: int) -> tuple[FloatArray, IntArray]:
@@ -25,20 +25,17 @@ def test_the_boundary_runs_around_the_material_whatever_the_elements_orientation
     mixed = quads.copy()
     mixed[::2] = mixed[::2, ::-1]
     for rings in ((quads,), (mixed,), (mixed[:, ::-1],), (quads[:4], mixed[4:, :3], mixed[4:, [2, 3, 0]])):
-        (loop,) = boundary_loops(points, rings, NONE)
+        (loop,) = boundary_loops(points, rings, NO_LINES, (), {})
         assert signed_area(points[loop.nodes]) == pytest.approx(9.0)
-    outer, hole = boundary_loops(points, (np.delete(mixed, 4, axis=0),), NONE)
+    outer, hole = boundary_loops(points, (np.delete(mixed, 4, axis=0),), NO_LINES, (), {})
     assert {signed_area(points[x.nodes]) for x in (outer, hole)} == {9.0, -1.0}
 
 
 def test_lines_and_node_sets_name_edges() -> None:
     points, quads = grid(3, 2)
-    marks = EdgeNames(
-        np.array([[0, 1], [2, 1], [5, 1]]),
-        ("floor", "floor", "inside"),
-        {"left": np.array([0, 4, 8]), "all": np.arange(12), "point": np.array([3])},
-    )
-    (loop,) = boundary_loops(points, (quads,), marks)
+    lines, names = np.array([[0, 1], [2, 1], [5, 1]]), ("floor", "floor", "inside")
+    sets = {"left": np.array([0, 4, 8]), "all": np.arange(12), "point": np.array([3])}
+    (loop,) = boundary_loops(points, (quads,), lines, names, sets)
     named = {
         (int(a), int(b)): name
         for a, b, name in zip(loop.nodes, np.roll(loop.nodes, -1), loop.names, strict=True)
@@ -96,12 +93,12 @@ def test_elements_that_are_no_body_are_refused(
     body: tuple[FloatArray, tuple[IntArray, ...]], words: str
 ) -> None:
     with pytest.raises(GeometryError, match=words):
-        boundary_loops(*body, NONE)
+        boundary_loops(*body, NO_LINES, (), {})
 
 
 def test_marks_that_do_not_fit_are_refused() -> None:
     points, quads = grid(2, 1)
     with pytest.raises(GeometryError, match=r"line element near \(0.5, 0.5\) is not an edge"):
-        boundary_loops(points, (quads,), EdgeNames(np.array([[0, 4]]), ("a",), {}))
+        boundary_loops(points, (quads,), np.array([[0, 4]]), ("a",), {})
     with pytest.raises(GeometryError, match=r'groups "a" and "b" share the edge near \(0.5, 0\)'):
-        boundary_loops(points, (quads,), EdgeNames(np.array([[0, 1], [1, 0]]), ("a", "b"), {}))
+        boundary_loops(points, (quads,), np.array([[0, 1], [1, 0]]), ("a", "b"), {})

@@ -7,8 +7,8 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
-from mlsanm_cli.cloud.curves import Segment, rectangle
-from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, mirrored, trace
+from mlsanm_cli.cloud.curves import Outline, Segment, rectangle
+from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, mirrored, trace
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.splines import SplinePart
@@ -36,18 +36,18 @@ def ring(count: int, radius: float = 1.0, turn: float = 1.0) -> FloatArray:
     return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def ends(traced: Traced) -> list[tuple[list[float], list[float]]]:
+def ends(traced: Outline) -> list[tuple[list[float], list[float]]]:
     return [
         (c.points(np.zeros(1))[0].round(12).tolist(), c.points(np.array([c.length]))[0].round(12).tolist())
-        for c in traced.outline.curves
+        for c in traced.curves
     ]
 
 
 def test_a_square_has_four_straight_sides_from_its_lowest_corner() -> None:
     points = np.roll(square(), 5, axis=0)
     traced = trace(points, [loop(16, "")], CORNER)
-    assert traced.outline.names == ("edge1", "edge2", "edge3", "edge4")
-    assert all(isinstance(curve, Segment) for curve in traced.outline.curves)
+    assert traced.names == ("edge1", "edge2", "edge3", "edge4")
+    assert all(isinstance(curve, Segment) for curve in traced.curves)
     assert ends(traced)[0] == ([0.0, 0.0], [1.0, 0.0])
     assert [len(nodes) for nodes in traced.nodes] == [5] * 4
 
@@ -55,7 +55,7 @@ def test_a_square_has_four_straight_sides_from_its_lowest_corner() -> None:
 def test_names_split_the_outline_and_repeated_ones_get_numbers() -> None:
     named = Loop(np.arange(16), ("wall",) * 8 + ("roof",) * 2 + ("",) * 2 + ("wall",) * 4)
     traced = trace(square(), [named], CORNER)
-    assert traced.outline.names == ("wall1", "wall2", "roof", "edge1", "wall3")
+    assert traced.names == ("wall1", "wall2", "roof", "edge1", "wall3")
     assert ends(traced)[2] == ([1.0, 1.0], [0.5, 1.0])
     with pytest.raises(GeometryError, match='two boundaries would be called "edge1"'):
         trace(square(), [Loop(np.arange(16), ("edge1",) * 4 + ("",) * 12)], CORNER)
@@ -63,7 +63,7 @@ def test_names_split_the_outline_and_repeated_ones_get_numbers() -> None:
 
 def test_a_change_of_name_alone_leaves_no_kink() -> None:
     traced = trace(ring(40), [loop(40, "upper", "lower")], CORNER)
-    one, other = traced.outline.curves
+    one, other = traced.curves
     assert isinstance(one, SplinePart)
     assert isinstance(other, SplinePart)
     assert one.spline is other.spline
@@ -76,15 +76,15 @@ def test_holes_come_after_the_outer_boundary_and_face_the_material() -> None:
     points = np.concatenate([ring(30, 0.3, -1.0), ring(60)])
     inner, outer = Loop(np.arange(30), ("hole",) * 30), Loop(np.arange(30, 90), ("rim",) * 60)
     traced = trace(points, [inner, outer], CORNER)
-    assert traced.outline.names == ("rim", "hole")
-    assert traced.outline.starts == (0, 1)
-    rim, hole = traced.outline.curves
+    assert traced.names == ("rim", "hole")
+    assert traced.starts == (0, 1)
+    rim, hole = traced.curves
     assert rim.closed
     assert hole.closed
     s = np.array([0.1])
     assert (rim.normals(s) * rim.points(s)).sum() == pytest.approx(1.0, abs=1e-3)
     assert (hole.normals(s) * hole.points(s)).sum() == pytest.approx(-0.3, abs=1e-3)
-    cloud = build_cloud(traced.outline, Spacing(0.1), 0)
+    cloud = build_cloud(traced, Spacing(0.1), 0)
     assert cloud.areas.sum() == pytest.approx(np.pi * (1.0 - 0.09), rel=0.01)
 
 
@@ -92,7 +92,7 @@ def test_a_loop_with_one_corner_is_two_curves() -> None:
     angle = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 31)
     drop = np.concatenate([[[-1.4, 0.0]], np.stack([np.cos(angle), np.sin(angle)], axis=1)])
     traced = trace(drop, [loop(32, "rim")], np.radians(60.0))
-    assert traced.outline.names == ("rim1", "rim2")
+    assert traced.names == ("rim1", "rim2")
     assert traced.nodes[0][0] == traced.nodes[1][-1] == 0
 
 

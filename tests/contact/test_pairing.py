@@ -262,7 +262,7 @@ def test_gaps_to_a_master_known_by_its_nodes_converge_to_those_of_its_circle() -
         rim = 1.1 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         outer = np.array([[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]])
         loops = [Loop(np.arange(4), ("",) * 4), Loop(4 + np.arange(count), ("hole",) * count)]
-        hole = build_cloud(trace(np.concatenate([outer, rim]), loops, 0.7).outline, Spacing(0.1), 0)
+        hole = build_cloud(trace(np.concatenate([outer, rim]), loops, 0.7), Spacing(0.1), 0)
         pairing = pair_surfaces("c", "pin", pin, pin.surfaces["arc"], ("hole", hole.surfaces["hole"]))
         assert len(pairing.position) == len(pin.surfaces["arc"].index)
         exact = 1.1 - np.hypot(*pin.points[pairing.node].T)

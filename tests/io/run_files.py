@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from mlsanm_cli.io.records import ContactRecord, row
+from mlsanm_cli.io.records import row
 from mlsanm_cli.io.run_file import RunFile
 
 M = 7  # slave nodes of the contact
@@ -16,18 +16,19 @@ LOADS = ["squeeze", "press"]
 RESULTANTS = ["press", "block.bottom"]
 
 
-def contact_record(step: int) -> ContactRecord:
+def contact_values(step: int) -> dict[str, Any]:
     base = np.linspace(0.0, 1.0, M) + step
-    return ContactRecord(
-        pressure=base,
-        traction=base + 0.1,
-        gap=base + 0.2,
-        slip=base + 0.3,
-        status=np.array([0, 1, 2, 0, 1, 2, step % 3], dtype=np.int8),
-    )
+    return {
+        "pressure": base,
+        "traction": base + 0.1,
+        "gap": base + 0.2,
+        "slip": base + 0.3,
+        "status": np.array([0, 1, 2, 0, 1, 2, step % 3], dtype=np.int8),
+        "dissipated_work": 0.0,
+    }
 
 
-def step_row(step: int, seconds: float = 0.5, contacts: dict[str, ContactRecord] | None = None) -> Any:
+def step_row(step: int, seconds: float = 0.5, contacts: dict[str, dict[str, Any]] | None = None) -> Any:
     figures = {"step_length": 0.125, "residual": 1e-9 * step, "order": 20}
     return row(
         path={
@@ -37,11 +38,11 @@ def step_row(step: int, seconds: float = 0.5, contacts: dict[str, ContactRecord]
             "solves": 20 * step,
             "seconds": seconds,
         },
-        factors={"squeeze": 1.0, "press": step / 8},
-        resultants={"press": np.array([0.0, -step]), "block.bottom": np.array([0.5, step])},
-        displacements={},
-        contacts={"interface": contact_record(step)} if contacts is None else contacts,
-        probes={},
+        quantities={
+            "factors": {"squeeze": 1.0, "press": step / 8},
+            "resultants": {"press": np.array([0.0, -step]), "block.bottom": np.array([0.5, step])},
+            "contacts": {"interface": contact_values(step)} if contacts is None else contacts,
+        },
     )
 
 

@@ -17,10 +17,10 @@ from scipy.spatial import Delaunay
 
 from mlsanm_cli.contact.geometry.profile import is_singular, regular_peak
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plots import cloud as plot_cloud
-from mlsanm_cli.io.plots import figures, plots
-from mlsanm_cli.io.plots.cloud import CloudBody
-from mlsanm_cli.io.plots.plots import PlotCurve, ReferenceCurve, plot_curves, plot_pressure
+from mlsanm_cli.io.plots import cloud, figures
+from mlsanm_cli.io.plots import curves as plotted
+from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
+from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, cut_off_above, draw, visible_range
 from mlsanm_cli.io.run_dir import PICTURE_SIGNATURE
 
 if TYPE_CHECKING:
@@ -28,17 +28,10 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[2]
 ARC = np.linspace(-5.0, 5.0, 101)
-LEVELS = ["position 0.5", "position 1"]
-X = np.linspace(-1.0, 1.0, 201)
-HERTZ = ReferenceCurve(X, 200.0 * np.sqrt(1.0 - X**2), "Hertz")
-
-
-def pressure(peak: float = 200.0, width: float = 1.0) -> Any:
-    return peak * np.sqrt(np.maximum(1.0 - (ARC / width) ** 2, 0.0))
-
-
-def two_levels() -> Any:
-    return np.array([pressure(100.0, 0.5), pressure()])
+CURVES = Picture(
+    [Panel([Curve(ARC, ARC, "a"), Curve(ARC, ARC**2, "b", joined=False)], "x", "y")], "t", "best"
+)
+STACKED = Picture([Panel([Curve(ARC, ARC, "a")], "x", "y")] * 2, "t", "outside right upper", (7.2, 4.8))
 
 
 def square(count: int = 8) -> CloudBody:
@@ -47,15 +40,14 @@ def square(count: int = 8) -> CloudBody:
     return CloudBody(points, 0.01 * points, points[:, 0], Delaunay(points).simplices.astype(np.int64))
 
 
-def draw(directory: Path, kind: str, suffix: str) -> bytes:
+def content(directory: Path, kind: str, suffix: str) -> bytes:
     """The content of a picture."""
     path = directory / f"plot_{kind}{suffix}"
-    if kind == "pressure":
-        plot_pressure(path, "interface", ARC, two_levels(), LEVELS, HERTZ)
-    elif kind == "path":
-        plot_curves(path, [PlotCurve(ARC, ARC, "a"), PlotCurve(ARC, ARC**2, "b", False)], "x", "y", "t")
+    if kind == "cloud":
+        detail = (0.0, 0.5, 0.0, 0.5)
+        plot_bodies(path, BodyPicture([square(4)], "von Mises", "scene", 2.0, detail=detail))
     else:
-        plot_cloud.plot_cloud(path, [square(4)], "von Mises", "scene", 2.0, (0.0, 0.5, 0.0, 0.5))
+        draw(path, CURVES if kind == "path" else STACKED)
     return path.read_bytes()
 
 
@@ -70,16 +62,16 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
         yield figure
         caught.append(figure)
 
-    monkeypatch.setattr(plots, "picture", keep)
-    monkeypatch.setattr(plot_cloud, "picture", keep)
+    monkeypatch.setattr(plotted, "picture", keep)
+    monkeypatch.setattr(cloud, "picture", keep)
     return caught
 
 
-@pytest.mark.parametrize(("kind", "suffix"), [("path", ".png"), ("pressure", ".svg"), ("cloud", ".pdf")])
+@pytest.mark.parametrize(("kind", "suffix"), [("path", ".png"), ("stacked", ".svg"), ("cloud", ".pdf")])
 def test_files_are_valid_marked_as_ours_and_equal_for_equal_data(
     tmp_path: Path, kind: str, suffix: str
 ) -> None:
-    picture = draw(tmp_path, kind, suffix)
+    picture = content(tmp_path, kind, suffix)
     assert PICTURE_SIGNATURE in picture
     if suffix == ".png":
         assert picture.startswith(b"\x89PNG\r\n")
@@ -87,7 +79,7 @@ def test_files_are_valid_marked_as_ours_and_equal_for_equal_data(
         assert picture.startswith(b"%PDF-")
     else:
         assert ET.fromstring(picture).tag == "{http://www.w3.org/2000/svg}svg"
-    assert draw(tmp_path, kind, suffix) == picture
+    assert content(tmp_path, kind, suffix) == picture
     assert {path.suffix for path in tmp_path.iterdir()} == {suffix}
 
 
@@ -96,9 +88,9 @@ def test_pictures_need_no_display_and_no_pyplot(tmp_path: Path) -> None:
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from pathlib import Path\n"
         "import numpy as np\n"
-        "from mlsanm_cli.io.plots.plots import PlotCurve, plot_curves\n"
-        "curve = PlotCurve(np.arange(3.), np.arange(3.), 'a')\n"
-        "plot_curves(Path(sys.argv[2]), [curve], 'x', 'y', 't')\n"
+        "from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw\n"
+        "curve = Curve(np.arange(3.), np.arange(3.), 'a')\n"
+        "draw(Path(sys.argv[2]), Picture([Panel([curve], 'x', 'y')]))\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
     bare = {key: value for key, value in os.environ.items() if key not in {"DISPLAY", "MPLBACKEND"}}
@@ -113,30 +105,30 @@ def test_pictures_need_no_display_and_no_pyplot(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").stat().st_size > 1000
 
 
-def test_difference_is_the_last_level_against_the_reference_in_percent_of_its_peak(
-    kept: list[Figure],
-) -> None:
-    levels = np.array([pressure(100.0, 0.5), 1.01 * pressure()])
-    plot_pressure(Path("a.png"), "interface", ARC, levels, LEVELS, HERTZ)
-    upper, lower = kept[0].axes
-    assert upper.get_lines()[-1].get_label() == "Hertz"
-    _, line = lower.get_lines()
-    difference = np.asarray(line.get_ydata())
-    assert difference.max() == pytest.approx(1.0, abs=1e-12)
-    assert difference.min() > -1e-9
-    assert upper.get_xlim() == lower.get_xlim()
+def test_panels_share_an_axis_and_have_the_legend_of_the_first(kept: list[Figure]) -> None:
+    draw(Path("a.png"), STACKED)
+    draw(Path("a.png"), STACKED._replace(legend="outside upper center", beside=True))
+    for figure, legends in zip(kept, (1, 1), strict=True):
+        first, second = figure.axes
+        assert first.get_title() == "t"
+        assert len(figure.legends) == legends
+        assert first.get_ylim() == second.get_ylim()
+        assert first.get_xlim() == second.get_xlim()
+    assert (kept[0].axes[0].get_xlabel(), kept[0].axes[1].get_xlabel()) == ("", "x")
+    assert (kept[1].axes[0].get_ylabel(), kept[1].axes[1].get_ylabel()) == ("y", "")
 
 
-def test_open_contact_and_single_node_still_give_a_picture(kept: list[Figure]) -> None:
-    plot_pressure(Path("a.png"), "open", ARC, np.zeros((1, 101)), ["start"])
-    plot_pressure(Path("a.png"), "point", np.array([2.0]), np.array([[5.0]]), ["start"])
-    plot_pressure(Path("a.png"), "none", np.empty(0), np.empty((1, 0)), ["start"])
-    assert kept[0].axes[0].get_xlim() == (-5.0, 5.0)
-    assert kept[0].axes[0].get_title() == "Contact pressure, open, start"
-    assert kept[0].legends == []
-    for figure in kept:
-        left, right = figure.axes[0].get_xlim()
-        assert left < right
+@pytest.mark.parametrize(
+    ("arc", "pressure", "expected"),
+    [
+        (ARC, np.zeros((1, 101)), (-5.0, 5.0)),
+        (np.array([2.0]), np.array([[5.0]]), (1.5, 2.5)),
+        (np.empty(0), np.empty((1, 0)), (0.0, 1.0)),
+        (ARC, np.maximum(1.0 - ARC**2, 0.0)[None, :], (-1.35, 1.35)),
+    ],
+)
+def test_the_loaded_part_of_a_contact_is_shown(arc: Any, pressure: Any, expected: Any) -> None:
+    assert visible_range(arc, pressure) == pytest.approx(expected)
 
 
 def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure]) -> None:
@@ -151,7 +143,7 @@ def test_singular_values_do_not_take_the_colours_from_the_rest(kept: list[Figure
         values = smooth.copy()
         values[: len(extreme)] = extreme
         body = CloudBody(points, np.zeros((300, 2)), values, Delaunay(points).simplices.astype(np.int64))
-        plot_cloud.plot_cloud(Path("a.png"), [body], "von Mises", "s")
+        plot_bodies(Path("a.png"), BodyPicture([body], "von Mises", "s"))
         bar = kept[-1].axes[-1]
         assert bar.get_title() == words
         meshes = [item for item in kept[-1].axes[0].collections if type(item).__name__ == "TriMesh"]
@@ -162,11 +154,11 @@ def test_wrong_names_and_places_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="formats are"), figures.picture(tmp_path / "a.bmp", 1.0, 1.0):
         pass
     with pytest.raises(RunError, match="cannot write"):
-        plot_curves(tmp_path / "none" / "a.png", [], "x", "y", "t")
+        draw(tmp_path / "none" / "a.png", CURVES)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_singular_ends_leave_room_for_the_rest(kept: list[Figure]) -> None:
+def test_singular_ends_leave_room_for_the_rest() -> None:
     """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are. The
     corner of a block that rubs on another is weakly singular: peaks 7 % apart were not told."""
     far = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 60)])
@@ -181,14 +173,12 @@ def test_singular_ends_leave_room_for_the_rest(kept: list[Figure]) -> None:
     for singular, pressure in ((True, 1.0 / np.sqrt(1.0 - place**2)), (False, np.sqrt(1.0 - place**2))):
         highest = regular_peak(place, pressure)
         assert is_singular(place, pressure) == singular
-        plot_pressure(Path("a.png"), "nose", place, pressure[None, :], ["position 1"], highest=highest)
-        axes = kept[-1].axes[0]
-        told = [text.get_text() for text in axes.texts]
+        high, words = cut_off_above(float(pressure.max()), highest)
         if singular:
             # At 0.98 of the width.
             assert highest == pytest.approx(1.0 / np.sqrt(1.0 - 0.98**2), rel=0.2)
-            assert axes.get_ylim()[1] == pytest.approx(1.05 * 1.5 * highest)
-            assert told == [f"singular ends up to {pressure.max():.4g} are cut off"]
+            assert high == pytest.approx(1.5 * highest)
+            assert words == f"singular ends up to {pressure.max():.4g} are cut off"
         else:
-            assert axes.get_ylim()[1] == pytest.approx(1.05)
-            assert told == []
+            assert high == pytest.approx(1.0)
+            assert words == ""

@@ -13,14 +13,13 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
 from tests.io.run_files import (
     LOADS,
     RESULTANTS,
     M,
-    contact_record,
+    contact_values,
     datasets,
     start_run,
     step_row,
@@ -49,16 +48,16 @@ def test_reader_gives_back_what_was_written_in_the_order_of_the_case(tmp_path: P
     assert data.directory == tmp_path
     assert (data.case_raw, data.case_resolved) == ('title = "é"\n', "format = 1\n")
     assert list(data.bodies) == ["upper", "block"]
-    assert data.bodies["upper"].boundary_name == ("arc", "flat")
+    assert data.bodies["upper"].boundary.name == ["arc", "flat"]
     assert list(data.path.factors) == LOADS
     assert list(data.path.resultants) == RESULTANTS
     np.testing.assert_array_equal(data.path.position, np.arange(5) / 8)
     np.testing.assert_array_equal(data.path.resultants["block.bottom"][:, 1], np.arange(5))
     contact = data.contacts["interface"]
     for step in range(5):
-        expected = contact_record(step)
+        expected = contact_values(step)
         for key in ("pressure", "traction", "gap", "slip", "status"):
-            np.testing.assert_array_equal(getattr(contact, key)[step], getattr(expected, key))
+            np.testing.assert_array_equal(getattr(contact, key)[step], expected[key])
     assert [state.position for state in data.states] == [0.5]
     assert list(data.states[0].bodies) == ["upper", "block"]
     np.testing.assert_array_equal(data.states[0].bodies["upper"]["von_mises"], np.arange(5.0))
@@ -69,11 +68,12 @@ def test_a_run_without_contacts_loads_or_candidates_can_be_stored(tmp_path: Path
         empty = np.empty(0)
         run.confirm({f"contacts/far/{name}": np.empty((0, 2)) for name in ("points", "normal")})
         run.confirm({f"contacts/far/{name}": empty for name in ("arc_length", "weight")})
-        nothing = ContactRecord(empty, empty, empty, empty, np.empty(0, np.int8))
+        nothing = {**dict.fromkeys(contact_values(0), empty), "dissipated_work": 0.0}
+        nothing["status"] = np.empty(0, np.int8)
         for _ in range(2):
             run.add([step_row(0, contacts={"far": nothing})])
     data = read_run(tmp_path)
-    assert data.path.rows == 2
+    assert data.rows == 2
     assert data.contacts["far"].pressure.shape == (2, 0)
     assert data.states == ()
 
@@ -93,8 +93,8 @@ def test_other_programs_read_what_is_saved_while_the_run_goes_on(tmp_path: Path)
             [sys.executable, "-c", code, str(tmp_path / "run.h5")], capture_output=True, text=True, check=True
         )
         assert output.stdout.split() == ["running", "3", "2.0", "3"]
-        assert read_run(tmp_path).path.rows == 3
-    assert read_run(tmp_path).path.rows == 5
+        assert read_run(tmp_path).rows == 3
+    assert read_run(tmp_path).rows == 5
 
 
 def test_the_file_is_written_now_and_then(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +108,7 @@ def test_the_file_is_written_now_and_then(tmp_path: Path, monkeypatch: pytest.Mo
             now[0] += 10.0
             write_steps(run, range(step, step + 1))
             run.save_if_due()
-            rows.append(read_run(tmp_path).path.rows)
+            rows.append(read_run(tmp_path).rows)
             if step == 4:
                 run._took = 3.0
         assert rows == [0, 0, 3, 3, 3, 3, 3, 3]
@@ -126,7 +126,7 @@ def test_an_exception_saves_what_was_added(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         fail()
     data = read_run(tmp_path)
-    assert (data.status, data.path.rows) == ("failed", 3)
+    assert (data.status, data.rows) == ("failed", 3)
 
 
 def test_a_signal_amid_saving_repeats_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -193,6 +193,6 @@ def test_a_file_takes_nearly_the_same_model_only(tmp_path: Path) -> None:
 def test_a_run_killed_before_its_path_began_reads_as_empty(tmp_path: Path) -> None:
     RunFile.create(tmp_path / "run.h5", {}).close()
     data = read_run(tmp_path)
-    assert (data.status, data.path.rows, data.case_raw, dict(data.bodies)) == ("running", 0, "", {})
+    assert (data.status, data.rows, data.case_raw, dict(data.bodies)) == ("running", 0, "", {})
     start_run(tmp_path / "other.h5").close()
     assert read_run(tmp_path / "other.h5").contacts["interface"].pressure.shape == (0, M)

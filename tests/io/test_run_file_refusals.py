@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -16,14 +15,14 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
-from tests.io.run_files import M, contact_record, datasets, start_run, step_row, write_fields, write_steps
+from tests.io.run_files import M, contact_values, datasets, start_run, step_row, write_fields, write_steps
 
 
 def test_a_row_of_another_shape_is_refused(tmp_path: Path) -> None:
     run = start_run(tmp_path / "run.h5")
     write_steps(run, range(1))
     run.save()
-    run.add([step_row(1, contacts={"interface": replace(contact_record(1), gap=np.ones(M + 1))})])
+    run.add([step_row(1, contacts={"interface": contact_values(1) | {"gap": np.ones(M + 1)}})])
     with pytest.raises(ValueError, match=r"contacts/interface/gap: shape \(8,\), expected \(7,\)"):
         run.save()
     assert {len(array) for name, array in datasets(tmp_path / "run.h5").items() if "path/" in name} == {1}

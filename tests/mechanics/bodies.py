@@ -89,7 +89,7 @@ def with_body_force(body: ElasticBody, source: FloatArray, force: Field) -> Floa
     """
     pieces, cloud = body.pieces, body.model.cloud
     loaded = body.force_source(force(cloud.points))
-    mean = force(pieces.whole.middle)
+    mean = force(pieces.middle)
     exact = np.append((pieces.size[:, None] ** 2 * mean).T.ravel(), np.zeros(pieces.count))
     node, points, area = _fine_cells(cloud)
     for level in pieces.levels:

@@ -105,13 +105,14 @@ def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapp
 
 def thin_part(cloud: Cloud) -> str:
     """Place where a body has too few nodes across for bending, and the spacing it needs ("" if none)."""
-    thinnest = cloud.thinnest
-    if thinnest.spacings > BENDING_NODES - 1.5:
+    across = cloud.spacings_across
+    if across > BENDING_NODES - 1.5:
         return ""
-    x, y = cloud.points[thinnest.node]
-    size = thinnest.width / (BENDING_NODES - 1)
+    node = (cloud.widths / cloud.spacing).argmin()
+    x, y = cloud.points[node]
+    size = cloud.widths[node] / (BENDING_NODES - 1)
     return (
-        f"near ({x:.6g}, {y:.6g}), where it has {round(thinnest.spacings) + 1} nodes across: parts in "
+        f"near ({x:.6g}, {y:.6g}), where it has {round(across) + 1} nodes across: parts in "
         f"bending need {BENDING_NODES} or more, a spacing of {size:.3g}"
     )
 

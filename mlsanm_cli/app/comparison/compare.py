@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.app.analysis.small_strain import set_up
 from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import check_reference, reference_profile
@@ -25,8 +26,8 @@ from mlsanm_cli.app.comparison.differences import (
 from mlsanm_cli.app.comparison.measure import Measured, Method, chosen_methods, measure, method_of
 from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.writer import attributes
-from mlsanm_cli.app.run import RESULTS, set_up
+from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import Case, LoadedCase

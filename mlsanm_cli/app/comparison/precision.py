@@ -6,11 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mlsanm_cli.app.comparison.differences import surface_error
 from mlsanm_cli.app.comparison.measure import ACTIVE_SET, Measured, Method, measure, method_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.plots.plots import WorkCurve, plot_precision
+from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw
+from mlsanm_cli.io.plots.figures import REFERENCE_LINE
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
@@ -18,6 +21,7 @@ ETA_FACTORS = (100.0, 10.0)
 """Multiples of the eta of the case at which the regularised methods are also measured."""
 MAX_ETA = 0.1
 """For larger eta the regularised law does not represent contact."""
+FACTORIZATIONS = "factorisations of tangents"
 
 
 def precision_curves(
@@ -63,18 +67,22 @@ def _point(
 
 
 def draw_precision(directory: Path, curves: Mapping[str, Any]) -> None:
-    """Draws the picture in the directory of comparison.json."""
-    plot_precision(
-        directory / run_dir.picture_name("comparison", "png"),
-        [
-            WorkCurve(
-                name,
-                [point["error"] for point in points],
-                [point["seconds"] for point in points],
-                [point["factorizations"] for point in points],
-                [f"eta {point['eta']:.2g}" for point in points],
+    """Draws errors against CPU seconds and against factorisations, one curve per method, in the directory of
+    comparison.json. The cost for the exact law, the reference of the errors, is a vertical line."""
+    errors = [point["error"] for points in curves["smooth"].values() for point in points]
+    panels = []
+    for key, label in (("seconds", "CPU seconds of the path"), ("factorizations", FACTORIZATIONS)):
+        drawn, notes = [], []
+        for name, points in curves["smooth"].items():
+            cost, error = (np.array([point[part] for point in points]) for part in (key, "error"))
+            drawn.append(Curve(cost, error, name))
+            if label == FACTORIZATIONS:
+                notes += [(f"eta {one['eta']:.2g}", one[key], one["error"]) for one in points]
+        if curves["exact"] and errors:
+            cost = np.full(2, curves["exact"][key])
+            drawn.append(
+                Curve(cost, np.array([min(errors), max(errors)]), "active set, exact law", REFERENCE_LINE)
             )
-            for name, points in curves["smooth"].items()
-        ],
-        curves["exact"] and (curves["exact"]["seconds"], curves["exact"]["factorizations"]),
-    )
+        panels.append(Panel(drawn, label, "pressure, error against the exact law", notes=notes, scale="log"))
+    picture = Picture(panels, "", "outside upper center", (8.4, 3.8), beside=True)
+    draw(directory / run_dir.picture_name("comparison", "png"), picture)

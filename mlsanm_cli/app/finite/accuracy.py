@@ -48,7 +48,7 @@ def missed_in_contact(
     Raises NumericalError or LinAlgError."""
     moved, left, known = now.displacement[pressing.numbers], {}, np.zeros(len(pressing.numbers))
     sides = pressing.contacts.sides
-    closer = Closer.of(sides, pressing.answers, moved, now.traction)
+    closer = Closer.of(sides, pressing.corrections, moved, now.traction)
     surface = closer.moved(moved, now.traction)
     turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in sides)
     turn = np.concatenate([np.zeros(0, dtype=complex), *turns])
@@ -61,8 +61,8 @@ def missed_in_contact(
         change = _of_tractions(undeformed[name], better, upright[own])
         known[own] = change[pressing.numbers[own] - here.start]
     # What fields in closed form replace is not missing.
-    for (_, here), answer in zip(sides, pressing.answers, strict=True):
-        known[here] *= answer.missing.any()
+    for (_, here), (_, missing) in zip(sides, pressing.corrections, strict=True):
+        known[here] *= missing.any()
     known = as_real(as_complex(known.reshape(-1, 2)) * turn).ravel()
     met = pressing.meet(surface - closer.smooth @ known, factors, before, now.sets.closed)
     step = Iteration(pressing, factors, closer, left=left)

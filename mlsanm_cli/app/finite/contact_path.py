@@ -15,7 +15,7 @@ from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.answers import Answer
+from mlsanm_cli.contact.finite.answers import Correction, no_correction, side_correction
 from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
@@ -112,7 +112,7 @@ class _Path:
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
         self._settled = False
-        self._sides = self._answers()
+        self._sides = self._corrections()
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
     def _typical(self) -> float:
@@ -131,7 +131,7 @@ class _Path:
                     found.append(float(np.abs(projector.displaced(left)).max()))
         return min(max(found), scene.size)
 
-    def _answers(self) -> tuple[Answer, ...]:
+    def _corrections(self) -> tuple[Correction, ...]:
         """Responses of the sides to their own tractions in the undeformed state."""
         scene, found = self._scene, []
         first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.contacts.free)
@@ -139,7 +139,7 @@ class _Path:
             cloud = scene.bodies[side.body].elastic.model.cloud
             centers = void_center(cloud, as_complex(side.places), -as_complex(side.outward))
             args = (side, self._projectors[side.body], first[side.body])
-            found.append(Answer.of(*args, centers[0]) if centers else Answer.plain(side))
+            found.append(side_correction(*args, centers[0]) if centers else no_correction(side))
             first[side.body] += 2 * side.count
         return tuple(found)
 

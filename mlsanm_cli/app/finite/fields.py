@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.output.recording import record_summary
+from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
-from mlsanm_cli.io.records import ContactRecord, ProbeRecord
+from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
@@ -62,16 +62,31 @@ def fields_of(scene: FiniteScene, state: State) -> dict[str, FiniteFields]:
     return found
 
 
-def probe_records(scene: FiniteScene, state: State) -> dict[str, ProbeRecord]:
+def quantities(scene: FiniteScene, state: State) -> Quantities:
+    """The quantities of a state, as rows of run.h5 have them."""
+    return {
+        "factors": dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
+        "resultants": resultants(scene, SceneForces.of(scene, state)),
+        "displacements": platen_displacements(scene, state),
+        "contacts": contact_values(scene, state),
+        "probes": probe_values(scene, state),
+    }
+
+
+def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Values at the probes of the case."""
-    records = {}
+    values = {}
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
         model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
         stencils = build_stencils(model.nodes, model.tree, probe.point, 1, model.settings, model.cloud.sight)
         seen = FiniteFields.of(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
-        records[probe.name] = ProbeRecord(seen.displacement[0], seen.stress[0], float(seen.von_mises[0]))
-    return records
+        values[probe.name] = {
+            "displacement": seen.displacement[0],
+            "stress": seen.stress[0],
+            "von_mises": float(seen.von_mises[0]),
+        }
+    return values
 
 
 @dataclass(frozen=True)
@@ -134,23 +149,24 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
     return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
-def contact_records(scene: FiniteScene, state: State) -> dict[str, ContactRecord]:
-    """Pressures and tractions per deformed length, gaps and slips of every contact."""
-    records, parts = {}, scene.parts(state.displacement)
+def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
+    """Pressures and tractions per deformed length, gaps, slips, status and dissipated work of every
+    contact."""
+    values, parts = {}, scene.parts(state.displacement)
     for contact, here, _ in scene.contacts.each:
         slave = contact.slave
         stretch = stretch_along(scene, slave, parts[slave.body])
         gap = np.where(state.gap[here] < NO_GAP, state.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
-        records[contact.name] = ContactRecord(
-            state.pressure[here] / stretch,
-            state.traction[here] / stretch,
-            gap,
-            slip,
-            state.status[here],
-            float(slave.weight @ state.work[here]),
-        )
-    return records
+        values[contact.name] = {
+            "pressure": state.pressure[here] / stretch,
+            "traction": state.traction[here] / stretch,
+            "gap": gap,
+            "slip": slip,
+            "status": state.status[here],
+            "dissipated_work": float(slave.weight @ state.work[here]),
+        }
+    return values
 
 
 def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArray) -> FloatArray:
@@ -160,19 +176,19 @@ def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArra
     return np.asarray(np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y))
 
 
-def contact_summary(scene: FiniteScene, state: State, forces: SceneForces) -> dict[str, dict[str, Any]]:
+def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Summary of every contact; the half-width is measured along the undeformed side."""
-    records = contact_records(scene, state)
+    records, forces = contact_values(scene, state), SceneForces.of(scene, state)
     found: dict[str, dict[str, Any]] = {}
     for contact, _, there in scene.contacts.each:
         record, pressed = records[contact.name], forces.contacts[contact.name]
-        arc, pressure = contact.slave.arc, record.pressure
+        arc, pressure = contact.slave.arc, record["pressure"]
         if contact.slave.around is not None:
             order, arc = unrolled(arc, contact.slave.around, pressure)
             pressure = pressure[order]
-        found[contact.name] = record_summary(record, arc, pressure, pressed[0])
-        limit = contact.friction * record.pressure
-        ratio = np.abs(record.traction[limit > 0.0]) / limit[limit > 0.0]
+        found[contact.name] = contact_figures(record, arc, pressure, pressed[0])
+        limit = contact.friction * record["pressure"]
+        ratio = np.abs(record["traction"][limit > 0.0]) / limit[limit > 0.0]
         found[contact.name]["max_cone_ratio"] = float(ratio.max(initial=0.0)) if contact.friction else None
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -36,80 +36,78 @@ class Patch:
     width: float
 
 
-@dataclass
-class Touched:
-    """Patches of a run so far, by contact: for each side the spacings (c,) required in the requested states,
-    infinite where there is no patch, and the nodes near any patch (``swept``); the fewest nodes ``across`` a
-    patch, the force (2,) on the slave in the requested states by position, and the ``coarse`` contacts."""
+Touched: TypeAlias = Mapping[str, Mapping[str, Any]]
+"""Patches of a run so far, by contact, plain values: for each side the ``spacing`` (c,) required in the
+requested states, infinite where there is no patch, and the nodes near any patch (``swept``); the fewest nodes
+``across`` a patch, None without one, whether there are too few (``coarse``), and the ``forces`` (2,) on the
+slave in the requested states by position."""
 
-    spacing: dict[str, list[FloatArray]] = field(default_factory=dict)
-    swept: dict[str, list[BoolArray]] = field(default_factory=dict)
-    across: dict[str, int] = field(default_factory=dict)
-    forces: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    coarse: list[str] = field(default_factory=list)
 
-    @classmethod
-    def read(cls, figures: Mapping[str, Any]) -> Touched:
-        """From the stored figures of a run."""
-        stored = dict(figures.get("touched", {}))
-        for name in ("spacing", "swept"):
-            stored[name] = {
-                key: [np.array(one) for one in sides] for key, sides in stored.get(name, {}).items()
-            }
-        return cls(**stored)
+def touched_after(touched: Touched, scene: FiniteScene, step: PathStep) -> dict[str, dict[str, Any]]:
+    """The patches of a run after another step."""
+    found = {contact.name: _taken_up(touched, contact) for contact in scene.contacts.pairs}
+    ends = [step.state] if step.state.position.is_integer() else []
+    # Before loading there are no patches.
+    wanted = {one.position: one for one in (*step.saved, *ends) if one.position > 0.0}
+    for position, state in {**wanted, step.state.position: step.state}.items() if found else ():
+        known = position in wanted
+        forces = SceneForces.of(scene, state).contacts if known else {}
+        for contact, here, _ in scene.contacts.each:
+            own = found[contact.name]
+            if known:
+                own["forces"][repr(float(position))] = forces[contact.name][0].tolist()
+            asked = across_of(scene.case, contact.name)
+            for patch in patches(contact, state, here):
+                _add(own, contact, patch, state.solver["place"][here], asked if known else None)
+    return found
 
-    @property
-    def plain(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
 
-    def add(self, scene: FiniteScene, step: PathStep) -> None:
-        """Add the patches of a finished step."""
-        if not scene.contacts.pairs:
-            return
-        ends = [step.state] if step.state.position.is_integer() else []
-        # Before loading there are no patches.
-        wanted = {one.position: one for one in (*step.saved, *ends) if one.position > 0.0}
-        for position, state in {**wanted, step.state.position: step.state}.items():
-            known = position in wanted
-            forces = SceneForces.of(scene, state).contacts if known else {}
-            for contact, here, _ in scene.contacts.each:
-                if known:
-                    force = forces[contact.name][0].tolist()
-                    self.forces.setdefault(contact.name, {})[repr(float(position))] = force
-                for patch in patches(contact, state, here):
-                    self._take(scene.case, contact, patch, state.solver["place"][here], known)
+def _taken_up(touched: Touched, contact: AnyContact) -> dict[str, Any]:
+    """A copy of what is known about a contact."""
+    counts = [side.count for side in contact.sides]
+    known = touched.get(contact.name, {})
+    return {
+        "spacing": [np.array(one) for one in known.get("spacing", [np.full(n, np.inf) for n in counts])],
+        "swept": [np.array(one) for one in known.get("swept", [np.zeros(n, dtype=bool) for n in counts])],
+        "across": known.get("across"),
+        "coarse": known.get("coarse", False),
+        "forces": dict(known.get("forces", {})),
+    }
 
-    def _take(self, case: Case, contact: AnyContact, patch: Patch, place: FloatArray, wanted: bool) -> None:
-        name, sides = contact.name, contact.sides
-        spacing = self.spacing.setdefault(name, [np.full(side.count, np.inf) for side in sides])
-        swept = self.swept.setdefault(name, [np.zeros(side.count, dtype=bool) for side in sides])
-        marks = [_widened(sides[0], patch.numbers)]
-        if isinstance(contact, BodyContact):
-            marks.append(_faced(sides[1], place[patch.numbers], patch.width))
-        for been, mark in zip(swept, marks, strict=True):
-            been |= mark
-        count, asked = len(patch.numbers), across_of(case, name)
-        # A corner in contact has one node, whatever the spacing.
-        if not wanted or (count == 1 and int(patch.numbers[0]) in sides[0].corners):
-            return
-        self.across[name] = min(self.across.get(name, count), count)
-        if count < asked and name not in self.coarse:
-            self.coarse.append(name)
-        finest = float(sides[0].weight[patch.numbers].min())
-        for mine, mark in zip(spacing, marks, strict=True):
-            mine[mark] = np.minimum(mine[mark], max(patch.width / (MARGIN * asked), finest / MAX_REFINEMENT))
 
-    def wanted(self, contact: str) -> Iterator[FloatArray]:
-        """Required spacings (c,) of each side of a contact; nodes that only intermediate states touch get
-        that of the nearest node with one."""
-        for spacing, swept in zip(self.spacing[contact], self.swept[contact], strict=True):
-            known, places = np.flatnonzero(np.isfinite(spacing)), np.flatnonzero(swept)
-            found = np.full(len(spacing), np.inf)
-            if len(known):
-                like = known[np.abs(places[:, None] - known).argmin(axis=1)]
-                found[places] = spacing[like]
-            yield found
+def _add(
+    own: dict[str, Any], contact: AnyContact, patch: Patch, place: FloatArray, asked: float | None
+) -> None:
+    """Adds a patch to what is known about a contact; ``asked`` are the nodes required across it in a
+    requested state."""
+    sides = contact.sides
+    marks = [_widened(sides[0], patch.numbers)]
+    if isinstance(contact, BodyContact):
+        marks.append(_faced(sides[1], place[patch.numbers], patch.width))
+    for been, mark in zip(own["swept"], marks, strict=True):
+        been |= mark
+    count = len(patch.numbers)
+    # A corner in contact has one node, whatever the spacing.
+    if asked is None or (count == 1 and int(patch.numbers[0]) in sides[0].corners):
+        return
+    own["across"] = count if own["across"] is None else min(own["across"], count)
+    own["coarse"] = own["coarse"] or count < asked
+    finest = float(sides[0].weight[patch.numbers].min())
+    for spacing, mark in zip(own["spacing"], marks, strict=True):
+        spacing[mark] = np.minimum(
+            spacing[mark], max(patch.width / (MARGIN * asked), finest / MAX_REFINEMENT)
+        )
+
+
+def wanted_spacings(known: Mapping[str, Any]) -> Iterator[FloatArray]:
+    """Required spacings (c,) of each side of a contact; nodes that only intermediate states touch get that of
+    the nearest node with one."""
+    for spacing, swept in zip(known["spacing"], known["swept"], strict=True):
+        near, places = np.flatnonzero(np.isfinite(spacing)), np.flatnonzero(swept)
+        wanted = np.full(len(spacing), np.inf)
+        if len(near):
+            wanted[places] = np.asarray(spacing)[near[np.abs(places[:, None] - near).argmin(axis=1)]]
+        yield wanted
 
 
 def across_of(case: Case, contact: str) -> float:

@@ -8,14 +8,14 @@ times. Only contacts between bodies with automatic spacings are refined.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.patches import Touched
+from mlsanm_cli.app.finite.patches import Touched, wanted_spacings
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
@@ -41,41 +41,25 @@ NO_ZONES = np.zeros((0, 5))
 
 
 @dataclass(frozen=True)
-class ContactPass:
-    """Result of a run: the fewest nodes ``across`` a patch of each contact, the contacts' forces (2,) in the
-    requested states by position, and whether the run was completed (``done``)."""
-
-    nodes: int
-    across: Mapping[str, int]
-    forces: Mapping[str, Mapping[str, Sequence[float]]]
-    done: bool = True
-
-
-@dataclass(frozen=True)
 class Refinement:
-    """Segments with spacings, ``zones`` (z, 5), of this run and of the run ``before``; the results of the
-    earlier ``passes``, the message of a refined run that ``failed``, and whether there are ``fewer`` nodes
-    than required."""
+    """Segments with spacings, ``zones`` (z, 5), of this run and of the run ``before``; the message of a
+    refined run that ``failed``, and whether there are ``fewer`` nodes than required.
+
+    ``passes`` are the earlier runs: number of ``nodes``, by contact the fewest nodes ``across`` a patch and
+    the ``forces`` (2,) in the requested states by position, and whether the run was completed (``done``).
+    """
 
     zones: FloatArray = field(default_factory=NO_ZONES.copy)
     before: FloatArray = field(default_factory=NO_ZONES.copy)
-    passes: tuple[ContactPass, ...] = ()
+    passes: tuple[Mapping[str, Any], ...] = ()
     failed: str = ""
     fewer: bool = False
 
     @classmethod
-    def read(cls, figures: Mapping[str, Any]) -> Refinement:
-        """From the stored figures of a run, if there are any."""
-        if "refinement" not in figures:
-            return cls()
-        stored = dict(figures["refinement"])
-        zones, before = (np.array(stored.pop(name)).reshape(-1, 5) for name in ("zones", "before"))
-        return cls(zones, before, tuple(ContactPass(**one) for one in stored.pop("passes")), **stored)
-
-    @property
-    def plain(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
+    def read(cls, plain: Mapping[str, Any]) -> Refinement:
+        """From plain values."""
+        arrays = {name: np.array(plain[name]).reshape(-1, 5) for name in ("zones", "before")}
+        return cls(**{**plain, **arrays, "passes": tuple(plain["passes"])})
 
     @property
     def asked(self) -> tuple[Zone, ...]:
@@ -98,20 +82,26 @@ class Refinement:
 
 
 def refined(
-    scene: FiniteScene,
+    case: Case,
+    scene: FiniteScene | None,
     touched: Touched,
     known: Refinement,
     failure: NumericalError | None,
     context: RunContext,
 ) -> tuple[Refinement, SceneModel] | None:
-    """Refinement and clouds of the next run, None if the last one is final."""
-    case, nodes = scene.case, scene.unknowns // 2
+    """Refinement and clouds of the next run, None if the last one is final; ``scene`` is None if a
+    ``failure`` came before it."""
     if known.failed:
         return None
-    if failure and known.passes and known.passes[-1].done:
+    if failure and known.passes and known.passes[-1]["done"]:
         back = Refinement(known.before, passes=known.passes[:-1], failed=failure.message)
         return back, place(case, context, back.asked)
-    passes = (*known.passes, ContactPass(nodes, touched.across, touched.forces, failure is None))
+    if scene is None:
+        return None
+    nodes = scene.unknowns // 2
+    figures = {key: {name: one[key] for name, one in touched.items()} for key in ("across", "forces")}
+    now: dict[str, Any] = {"nodes": nodes, "done": failure is None, **figures}
+    passes = (*known.passes, now)
     zones = wanted_zones(scene, touched) if len(passes) <= MAX_RUNS else NO_ZONES
     fewer = False
     while len(zones):
@@ -135,11 +125,11 @@ def refined(
 def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
     """Segments and spacings (z, 5) required by the contacts, empty if all have enough nodes."""
     own = [contact for contact in scene.contacts.pairs if is_automatic(scene.case, contact)]
-    if not any(contact.name in touched.coarse for contact in own):
+    if not any(touched[contact.name]["coarse"] for contact in own if contact.name in touched):
         return NO_ZONES
     found = NO_ZONES
-    for contact in (one for one in own if one.name in touched.spacing):
-        for side, spacing in zip(contact.sides, touched.wanted(contact.name), strict=True):
+    for contact in own:
+        for side, spacing in zip(contact.sides, wanted_spacings(touched[contact.name]), strict=True):
             found = np.vstack([found, _segments(side, spacing)])
     line = line_of(scene.case)
     if line is not None:
@@ -166,18 +156,21 @@ def _segments(side: ContactSide, spacing: FloatArray) -> FloatArray:
 def contact_errors(known: Refinement, touched: Touched) -> dict[str, float]:
     """Estimated error of the force of each contact over the largest force: the larger of the error expected
     from its number of nodes and that extrapolated from the change since the previous run."""
-    size = max((math.hypot(*f) for one in touched.forces.values() for f in one.values()), default=0.0)
+    size = max((math.hypot(*f) for one in touched.values() for f in one["forces"].values()), default=0.0)
     found = {}
-    for name, across in touched.across.items():
-        found[name] = FORCE_ERROR / across**2
-        before = known.passes[-1] if known.passes else None
-        if before is None or name not in before.across or not size:
+    before = known.passes[-1] if known.passes else {"across": {}}
+    for name, own in touched.items():
+        across, fewer = own["across"], before["across"].get(name)
+        if across is None:
             continue
-        ratio = (before.across[name] / across) ** 2
+        found[name] = FORCE_ERROR / across**2
+        if fewer is None or not size:
+            continue
+        ratio = (fewer / across) ** 2
         changes = [
-            math.dist(force, before.forces[name][at]) / size
-            for at, force in touched.forces[name].items()
-            if at in before.forces.get(name, {})
+            math.dist(force, before["forces"][name][at]) / size
+            for at, force in own["forces"].items()
+            if at in before["forces"].get(name, {})
         ]
         if ratio < 1.0 and changes:
             found[name] = max(found[name], max(changes) * ratio / (1.0 - ratio))

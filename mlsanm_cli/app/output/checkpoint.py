@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.run_reader import RunOrigin
+from mlsanm_cli.io.run_reader import RunData
 from mlsanm_cli.solve.state import Checkpoint, State
 
 REFINEMENT = "checkpoint/refinement"
@@ -41,7 +41,7 @@ def plain_checkpoint(
     return {**arrays, "checkpoint/figures": as_text(figures)}
 
 
-def interrupted_run(origin: RunOrigin) -> EarlierRun:
+def interrupted_run(origin: RunData) -> EarlierRun:
     """The stored data of an interrupted run. Raises RunError if they are damaged or of another version."""
     stored = origin.checkpoint
     try:

@@ -10,17 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.app.output import recording
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.functionals import platen_displacements, slave_arc
+from mlsanm_cli.solve.functionals import contact_values, platen_displacements, slave_arc
 from mlsanm_cli.solve.state import State
 from mlsanm_cli.startup import cKDTree
 
@@ -72,28 +70,28 @@ def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) ->
 def _contact(
     built: CondensedScene, pairing: Pairing, state: State, cloud: Cloud, shown: Mapping[str, Fields]
 ) -> VtuPart:
-    record = recording.contact_record(built, pairing, state)
+    record = contact_values(built, pairing, state)
     chosen = pairing.candidate
     points = pairing.points[pairing.candidate]
     normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
     data = contact_data(record, slave_arc(pairing), pairing.name in built.condensed.tangential)
-    load = record.pressure[:, None] * normal + record.traction[:, None] * tangent
+    load = record["pressure"][:, None] * normal + record["traction"][:, None] * tangent
     moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
     data |= {"displacement": moved, "normal": normal, "contact_stress": load}
     return VtuPart(points, _neighbours(pairing), data)
 
 
-def contact_data(record: ContactRecord, arc: FloatArray, friction: bool) -> dict[str, NDArray[Any]]:
+def contact_data(record: Mapping[str, Any], arc: FloatArray, friction: bool) -> dict[str, NDArray[Any]]:
     """The values of a ``record`` at the nodes of a contact at ``arc`` lengths (c,)."""
     data: dict[str, NDArray[Any]] = {
-        "pressure": record.pressure,
-        "traction": record.traction,
-        "gap": record.gap,
-        "status": record.status.astype(np.int32),
+        "pressure": record["pressure"],
+        "traction": record["traction"],
+        "gap": record["gap"],
+        "status": record["status"].astype(np.int32),
         "arc_length": arc,
     }
     # Without friction the slip is not computed; viewers cannot show nan.
-    return data | {"slip": record.slip} if friction else data
+    return data | {"slip": record["slip"]} if friction else data
 
 
 def _neighbours(pairing: Pairing) -> IntArray:
@@ -163,7 +161,7 @@ def large_slides(
         if isinstance(obstacles.get(pairing.name), PlaneObstacle):
             continue
         chosen = pairing.candidate
-        closed = recording.contact_record(built, pairing, state).pressure > 0.0
+        closed = contact_values(built, pairing, state)["pressure"] > 0.0
         if not closed.any():
             continue
         own = _at(pairing.points[pairing.candidate][closed], pairing.slave_body, clouds, displacements)

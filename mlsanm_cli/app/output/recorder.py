@@ -4,37 +4,26 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
-from mlsanm_cli.app.checks.overlaps import check_overlaps, within_themselves
-from mlsanm_cli.app.checks.peaks import Peak
-from mlsanm_cli.app.checks.refinement import Adapted
-from mlsanm_cli.app.checks.verdicts import EnergyVerdict
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output import recording
+from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, plain_checkpoint
-from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
-from mlsanm_cli.app.output.recording import Views, model_bodies
-from mlsanm_cli.app.output.writer import RunWriter
-from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import LoadedCase
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.app.output.parts import stored_fields, vtu_states
+from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.records import place
-from mlsanm_cli.io.run_file import Attribute, Value
-from mlsanm_cli.io.summary import write_csv
-from mlsanm_cli.io.vtu import write_parts
-from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields, fields_of
+from mlsanm_cli.io.atomic import write_text
+from mlsanm_cli.io.records import place, row
+from mlsanm_cli.io.run_file import Attribute, RunFile, Value
+from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
+from mlsanm_cli.io.vtu import LinesWriter, StateWriter, write_parts
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 ESTIMATE_AFTER = 2.0
@@ -43,96 +32,168 @@ MAX_STAGE_LOADS = 2
 """Largest number of loads in the name of a stage."""
 
 
-class Recorder(RunWriter):
-    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager. With ``earlier`` it continues
-    the files of an interrupted run after their last step."""
+class Recorder(Closing):
+    """Writes run.h5, events.jsonl, resolved.toml, VTU and CSV files of a run; a context manager. With
+    ``earlier`` it continues the files of an interrupted run after their last step.
 
-    tallies = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
+    ``last`` is the state of the last row, ``checked`` the one that was checked last. ``tally`` are the totals
+    of the path so far: plain values, with which a resumed run continues, as with the ``warnings``.
+    """
 
     def __init__(
         self,
         directory: Path,
         loaded: LoadedCase,
-        attributes: Mapping[str, str | int | float],
+        attributes: Mapping[str, Attribute],
         context: RunContext,
-        *,
         earlier: EarlierRun | None = None,
     ) -> None:
-        super().__init__(directory, loaded, attributes, context, earlier)
-        self._case = loaded.case
-        self._earlier = earlier
+        """Creates the files, or opens those of an ``earlier`` run. Raises RunError."""
+        self.directory, self._case, self._earlier = directory, loaded.case, earlier
+        self._clock, self._console = context.clock, context.console
+        with context.phase("output"):
+            self._open(loaded, attributes, None if earlier is None else earlier.rows)
+        self._states, self._lines = StateWriter(directory), LinesWriter(directory)
+        self._rows = self._saved = 0
+        self._has_maps = False
+        # /path/seconds continue.
+        self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
         self._pace: tuple[float, float] | None = None
-        self._reported: list[str] = []
+        self.warnings: list[str] = []
         self.last: State | None = None
-        self.linear_residual: float | None = None
-        self.cone: dict[str, float] = {}
-        self._mapped = False
-        self._views = Views({}, {})
-        self._starts: Mapping[str, FloatArray] = {}
         self.checked: State | None = None
-        self.energies: EnergyVerdict | None = None
-        self.peaks: Mapping[str, Peak] = {}
-        self.stressed: tuple[State, Mapping[str, Fields]] | None = None
-        self.failed_at: dict[str, Any] = {}
+        self.tally: dict[str, Any] = {
+            **dict.fromkeys(("steps", "iterations", "factorizations", "solves"), 0),
+            "residual": 0.0,
+        }
+        self.failed_at: Mapping[str, Any] = {}
 
-    @property
-    def steps(self) -> int:
-        """Number of finished steps, without the state at the start."""
-        return max(self._rows - 1, 0)
+    def _open(self, loaded: LoadedCase, attributes: Mapping[str, Attribute], rows: int | None) -> None:
+        file, resolved = self.directory / run_dir.RUN_FILE, toml_text(resolved_mapping(loaded.case))
+        self._file = RunFile.create(file, attributes) if rows is None else RunFile.reopen(file, attributes)
+        try:
+            self._file.confirm({"case/raw": loaded.raw, "case/resolved": resolved})
+            self._file.save()
+            self._events = EventLog(self.directory / run_dir.EVENTS_FILE, rows)
+            if rows is None:
+                start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
+                self._events.write("start", **start, threads=attributes.get("threads", 1))
+            else:
+                self._events.write("resume", steps=max(rows - 1, 0))
+            write_text(self.directory / run_dir.RESOLVED_FILE, resolved)
+        except BaseException:
+            self._file.close()
+            raise
 
-    def start(self, adapted: Adapted) -> Checkpoint | None:
+    def warn(self, message: str) -> None:
+        """Issues a warning on the console, in the events and in the summary, once."""
+        if message in self.warnings:
+            return
+        self.warnings.append(message)
+        self._events.write_once("warning", message=message)
+        self._console.warning(message)
+
+    def start(self, analysis: Analysis) -> Checkpoint | None:
         """Stores the model; returns the checkpoint from which the path continues, None for a new path."""
-        built, bodies = adapted.built, adapted.accuracy.bodies
-        self._starts = {name: one.solution for name, one in bodies.items()}
         with self._clock.phase("output"):
-            self._views = Views.of(built, self._memo)
-            self._file.confirm(recording.model_datasets(built, self._views.clouds))
-            nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
-            digest = recording.operators_digest(built)
-            self._file.add(attributes={"": {"cache_hash": digest, "nodes": str(nodes)}})
-            if adapted.refined:
-                self._file.add(datasets={REFINEMENT: as_text(asdict(adapted.refinement))})
+            self._file.confirm(analysis.model_datasets())
+            refinement = analysis.refinement
+            datasets: dict[str, Value] = {REFINEMENT: as_text(refinement)} if refinement else {}
+            self._file.add(datasets=datasets, attributes={"": analysis.attributes})
             self._file.save_if_due()
-            return self._take_up(built, self._earlier) if self._earlier else None
+            return self._take_up(analysis, self._earlier) if self._earlier else None
 
-    def _take_up(self, built: CondensedScene, before: EarlierRun) -> Checkpoint | None:
-        """Restores the state of the recorder after the last recorded step."""
+    def _take_up(self, analysis: Analysis, before: EarlierRun) -> Checkpoint | None:
+        """Restores the totals after the last recorded row, and the lists of VTU files."""
         if before.last is None:
             return None
-        self.last = before.last
-        self.take_up(before.rows, before.figures, built.scene.bodies)
-        self._reported += before.figures["told"]
-        self.warnings += self._reported
+        figures = dict(before.figures)
+        self.warnings += [text for text in figures.pop("warnings") if text not in self.warnings]
+        self.last, self.tally, self._rows = before.last, figures, before.rows
+        positions = self._file.saved_positions()
+        self._saved = len(positions)
+        for position in positions if self._case.output.vtu else ():
+            self._states.keep(position, tuple(analysis.clouds))
+            self._lines.keep(position)
         return before.checkpoint
 
-    def step(self, built: CondensedScene, step: PathStep) -> None:
-        """Adds a finished step: its series, its row, the fields saved within it, and the checkpoint. All of
+    def step(self, analysis: Analysis, step: PathStep) -> None:
+        """Adds a finished step: its rows, its series, the fields saved within it, and the checkpoint. All of
         it is written together, some time later."""
-        state, index = step.state, self._rows
+        state = step.state
         with self._clock.phase("output"):
-            rows = [recording.step_row(built, state, self.path_figures(step, state))]
+            rows = [self._row(analysis, one, step) for one in analysis.row_states(step)]
+            count = len(rows)
             datasets: dict[str, Value] = {}
             attributes: dict[str, Mapping[str, Attribute]] = {}
             if step.series:
-                if not self._mapped:
-                    datasets |= recording.map_datasets(built)
-                    self._mapped = True
-                series = place("series", str(index))
+                series = place("series", str(self._rows))
+                datasets = {} if self._has_maps else analysis.series_maps()
                 datasets |= {f"{series}/{name}": array for name, array in step.series.items()}
-                attributes[series] = step.series_attributes
-            if self._case.output.fields:
-                self._save_fields(built, step.saved, rows, datasets, attributes)
-            self._count(built, step)
-            figures = self.tallied()
-            more = {"told": tuple(self._reported)}
-            latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
-            self.add_step(step, state, rows, datasets, attributes, latest)
-        peak = float(state.pressure.max(initial=0.0))
-        texts = self._progress(state.position)
-        if len(state.pressure):
-            texts = [f"closed {int(state.closed.sum())}", f"peak pressure {peak:.6g}", *texts]
-        text = "  ".join(texts).rstrip()
-        self._console.step(index, state.position, state.residual, text)
+                attributes[series], self._has_maps = step.series_attributes, True
+            saved = step.saved if self._case.output.fields else ()
+            for one, (fields, figures) in zip(saved, analysis.fields(saved), strict=True):
+                datasets |= stored_fields(self._saved, fields, analysis.fields_written)
+                attributes[place("fields", str(self._saved))] = figures
+                rows.append({"fields/position": one.position})
+                self._save(analysis, one, fields, figures)
+            self._count(analysis, step)
+            self._rows += count
+            # Before the rows: a resumed run drops the events of steps that are not in its file.
+            event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
+            self._events.write("step", **event, length=step.length)
+            totals = {**self.tally, "warnings": list(self.warnings)}
+            self._file.add(
+                rows, datasets, attributes, partial(plain_checkpoint, state, step.checkpoint, totals)
+            )
+            self._file.save_if_due()
+        texts = [*analysis.progress(step), *self._progress(state.position)]
+        self._console.step(self.tally["steps"], state.position, state.residual, "  ".join(texts).rstrip())
+
+    def _row(self, analysis: Analysis, state: State, step: PathStep) -> dict[str, Any]:
+        """The row of a state of a step, whose counts belong to its end."""
+        ends = state is step.state
+        path = {
+            "position": state.position,
+            "step_length": step.length if ends else 0.0,
+            "residual": state.residual,
+            "order": step.order,
+            "factorizations": step.factorizations if ends else 0,
+            "solves": step.solves if ends else 0,
+            "seconds": time.monotonic() - self._started,
+        }
+        return row(path, analysis.quantities(state))
+
+    def _save(
+        self, analysis: Analysis, state: State, fields: BodyFields, figures: Mapping[str, float]
+    ) -> None:
+        """Checks a saved state and writes its VTU files. Raises NumericalError if it is not admissible."""
+        self.checked = state
+        for name, figure in figures.items():
+            # numpy's maximum, unlike max, propagates nan.
+            self.tally[name] = float(np.maximum(self.tally.get(name, 0.0), figure))
+        for fault, where in analysis.faults(state, fields):
+            if not any(text.startswith(fault) for text in self.warnings):
+                self.warn(fault + where)
+        if self._case.output.vtu:
+            parts = vtu_states(analysis.clouds, fields, analysis.fields_written)
+            self._states.write(state.position, parts)
+            self._lines.write(state.position, *analysis.lines(state, fields))
+        self._saved += 1
+
+    def _count(self, analysis: Analysis, step: PathStep) -> None:
+        """Adds a step to the totals of the path."""
+        tally = self.tally
+        counts = {
+            name: tally[name] + getattr(step, name) for name in ("iterations", "factorizations", "solves")
+        }
+        residual = max(tally["residual"], *(state.residual for state in (step.state, *step.saved)))
+        steps = tally["steps"] + (self.last is not None)
+        self.tally = {**tally, **counts, "residual": residual, "steps": steps}
+        self.tally |= analysis.tallied(self.tally, self.last, step)
+        self.last = step.state
+        if step.warning:
+            self.warn(step.warning)
 
     def _progress(self, position: float) -> list[str]:
         """Progress of the path, elapsed and estimated remaining time; empty during the first seconds."""
@@ -148,111 +209,32 @@ class Recorder(RunWriter):
         passed = self._clock.wall_seconds
         return [f"{stage}{100.0 * position / stages:.0f} %", f"{passed:.0f} s, {left:.0f} s left"]
 
-    def _count(self, built: CondensedScene, step: PathStep) -> None:
-        """Adds a step to the totals of the path."""
-        self.last = step.state
-        self._rows += 1
-        states = (step.state, *step.saved)
-        self.count(step, [state.residual for state in states])
-        for name in built.condensed.tangential:
-            ratios = [recording.cone_ratio(built, name, state) for state in states]
-            self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
-        if step.warning:
-            self._reported.append(step.warning)
-            self.warn(step.warning)
-
-    def _save_fields(
-        self,
-        built: CondensedScene,
-        states: Sequence[State],
-        rows: list[dict[str, Any]],
-        datasets: dict[str, Value],
-        attributes: dict[str, Mapping[str, Attribute]],
-    ) -> None:
-        """Adds the fields of saved states to the additions of run.h5, and writes their VTU files."""
-        wanted = tuple(dict.fromkeys(self._case.output.fields))
-        stress = bool({"stress", "von_mises", "strain"} & set(wanted))
-        found = fields_of(built, states, stress, self._starts)
-        for state, (fields, residual) in zip(states, found, strict=True):
-            if stress:
-                self.stressed = state, fields
-            # numpy's maximum, unlike max, propagates nan.
-            self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
-            shown = recording.shown_fields(built, self._views, state, fields, stress)
-            clouds = self._views.clouds
-            self.checked = state
-            self._check_places(built, state, clouds, shown)
-            if self._case.output.vtu:
-                self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
-                lines = contact_lines(built, state, clouds, shown), obstacle_lines(built, state)
-                self._lines.write(state.position, *lines)
-            datasets |= recording.stored_fields(self._saved, shown, wanted)
-            rows.append({"fields/position": state.position})
-            attributes[place("fields", str(self._saved))] = {"linear_residual": residual}
-            self._saved += 1
-
-    def _check_places(
-        self, built: CondensedScene, state: State, clouds: Mapping[str, Cloud], fields: Mapping[str, Fields]
-    ) -> None:
-        """Raises NumericalError if bodies overlap; warns if a body overlaps itself or surfaces slide far."""
-        moved = {name: one.displacement for name, one in fields.items()}
-        check_overlaps(built, state, clouds, moved)
-        found = dict(large_slides(built, state, clouds, moved))
-        for name, (x, y) in within_themselves(clouds, moved).items():
-            found[f"body {name} overlaps itself"] = (
-                f" near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact is not "
-                f"supported, and results beyond that position are invalid"
-            )
-        for fault, where in found.items():
-            if not any(one.startswith(fault) for one in self._reported):
-                self._reported.append(fault + where)
-                self.warn(fault + where)
-
-    def check_linear(self, built: CondensedScene) -> float:
-        """The largest error of the linear solver over the saved states; of the last state if none was saved,
-        which is then also checked for overlaps."""
-        if self.linear_residual is None and self.last is not None:
-            fields, self.linear_residual = fields_of(built, [self.last], stress=False, starts=self._starts)[0]
-            clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
-            check_overlaps(built, self.last, clouds, {name: one.displacement for name, one in fields.items()})
-        return self.linear_residual or 0.0
-
-    def stress_fields(self, built: CondensedScene, state: State) -> Mapping[str, Fields]:
-        """The fields of all bodies in a state with stresses; recomputed unless it was the last one saved."""
-        if self.stressed is not None and self.stressed[0] is state:
-            return self.stressed[1]
-        return fields_of(built, [state], stress=True, starts=self._starts)[0][0]
-
-    def failure(self, error: NumericalError, prepared: SceneModel, built: CondensedScene | None) -> None:
+    def failure(self, analysis: Analysis, error: NumericalError) -> None:
         """Records a failure, and writes failure.vtu: the state that was checked last, or the last good one if
-        the path ended there or the other is not finite; the model if there is no state.
-        """
-        path = self.directory / run_dir.FAILURE_FILE
+        the path ended there or the other is not finite; the model if there is no state."""
         state = self.checked if self.checked is not None and self.checked.is_finite else self.last
-        texts: dict[str, Any] = {"reason": error.message, "hint": error.hint}
         self._console.phase("writing the failed state")
         with self._clock.phase("output"):
-            if built is None or state is None:
-                write_parts(path, "body", model_bodies(prepared))
-            else:
-                found = diagnose(built, state)
-                self.failed_at = {"position": state.position, "worst_nodes": worst_nodes(built, found)}
-                fields, _ = fields_of(built, [state], stress=True)[0]
-                clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
-                bodies = recording.vtu_states(clouds, fields, ("displacement", "stress", "von_mises"))
-                if len(found.residual):
-                    more = node_fields(built, found)
-                    bodies = {k: replace(body, data={**body.data, **more[k]}) for k, body in bodies.items()}
-                write_parts(path, "body", list(bodies.values()))
-            self._events.write("failure", **texts, **self.failed_at)
+            parts, self.failed_at = analysis.diagnosis(state)
+            write_parts(self.directory / run_dir.FAILURE_FILE, "body", parts)
+            self._events.write("failure", reason=error.message, hint=error.hint, **self.failed_at)
 
-    def interfaces(self, built: CondensedScene) -> None:
-        """Writes the path and the final state of every contact as CSV."""
-        if self.last is None:
-            return
-        with self._clock.phase("output"):
-            self.write_path()
-            for pairing in built.condensed.reported:
-                columns = recording.interface_columns(built, pairing, self.last)
-                name = run_dir.interface_name(pairing.name, len(built.condensed.reported))
-                write_csv(self.directory / name, columns)
+    def finish(self, analysis: Analysis, summary: Mapping[str, Any]) -> None:
+        """Writes the tables of the path and of all contacts, and closes all files; summary.json is written
+        last, so that its presence means that the run is over."""
+        if self.last is not None:
+            write_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
+            tables = analysis.interfaces(self.last)
+            for name, columns in tables.items():
+                write_csv(self.directory / run_dir.interface_name(name, len(tables)), columns)
+        self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
+        self._file.set_status(str(summary["status"]))
+        self.close()
+        write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
+
+    def close(self) -> None:
+        """Closes the files; may be called twice."""
+        try:
+            self._file.close()
+        finally:
+            self._events.close()

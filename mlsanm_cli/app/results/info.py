@@ -34,7 +34,7 @@ def info(rundir: Path) -> Mapping[str, Any]:
     """The summary of a run and its provenance. A run without summary.json is still running or was killed,
     which the lock of the directory distinguishes; its figures are those of the steps in run.h5. Raises
     RunError for a directory without a readable run."""
-    run = read_run(rundir)
+    run = read_run(rundir, ("path", "contacts"))
     summary_file = run.directory / run_dir.SUMMARY_FILE
     summary = read_json(summary_file) if summary_file.is_file() else _unfinished(run)
     provenance = {key: run.attributes[key] for key in PROVENANCE if run.attributes.get(key) not in (None, "")}
@@ -56,10 +56,10 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     known: dict[str, Any] = {
         "status": run.status,
         **ending,
-        "steps": max(path.rows - 1, 0),
+        "steps": max(run.rows - 1, 0),
         "nodes": int(run.attributes.get("nodes", 0)),
     }
-    if not path.rows:
+    if not run.rows:
         return known
     known |= {
         "position": float(path.position[-1]),

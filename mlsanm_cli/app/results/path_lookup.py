@@ -1,63 +1,73 @@
-"""The state of a stored run at any position of its path, the origin of its values, and the estimated error of
-interpolated ones."""
+"""A stored run at any position of its path: a row of its dataset, the origin of the values, and the estimated
+error of interpolated ones."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_reader import RunData, read_series
+from mlsanm_cli.io.run_reader import Dataset, RunData, read_series
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
-NOTHING = partial(np.zeros, 0)
 STORED, SERIES, LINEAR, INTERPOLATED = "stored", "series", "linear", "interpolated"
+MAX_ERROR = 0.25
+"""Largest estimated error of interpolated values, relative to the largest of the two states."""
+EDGE = 0.5
+"""Errors shrink like this power of the distance of the states: pressures grow like the root of the distance
+from an edge of contact, which moves with the load (Hertz: 0.120 of the peak there, 0.117 estimated)."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """A position of a path.
+    """A position of a path, with the values of the run there by their path in run.h5.
 
-    ``how`` its state is known: stored in ``row``, from the series of the step that ends there, or as a mean
-    of that row, with the weight ``share``, and the one before: exact without unilateral contact or if the
-    load factors are constant ("linear"), else "interpolated".
-
-    Series give ``pressure`` and ``gap`` (m,), ``motion`` (k,) and ``traction`` (n,), over all contacts.
+    ``how`` they are known: stored in ``row``; from the power ``series`` of the step that ends there; or as a
+    mean of that row, with the weight ``share``, and the one before: exact without unilateral contact or if
+    the load factors are constant ("linear"), else "interpolated".
     """
 
+    run: RunData
     position: float
     how: str
     row: int
     share: float
-    factors: FloatArray
-    pressure: FloatArray = field(default_factory=NOTHING)
-    gap: FloatArray = field(default_factory=NOTHING)
-    motion: FloatArray = field(default_factory=NOTHING)
-    traction: FloatArray = field(default_factory=NOTHING)
+    series: Mapping[str, FloatArray]
 
-    @property
-    def unknowns(self) -> FloatArray:
-        """The argument (1 + u,) of the stored maps."""
-        return np.concatenate([[1.0], self.factors, self.motion, self.pressure, self.traction])
+    def __getitem__(self, path: str) -> FloatArray:
+        """A quantity at this level, from its history (S+1, ...); integers are those at the end of the step.
+        Raises RunError for quantities of a step with series that do not give it."""
+        if self.how == SERIES and not path.startswith("path/factors/"):
+            if path not in self.series:
+                raise RunError(
+                    f"{self.run.directory} was written by a version that kept {path} at the ends of steps "
+                    f"only",
+                    "run the case again, or ask for a stored position",
+                )
+            return self.series[path]
+        return self.between(self.run[path])
 
     def between(self, history: FloatArray) -> FloatArray:
-        """A history (S+1, ...) at this level, if it is not known by series."""
+        """A history (S+1, ...) at this level, linear between rows."""
         row = np.asarray(history[self.row], dtype=np.float64)
-        if self.how == STORED:
+        if self.how == STORED or history.dtype.kind == "i":
             return row
-        result: FloatArray = self.share * row + (1.0 - self.share) * history[self.row - 1]
-        return result
+        return np.asarray(self.share * row + (1.0 - self.share) * history[self.row - 1])
+
+    @property
+    def factors(self) -> FloatArray:
+        """Load factors (L,), which are linear within a stage."""
+        return np.array([self.between(one) for one in self.run["path/factors"].values()])
 
 
 def level_at(run: RunData, position: float) -> Level:
     """The level of a path position. Raises RunError if the path does not reach it, and between stored states
     at finite strain."""
-    rows = np.asarray(run.path.position)
+    rows = run["path/position"]
     if not len(rows):
         raise RunError(f"{run.directory} holds no finished step yet")
     # Not relative to the requested position, which may be infinite.
@@ -71,7 +81,7 @@ def level_at(run: RunData, position: float) -> Level:
     same = np.flatnonzero(np.abs(rows - position) <= slack)
     if len(same):
         row = int(same[0])
-        return Level(float(rows[row]), STORED, row, 1.0, _factors(run, row, 1.0))
+        return Level(run, float(rows[row]), STORED, row, 1.0, {})
     row = int(np.flatnonzero(rows > position)[0])
     if run.is_finite:
         raise RunError(
@@ -80,25 +90,49 @@ def level_at(run: RunData, position: float) -> Level:
             f"run again with {position:g} in output.at",
         )
     share = float((position - rows[row - 1]) / (rows[row] - rows[row - 1]))
-    factors = _factors(run, row, share)
-    arrays, attributes = read_series(run.directory, row)
-    if arrays:
-        names = [name for name in ("pressure", "gap", "motion", "traction") if name in arrays]
-        parts = [arrays[name] for name in names]
-        length = float(attributes["length"])
-        branch = Branch(np.hstack(parts), arrays["position"], length, arrays.get("denominator"))
-        x, _ = branch.evaluate(branch.parameter_at(position))
-        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
-        values = dict(zip(names, np.split(x, ends), strict=True))
-        return Level(position, SERIES, row, share, factors, **values)
-    linear = not run.unilateral_contacts or np.array_equal(factors, _factors(run, row - 1, 1.0))
-    return Level(position, LINEAR if linear else INTERPOLATED, row, share, factors)
+    level = Level(run, position, LINEAR, row, share, {})
+    stored = read_series(run.directory, row)
+    if stored:
+        return replace(level, how=SERIES, series=_from_series(run, level, stored))
+    changes = any(history[row] != history[row - 1] for history in run["path/factors"].values())
+    return replace(level, how=INTERPOLATED) if run.unilateral_contacts and changes else level
 
 
-def _factors(run: RunData, row: int, share: float) -> FloatArray:
-    """Load factors (L,), which are linear within a stage."""
-    history = np.array(list(run.path.factors.values()))
-    return np.asarray(share * history[:, row] + (1.0 - share) * history[:, row - 1], dtype=np.float64)
+def _from_series(run: RunData, level: Level, stored: Dataset) -> dict[str, FloatArray]:
+    """The values at a level by their paths, from the series of its step and the maps of the run."""
+    names = [name for name in ("pressure", "gap", "motion", "traction") if name in stored]
+    parts = [stored[name] for name in names]
+    length = float(stored.attributes["length"])
+    branch = Branch(np.hstack(parts), stored.position, length, stored.get("denominator"))
+    x, _ = branch.evaluate(branch.parameter_at(level.position))
+    ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+    known = {
+        "motion": np.zeros(0),
+        "traction": np.zeros(0),
+        **dict(zip(names, np.split(x, ends), strict=True)),
+    }
+    unknowns = np.concatenate([[1.0], level.factors, known["motion"], known["pressure"], known["traction"]])
+    mapped = {kind: {name: one @ unknowns for name, one in run["maps"][kind].items()} for kind in run["maps"]}
+    values = {f"path/resultants/{name}": force for name, force in mapped["forces"].items()}
+    for name, both in mapped["probes"].items():
+        values |= {f"probes/{name}/displacement": both[:2], f"probes/{name}/stress": both[2:]}
+    first = first_tangential = 0
+    for name, contact in run["contacts"].items():
+        place, count = f"contacts/{name}", len(contact.arc_length)
+        values[f"{place}/status"] = contact.status[level.row]
+        if name in mapped["bonds"]:
+            values[f"{place}/pressure"], values[f"{place}/traction"] = np.split(mapped["bonds"][name], 2)
+            values |= dict.fromkeys((f"{place}/gap", f"{place}/slip"), np.zeros(count))
+            continue
+        own = slice(first, first + count)
+        values |= {f"{place}/{key}": known[key][own] for key in ("pressure", "gap")}
+        first += count
+        if name in mapped["slip"]:
+            tangential = slice(first_tangential, first_tangential + count)
+            values[f"{place}/traction"] = known["traction"][tangential]
+            values[f"{place}/slip"] = mapped["slip"][name]
+            first_tangential += count
+    return values
 
 
 def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, str]:
@@ -113,27 +147,19 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
         )
     for state in saved:
         if abs(state.position - level.position) <= FINE_ROUND_OFF * max(abs(level.position), 1.0):
-            return state.bodies[body]["displacement"], STORED
+            return state.bodies[body].displacement, STORED
     if not run.unilateral_contacts and not run.is_finite:
         known = np.array([level_at(run, state.position).factors for state in saved])
         shares = np.linalg.lstsq(known.T, level.factors, rcond=None)[0]
         missed = np.abs(shares @ known - level.factors).max(initial=0.0)
         if missed <= ROUND_OFF * max(np.abs(level.factors).max(initial=0.0), 1.0):
-            fields = np.array([state.bodies[body]["displacement"] for state in saved])
+            fields = np.array([state.bodies[body].displacement for state in saved])
             return np.asarray(np.einsum("s,snd->nd", shares, fields), dtype=np.float64), LINEAR
     places = ", ".join(f"{state.position:g}" for state in saved)
     raise RunError(
         f"fields are saved at position {places} only, not at {level.position:g}",
         f"run again with {level.position:g} in output.at, or with a [[probe]] at the point",
     )
-
-
-MAX_ERROR = 0.25
-"""Largest estimated error of interpolated values, relative to the largest of the two states."""
-
-EDGE = 0.5
-"""Errors shrink like this power of the distance of the states: pressures grow like the root of the distance
-from an edge of contact, which moves with the load (Hertz: 0.120 of the peak there, 0.117 estimated)."""
 
 
 def interpolation_error(position: FloatArray, history: FloatArray, row: int, share: float) -> float:
@@ -144,7 +170,7 @@ def interpolation_error(position: FloatArray, history: FloatArray, row: int, sha
     of the ratio of distances. Infinite if a stage has fewer than three rows.
     """
     gap = position[row] - position[row - 1]
-    found = []
+    errors = []
     for middle in (row - 1, row):
         if not 1 <= middle < len(position) - 1:
             continue
@@ -155,8 +181,8 @@ def interpolation_error(position: FloatArray, history: FloatArray, row: int, sha
             part = before / (before + after)
             missed = np.abs((1.0 - part) * first + part * last - own).max(initial=0.0)
             finer = share * (1.0 - share) * gap**2 / (before * after)
-            found.append(float(finer ** (0.5 * EDGE) * missed))
-    return max(found, default=np.inf)
+            errors.append(float(finer ** (0.5 * EDGE) * missed))
+    return max(errors, default=np.inf)
 
 
 def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray) -> float | None:
@@ -165,7 +191,7 @@ def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray)
     error is too large or unknown."""
     if level.how != INTERPOLATED:
         return None
-    position = np.asarray(run.path.position)
+    position = run["path/position"]
     before, after = position[level.row - 1 : level.row + 1]
     largest = float(np.abs(np.asarray(histories[0])[level.row - 1 : level.row + 1]).max(initial=0.0))
     missed = max(interpolation_error(position, one, level.row, level.share) for one in histories)
@@ -186,13 +212,7 @@ def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
     level = level_at(run, position)
     for contact in run.contacts.values():
         checked_error(run, level, "pressures", contact.pressure)
-    if level.how != SERIES:
-        return {name: level.between(contact.pressure) for name, contact in run.contacts.items()}
-    ends = np.cumsum([len(run.contacts[name].arc_length) for name in run.unilateral_contacts])
-    found = dict(zip(run.unilateral_contacts, np.split(level.pressure, ends[:-1]), strict=True))
-    for name, rows in run.maps["bonds"].items():
-        found[name] = np.split(rows @ level.unknowns, 2)[0]
-    return {name: found[name] for name in run.contacts}
+    return {name: level[f"contacts/{name}/pressure"] for name in run.contacts}
 
 
 def refuse_unknown(name: str, names: Collection[str], what: str) -> None:
@@ -215,15 +235,14 @@ def tangential_force(run: RunData, name: str) -> FloatArray:
     """The force (S+1,) of a contact on its master along the mean tangent."""
     contact = run.contacts[name]
     if run.is_finite:
-        n_x, n_y = mean_normal(run, name)
-        return np.asarray(-pressing_force(run, name) @ np.array([n_y, -n_x]))
+        return np.asarray(-pressing_force(run, name) @ mean_tangent(run, name))
     return np.asarray(-(contact.traction @ contact.weight))
 
 
-def mean_normal(run: RunData, name: str) -> FloatArray:
-    """The mean (2,) of a contact's normals before loading, where it is pressed at some time, as a unit
+def mean_tangent(run: RunData, name: str) -> FloatArray:
+    """The mean (2,) of a contact's tangents before loading, where it is pressed at some time, as a unit
     vector."""
     contact = run.contacts[name]
     weight = np.where((contact.pressure > 0.0).any(axis=0), contact.weight, 0.0)
-    mean = (weight if weight.any() else contact.weight) @ contact.normal
-    return np.asarray(mean / np.hypot(*mean))
+    x, y = (weight if weight.any() else contact.weight) @ contact.normal
+    return np.asarray(np.array([y, -x]) / np.hypot(x, y))

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.case import Case, Displacement, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import html, run_dir
@@ -87,7 +87,7 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
     yield from _figures(summary, case)
     yield html.heading(3, "Error estimates and checks")
     yield _checks(summary)
-    if run.path.rows:
+    if run.rows:
         yield html.heading(3, "Pictures")
         yield from _pictures(run)
     yield html.heading(3, "The case")

@@ -120,7 +120,7 @@ def prepare(
             # Nodes of meshes are not suited to wide stencils: errors of an eye with eight elements across
             # were 1 % at degree 2 and 12 % at degree 4. Nor are tips of slits smooth enough.
             cloud = clouds[body.name]
-            difficult = cloud.sight is not None or cloud.thinnest.spacings < MIN_HIGH_SPACINGS
+            difficult = cloud.sight is not None or cloud.spacings_across < MIN_HIGH_SPACINGS
             models[body.name] = modelled(body, low or body.has_nodes or difficult)
         except NumericalError:
             if mls_settings(case) == mls_settings(case, low=True):

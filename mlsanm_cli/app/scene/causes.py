@@ -8,8 +8,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Contact
-from mlsanm_cli.case.model.loads import Platen, Traction
+from mlsanm_cli.case import Case, Contact, Platen, Traction
 from mlsanm_cli.case.model.obstacles import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest

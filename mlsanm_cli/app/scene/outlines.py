@@ -29,8 +29,8 @@ from mlsanm_cli.case.model.shapes import (
 from mlsanm_cli.cloud import drawing
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.elements import EdgeNames, boundary_loops
-from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
+from mlsanm_cli.cloud.elements import boundary_loops
+from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, trace
 from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
 from mlsanm_cli.errors import GeometryError, RunError
@@ -53,7 +53,7 @@ def drawn(shape: AnyShape) -> Outline:
     if isinstance(shape, Annulus):
         return annulus(shape.center, shape.radii)
     if isinstance(shape, Mesh | Points):
-        return imported_geometry(shape).traced.outline
+        return imported_geometry(shape).outline
     if isinstance(shape, Disk):
         return disk(shape.center, shape.radius)
     holes = [
@@ -82,13 +82,13 @@ class ImportedGeometry:
 
     digest: str
     points: FloatArray
-    traced: Traced
+    outline: Outline
     normals: FloatArray | None
 
     @cached_property
     def cloud(self) -> Cloud:
         """The cloud of the nodes of the file."""
-        return cloud_of_nodes(self.points, self.traced, self.normals)
+        return cloud_of_nodes(self.points, self.outline, self.normals)
 
 
 def imported_geometry(shape: FileShape) -> ImportedGeometry:
@@ -117,7 +117,7 @@ def _read(shape: FileShape) -> ImportedGeometry:
     if isinstance(shape, Mesh):
         mesh = read_mesh(path, shape.group)
         points = mesh.points
-        loops = boundary_loops(points, mesh.rings, EdgeNames(mesh.lines, mesh.names, mesh.node_sets))
+        loops = boundary_loops(points, mesh.rings, mesh.lines, mesh.names, mesh.node_sets)
     else:
         table = read_points(path)
         points, normals = table.points, table.normals

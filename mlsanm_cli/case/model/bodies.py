@@ -1,22 +1,18 @@
 """``[[body]]``: bodies and the spacing of their nodes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.base import LENGTH, NUMBER, AutoLength, Name, Positive, Section, Vector
+from mlsanm_cli.case.model.fields import LENGTH, NUMBER, AutoLength, Name, Positive, Vector
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.case.model.shapes import Mesh, Points, Shape
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import ROUND_OFF
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 
 class Refine(Section):

@@ -1,31 +1,27 @@
 """The case file as frozen values: one class per table, attributes named like the keys. Any consistent units
 of length, force per unit thickness and stress can be used. All defaults are set here."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
-from mlsanm_cli.case.model.base import Name, Section
 from mlsanm_cli.case.model.bodies import Body
 from mlsanm_cli.case.model.conditions import condition_faults
 from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.defaults import with_defaults
-from mlsanm_cli.case.model.loads import Load
+from mlsanm_cli.case.model.fields import Name
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.model import Model
+from mlsanm_cli.case.model.motions import AnyLoad
 from mlsanm_cli.case.model.output import Output, Probe, Reference, Units
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.case.model.solver import Adapt, Mls, Solver
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 
 def _no_bool(value: Any) -> Any:
@@ -48,7 +44,7 @@ class Case(Section):
     # An empty list is reported by the checks: while invalid items are removed it must remain valid.
     body: tuple[Body, ...] = Field(json_schema_extra={"minItems": 1})
     support: tuple[Support, ...] = ()
-    load: tuple[Load, ...] = ()
+    load: tuple[Annotated[AnyLoad, Field(discriminator="kind")], ...] = ()
     contact: tuple[Contact, ...] = ()
     stop: tuple[Stop, ...] = ()
     stage: tuple[dict[str, float], ...] = ()

@@ -4,15 +4,12 @@ is not fixed."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.base import split_boundary
-from mlsanm_cli.case.model.places import BoundaryPart
+from mlsanm_cli.case.model.fields import split_boundary
+from mlsanm_cli.case.model.section import Scope
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 
@@ -77,12 +74,9 @@ def _on_supports(scope: Scope) -> Iterator[_Condition]:
 
 def _on_loads(scope: Scope) -> Iterator[_Condition]:
     for index, load in enumerate(scope.case.load):
-        if not isinstance(load, BoundaryPart):
-            continue
-        for boundary in (name for place in load.places for name in place.boundaries):
-            body, edge = split_boundary(boundary)
-            geometry = scope.geometries.get(body)
-            normal = geometry.normals.get(edge) if geometry is not None else None
+        for place, boundary in [(part, name) for part in load.places for name in part.boundaries]:
+            geometry = scope.geometries.get(place.body)
+            normal = geometry.normals.get(split_boundary(boundary)[1]) if geometry is not None else None
             for component, kind in load.conditions(normal):
-                label, partial = f'load "{load.name}" ({kind})', load.ends is not None
+                label, partial = f'load "{load.name}" ({kind})', place.ends is not None
                 yield _Condition(boundary, component, kind, ("load", index), label, partial)

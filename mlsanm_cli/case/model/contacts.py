@@ -1,31 +1,18 @@
 """``[[contact]]``: contacts between bodies and with rigid obstacles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import takewhile
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import (
-    LENGTH,
-    NUMBER,
-    Amount,
-    AutoLength,
-    Coefficient,
-    Name,
-    Positive,
-    Section,
-)
+from mlsanm_cli.case.model.fields import LENGTH, NUMBER, Amount, AutoLength, Coefficient, Name, Positive
 from mlsanm_cli.case.model.model import UNSUPPORTED
 from mlsanm_cli.case.model.obstacles import Obstacle
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 
 class Regularization(Section):

@@ -1,21 +1,17 @@
 """Materials: their constants, laws, and the conditions of a positive definite stiffness. A further law is an
 entry of ``law``, its keys, and a row of ``FORMS`` and ``FINITE_LAWS``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section, expecting
-from mlsanm_cli.case.model.model import UNSUPPORTED
+from mlsanm_cli.case.model.fields import ANGLE, EXPANSION, NUMBER, STRESS, Positive, expecting
+from mlsanm_cli.case.model.model import NEEDS_FINITE, UNSUPPORTED
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 Triple = tuple[float, float, float]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
@@ -108,8 +104,7 @@ class Material(Section):
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
         form = FINITE_LAWS.get(self.law)
         if scope.strain == "small" and form is not None:
-            hint = 'write strain = "finite" in [model], or remove the key'
-            yield Fault(("law",), f'"{self.law}" needs finite strain', hint)
+            yield Fault(("law",), f'"{self.law}" needs finite strain', NEEDS_FINITE)
         if scope.strain != "finite":
             return
         if form is None:

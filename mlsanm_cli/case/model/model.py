@@ -1,10 +1,8 @@
 """``[model]``: the kinds of plane problems and of strains."""
 
-from __future__ import annotations
-
 from typing import Literal
 
-from mlsanm_cli.case.model.base import Section
+from mlsanm_cli.case.model.section import Section
 
 
 class Model(Section):
@@ -24,3 +22,5 @@ class Model(Section):
 
 UNSUPPORTED = "with finite strain is not supported yet"
 """End of messages about features that finite strain does not have."""
+NEEDS_FINITE = 'write strain = "finite" in [model], or remove the key'
+"""Hint for features of finite strain only."""

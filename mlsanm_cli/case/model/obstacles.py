@@ -1,35 +1,35 @@
 """Rigid obstacles that a boundary may contact instead of another body."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import LENGTH, NUMBER, Positive, Section, Vector
+from mlsanm_cli.case.model.fields import LENGTH, NUMBER, Positive, Vector
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
 
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
+
+class _Obstacle(Section):
+    kind: str
+    """Kind of obstacle."""
+
+    @property
+    def curvature(self) -> float:
+        """Positive where the obstacle is convex; 0 of straight sides."""
+        return 0.0
 
 
-class PlaneObstacle(Section):
+class PlaneObstacle(_Obstacle):
     """A rigid half-plane, bounded by a straight line."""
 
     kind: Literal["plane"]
-    """Kind of obstacle."""
     point: Annotated[Vector, LENGTH]
     """A point on its boundary."""
     normal: Annotated[Vector, NUMBER]
     """Outward normal, of any length."""
-
-    @property
-    def curvature(self) -> float:
-        """Zero."""
-        return 0.0
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         if self.normal == (0.0, 0.0):
@@ -37,11 +37,10 @@ class PlaneObstacle(Section):
             yield Fault(("normal",), "has no direction", hint)
 
 
-class DiskObstacle(Section):
+class DiskObstacle(_Obstacle):
     """A rigid disk, or with ``inside`` the wall of a circular hole."""
 
     kind: Literal["disk"]
-    """Kind of obstacle."""
     center: Annotated[Vector, LENGTH]
     """Centre."""
     radius: Annotated[Positive, LENGTH]
@@ -51,23 +50,16 @@ class DiskObstacle(Section):
 
     @property
     def curvature(self) -> float:
-        """Positive where the obstacle is convex."""
         return (-1.0 if self.inside else 1.0) / self.radius
 
 
-class PolylineObstacle(Section):
+class PolylineObstacle(_Obstacle):
     """A rigid region bounded by straight sides, or by a smooth curve where points sample one."""
 
     kind: Literal["polyline"]
-    """Kind of obstacle."""
     points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH]
     """Points along its boundary, with the obstacle on the left. Three or more consecutive turns of at most 15
     degrees that change gradually are treated as a smooth curve."""
-
-    @property
-    def curvature(self) -> float:
-        """Zero, as of its straight sides."""
-        return 0.0
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         for index, (a, b) in enumerate(pairwise(self.points), start=1):

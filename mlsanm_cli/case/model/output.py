@@ -1,19 +1,15 @@
 """Output files, probes, units and reference solutions."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import LENGTH, Name, Section, Unit, Vector
+from mlsanm_cli.case.model.fields import LENGTH, Name, Unit, Vector
 from mlsanm_cli.case.model.model import UNSUPPORTED
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 Symbol = Annotated[str, Field(max_length=20)]
 

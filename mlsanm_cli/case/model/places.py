@@ -1,19 +1,15 @@
 """Regions: a boundary, several boundaries that form one surface, or a part of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, LENGTH, Point, Section, Vector, split_boundary
+from mlsanm_cli.case.model.fields import BOUNDARY_PATTERN, LENGTH, Vector, split_boundary
+from mlsanm_cli.case.model.section import Point, Scope, Section
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 _NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
 

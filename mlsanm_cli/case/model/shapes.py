@@ -1,21 +1,19 @@
 """Shapes of bodies: their keys. Geometry is computed and checked on outlines (``cloud``)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.base import ANGLE, LENGTH, Name, Positive, Section, Vector
+from mlsanm_cli.case.model.fields import ANGLE, LENGTH, Name, Positive, Vector
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.case.model.tables import with_points
 from mlsanm_cli.errors import Fault
 
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
-
+Center = Annotated[Vector, LENGTH]
+Radius = Annotated[Positive, LENGTH]
 Degrees = Annotated[float, Field(gt=0.0, lt=180.0)]
 
 
@@ -24,7 +22,19 @@ def _absolute(file: str, info: ValidationInfo) -> str:
     return file if info.context is None else str((info.context / file).absolute())
 
 
-class _FileShape(Section):
+class _Shape(Section):
+    kind: str
+    """Kind of shape."""
+
+
+class _Circle(Section):
+    center: Center
+    """Centre of the circle."""
+    radius: Radius
+    """Radius of the circle."""
+
+
+class _FileShape(_Shape):
     """A shape read from a file."""
 
     file: Annotated[str, Field(min_length=1), AfterValidator(_absolute)]
@@ -39,7 +49,6 @@ class Mesh(_FileShape):
     """A mesh of triangles and quadrilaterals."""
 
     kind: Literal["mesh"]
-    """Kind of shape."""
     use: Literal["nodes", "outline"] = "nodes"
     """Use the nodes of the mesh, or only its outline, filled with nodes of the given `spacing`."""
     group: str | None = None
@@ -55,7 +64,6 @@ class Points(_FileShape):
     """Nodes with the names of their boundaries."""
 
     kind: Literal["points"]
-    """Kind of shape."""
 
     @property
     def has_nodes(self) -> bool:
@@ -66,16 +74,13 @@ class Points(_FileShape):
 FileShape = Mesh | Points
 
 
-Center = Annotated[Vector, LENGTH]
-Radius = Annotated[Positive, LENGTH]
 RADIUS_SCHEMA = {"type": "number", "minimum": 0.0}
 
 
-class Rectangle(Section):
+class Rectangle(_Shape):
     """A rectangle with sides along the axes; boundaries left, right, bottom, top."""
 
     kind: Literal["rectangle"]
-    """Kind of shape."""
     x: Annotated[Vector, LENGTH]
     """Range in x, the smaller number first."""
     y: Annotated[Vector, LENGTH]
@@ -87,34 +92,23 @@ class Rectangle(Section):
                 yield Fault((axis,), f"[{low:g}, {high:g}] is not a range", "the smaller number first")
 
 
-class Disk(Section):
+class Disk(_Circle, _Shape):
     """A full disk; its only boundary is ``arc``."""
 
     kind: Literal["disk"]
-    """Kind of shape."""
-    center: Center
-    """Centre of the circle."""
-    radius: Radius
-    """Radius of the circle."""
 
 
-class HalfDisk(Section):
+class HalfDisk(_Circle, _Shape):
     """Half a disk; the boundary ``flat`` is the cut through the centre, ``arc`` the rest."""
 
     kind: Literal["half-disk"]
-    """Kind of shape."""
-    center: Center
-    """Centre of the circle."""
-    radius: Radius
-    """Radius of the circle."""
     side: Literal["lower", "upper", "left", "right"]
     """The half that is kept."""
 
 
-class _Ring(Section):
+class _Ring(_Shape):
     """A ring or a part of one."""
 
-    kind: str
     center: Center
     """Centre of the circles."""
     radii: Annotated[Vector, LENGTH]
@@ -129,7 +123,6 @@ class Sector(_Ring):
     """Part of a ring between two radii and two angles; boundaries outer, end, inner, start."""
 
     kind: Literal["sector"]
-    """Kind of shape."""
     angles: Annotated[Vector, ANGLE]
     """First and last angle, counter-clockwise from the x axis; the straight sides are `start` and `end`."""
 
@@ -143,25 +136,19 @@ class Annulus(_Ring):
     """A whole ring; boundaries outer and inner."""
 
     kind: Literal["annulus"]
-    """Kind of shape."""
 
 
-class Hole(Section):
+class Hole(_Circle):
     """A circular hole; its boundary is called ``name``."""
 
-    center: Center
-    """Centre of the circle."""
-    radius: Radius
-    """Radius of the circle."""
     name: Name | None = None
     """Name of its boundary; hole1, hole2 and so on by default."""
 
 
-class Polygon(Section):
+class Polygon(_Shape):
     """A polygon with rounded corners and circular holes. Sides and arcs of one name are one boundary."""
 
     kind: Literal["polygon"]
-    """Kind of shape."""
     points: Annotated[tuple[Vector, ...], Field(min_length=3), LENGTH]
     """Corners in either direction; the last is joined to the first automatically."""
     names: tuple[Name, ...] = ()
@@ -227,12 +214,11 @@ class OutlineSide(Section):
             yield Fault((given[1],), f'"{given[0]}" is given too', "one of to, points and file")
 
 
-class OutlineShape(Section):
+class OutlineShape(_Shape):
     """Consecutive sides around the body, in either direction, and circular holes. Every side starts at the
     end of the previous one, the first at the end of the last."""
 
     kind: Literal["outline"]
-    """Kind of shape."""
     sides: Annotated[tuple[OutlineSide, ...], Field(min_length=1)]
     holes: tuple[Hole, ...] = ()
 

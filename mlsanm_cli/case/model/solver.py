@@ -1,18 +1,14 @@
 """Settings of approximation, refinement and path following."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import NUMBER, AutoCount, AutoDegree, Section
+from mlsanm_cli.case.model.fields import NUMBER, AutoCount, AutoDegree
 from mlsanm_cli.case.model.model import UNSUPPORTED
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 MAX_NEIGHBORS_PER_TERM = 20
 """Largest number of nodes of a stencil per coefficient of its polynomial."""

@@ -1,16 +1,12 @@
 """``[[stop]]``: conditions that end the path before the last stage is complete."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-from mlsanm_cli.case.model.base import Section, Unit
+from mlsanm_cli.case.model.fields import Unit
+from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 UNIT_OF_QUANTITY = Unit("unit of the quantity")
 VECTORS = ("force", "displacement")

@@ -1,20 +1,16 @@
 """``[[support]]``: fixed displacements and elastic foundations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import takewhile
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import FOUNDATION, LENGTH, Vector
 from mlsanm_cli.case.model.conditions import Kind
+from mlsanm_cli.case.model.fields import FOUNDATION, LENGTH, Vector
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.section import Scope
 from mlsanm_cli.errors import Fault
-
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
 
 ZERO_ONLY = Field(json_schema_extra={"enum": [0.0]})
 """0.0 is the only value supported; others are reported by name."""

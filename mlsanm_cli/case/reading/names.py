@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, split_boundary
-from mlsanm_cli.case.model.scope import Scope
+from mlsanm_cli.case.model.fields import BOUNDARY_PATTERN, split_boundary
+from mlsanm_cli.case.model.section import Scope
+from mlsanm_cli.case.model.shapes import edge_names
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
 
@@ -69,10 +70,17 @@ def _unknown(path: KeyPath, name: str, section: str, scope: Scope, text: str = "
 def _unknown_boundary(path: KeyPath, boundary: str, scope: Scope) -> Iterator[Fault]:
     body, edge = split_boundary(boundary)
     yield from _unknown(path, body, "body", scope, f'"{boundary}": ')
-    edges = scope.edges(body)
+    edges = _edges(body, scope)
     if edges and edge not in edges:
         hint = suggestion(boundary, [f"{body}.{valid}" for valid in edges], "boundaries")
         yield Fault(path, f'body "{body}" has no boundary "{edge}"', hint)
+
+
+def _edges(body: str, scope: Scope) -> tuple[str, ...]:
+    """Names of the boundaries of a body, empty if they are unknown."""
+    if body in scope.geometries:
+        return tuple(scope.geometries[body].normals)
+    return next((edge_names(one.shape) for one in scope.case.body if one.name == body), ())
 
 
 def _texts(data: Mapping[str, Any], section: str, key: str) -> list[tuple[KeyPath, str]]:

@@ -14,9 +14,8 @@ from typing import Any
 
 from mlsanm_cli.case.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.base import all_faults
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.scope import Geometry, GeometryInspector, Scope
+from mlsanm_cli.case.model.section import Geometry, GeometryInspector, Scope, all_faults
 from mlsanm_cli.case.reading.names import declared_names, name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.reading.valid import LISTS, ValidPart, valid_part

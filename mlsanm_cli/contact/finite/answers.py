@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -42,37 +43,34 @@ DEEP = 0.5
 """Nodes at this part of the largest depth are far from all sides."""
 
 
-@dataclass(frozen=True)
-class Answer:
-    """Correction for a side's c nodes, x and y in turn: ``fit`` F (2c, 2c) and ``missing`` K - F C (2c,
-    2c)."""
+Correction: TypeAlias = tuple[FloatArray, FloatArray]
+"""Correction for a side's c nodes, x and y in turn: fit F (2c, 2c) and K - F C (2c, 2c)."""
 
-    fit: FloatArray
-    missing: FloatArray
 
-    @classmethod
-    def of(cls, side: ContactSide, projector: Projector, first: int, center: complex | None) -> Answer:
-        """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
-        tractions; in hollows near fields end at a ``center``."""
-        body = projector.body.elastic
-        share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
-        still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
-        columns = load_columns(projector.body, still, none, slice(first, first + 2 * side.count))
-        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
-        both = np.repeat(share, 2)
-        fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
-        own = fit @ moved[(2 * side.nodes[:, None] + np.arange(2)).ravel()]
-        deep, free = _deep(projector.body)
-        exact, inside = exact_compliance(side, body, center, np.flatnonzero(share), deep)
-        # The motion of a loose body on the whole is that of the cloud.
-        apart = inside - moved[(2 * deep[:, None] + np.arange(2)).ravel()]
-        offset = free(side.places) @ np.linalg.lstsq(free(body.model.nodes[deep]), apart)[0]
-        return cls(fit, _uneven(side, both[:, None] * (exact - own - offset) * both, share))
+def side_correction(
+    side: ContactSide, projector: Projector, first: int, center: complex | None
+) -> Correction:
+    """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
+    tractions; in hollows near fields end at a ``center``."""
+    body = projector.body.elastic
+    share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
+    still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
+    columns = load_columns(projector.body, still, none, slice(first, first + 2 * side.count))
+    moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
+    both = np.repeat(share, 2)
+    fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
+    fitted = fit @ moved[(2 * side.nodes[:, None] + np.arange(2)).ravel()]
+    deep, free = _deep(projector.body)
+    exact, inside = exact_compliance(side, body, center, np.flatnonzero(share), deep)
+    # The motion of a loose body on the whole is that of the cloud.
+    apart = inside - moved[(2 * deep[:, None] + np.arange(2)).ravel()]
+    offset = free(side.places) @ np.linalg.lstsq(free(body.model.nodes[deep]), apart)[0]
+    return fit, _uneven(side, both[:, None] * (exact - fitted - offset) * both, share)
 
-    @classmethod
-    def plain(cls, side: ContactSide) -> Answer:
-        """No correction, where no near field is known."""
-        return cls(np.eye(2 * side.count), np.zeros((2 * side.count,) * 2))
+
+def no_correction(side: ContactSide) -> Correction:
+    """Where no near field is known."""
+    return np.eye(2 * side.count), np.zeros((2 * side.count,) * 2)
 
 
 @dataclass(frozen=True)
@@ -88,19 +86,19 @@ class Closer:
     def of(
         cls,
         sides: Sequence[tuple[ContactSide, slice]],
-        answers: Sequence[Answer],
+        corrections: Sequence[Correction],
         displacement: FloatArray,
         traction: FloatArray,
     ) -> Closer:
         """From the sides and their ranges, their corrections, the cloud's ``displacement`` (2s,) of their
         nodes, and their ``traction``."""
-        fits = [one.fit for one in answers] or [np.zeros((0, 0))]
+        fits = [fit for fit, _ in corrections] or [np.zeros((0, 0))]
         smooth = sparse.csr_array(sparse.block_diag(fits, format="csr"))
         surface = smooth @ displacement
         by_traction, by_turning = (np.zeros((len(surface),) * 2) for _ in range(2))
-        for (side, here), answer in zip(sides, answers, strict=True):
+        for (side, here), (_, missing) in zip(sides, corrections, strict=True):
             turn, angles = side.turned(surface[here].reshape(-1, 2))
-            whole = by_traction[here, here] = _turned(answer.missing, turn)
+            whole = by_traction[here, here] = _turned(missing, turn)
             own, pulled = (_across(one) for one in (whole @ traction[here], traction[here]))
             by_turning[here, here] = (own - whole @ pulled) @ angles
         return cls(smooth, by_traction, by_turning)

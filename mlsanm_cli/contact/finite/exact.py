@@ -21,7 +21,7 @@ from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, Done, Used
+from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, Done, Responses
 
 MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""
@@ -97,19 +97,19 @@ class ExactContact(ContactSystem):
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
         settled, traction, updates, spent = False, start.traction, [np.inf], 0
-        used: Used | None = None
+        responses: Responses | None = None
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
-            closer = Closer.of(self.contacts.sides, self.answers, u[self.numbers], traction)
+            closer = Closer.of(self.contacts.sides, self.corrections, u[self.numbers], traction)
             surface = closer.moved(u[self.numbers], traction)
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
-            close = used if updates[-1] <= REUSE_BELOW and not slow else None
+            close = responses if updates[-1] <= REUSE_BELOW and not slow else None
             done = Iteration(self, factors, closer, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
-            solves, used = solves + done.solves, done.used
+            solves, responses = solves + done.solves, done.responses
             part = self._until_touch(met, done)
             while part > 1e-3 and not self._volume(u + part * done.du) > MIN_JACOBIAN:
                 part *= 0.5

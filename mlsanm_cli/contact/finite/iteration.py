@@ -13,7 +13,7 @@ from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
-from mlsanm_cli.contact.finite.update import ContactSystem, Done, Imbalance, Responses, Used
+from mlsanm_cli.contact.finite.update import ContactSystem, Done, Responses
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
@@ -31,13 +31,13 @@ factor of five only, and increments became eight times shorter."""
 
 @dataclass(frozen=True)
 class Iteration:
-    """Newton steps at load ``factors`` (L,); derivatives of the bodies ``used`` before are reused if given.
-    ``left`` (r,) are the residuals of bodies, by name, if they are not to be those of their equations."""
+    """Newton steps at load ``factors`` (L,), with ``known`` responses of the bodies if given. ``left`` (r,)
+    are the residuals of bodies, by name, if they are not to be those of their equations."""
 
     pressing: ContactSystem
     factors: FloatArray
     closer: Closer
-    used: Used | None = None
+    known: Responses | None = None
     left: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def taken(
@@ -60,8 +60,8 @@ class Iteration:
             here = pressing.bodies[name]
             whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
             left = self.left[name] if self.left else projector.left(u[here], whole)
-            if self.used is not None:
-                factorised[name] = self.used.factorised[name]
+            if self.known is not None:
+                factorised[name] = self.known.factorised[name]
             else:
                 factorised[name] = projector.factorised(u[here], whole)
             z[here] = -factorised[name].solve(projector.scaled(left))
@@ -69,15 +69,13 @@ class Iteration:
         if not len(chosen) and not contacts.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
             sets = NodeSets(none.astype(np.int8), none)
-            counts = (len(factorised), True, Used(factorised, touched, {}))
+            counts = (len(factorised), True, Responses(factorised, touched))
             return Done(z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, *counts)
-        if self.used is not None and np.array_equal(self.used.touched, touched) and self.used.answers:
-            answers = self.used.answers
-        else:
-            answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
-        used = Used(factorised, touched, answers)
-        imbalance = self._balanced(u, applied, touched, answers, z)
-        return self._settled(p, q, sets, met, z, jump, chosen, used, imbalance, first)
+        responses = self.known
+        if responses is None or not responses.moved or not np.array_equal(responses.touched, touched):
+            responses = self._responses(u, factorised, touched)
+        imbalance = self._imbalance(u, applied, responses, z)
+        return self._settled(p, q, sets, met, z, jump, chosen, responses, imbalance, first)
 
     def _chosen(self, z: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
         """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
@@ -105,73 +103,64 @@ class Iteration:
             np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
         )
 
-    def _answers(self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray) -> Responses:
-        """A body's displacements due to the ``touched`` tractions and to its free motions."""
-        pressing, projector = self.pressing, self.pressing.projectors[name]
-        place = np.searchsorted(pressing.columns[name], touched)
-        place = np.minimum(place, max(len(pressing.columns[name]) - 1, 0))
-        own = np.flatnonzero(np.isin(touched, pressing.columns[name]))
-        moves, free = pressing.contacts.moving(name), pressing.contacts.free
-        known = len(self.factors) - free
-        none = np.zeros(projector.body.loads.count - len(self.factors))
-        whole = np.append(self.factors, none)
-        columns = load_columns(projector.body, u[pressing.bodies[name]], whole, slice(known, None))
-        some = sparse.csr_array(columns[:, np.concatenate([free + place[own], moves])])
-        found = -factorised.solve_unrefined(projector.scaled(some.toarray()))
-        pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
-        return Responses(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
+    def _responses(self, u: FloatArray, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
+        """The bodies' responses to the ``touched`` tractions and to their free motions."""
+        pressing, free = self.pressing, self.pressing.contacts.free
+        columns, moved, pieces = {}, {}, {}
+        for name, one in factorised.items():
+            projector, tractions = pressing.projectors[name], pressing.columns[name]
+            place = np.minimum(np.searchsorted(tractions, touched), max(len(tractions) - 1, 0))
+            acting, moves = np.flatnonzero(np.isin(touched, tractions)), pressing.contacts.moving(name)
+            whole = np.append(self.factors, np.zeros(projector.body.loads.count - len(self.factors)))
+            known = slice(len(self.factors) - free, None)
+            loads = load_columns(projector.body, u[pressing.bodies[name]], whole, known)
+            loads = sparse.csr_array(loads[:, np.concatenate([free + place[acting], moves])])
+            columns[name] = np.concatenate([acting, len(touched) + moves])
+            moved[name] = -one.solve_unrefined(projector.scaled(loads.toarray()))
+            pieces[name] = sparse.csr_array(loads[loads.shape[0] - 3 * projector.body.count :])
+        return Responses(factorised, touched, columns, moved, pieces)
 
-    def _balanced(
-        self,
-        u: FloatArray,
-        applied: FloatArray,
-        touched: IntArray,
-        answers: Mapping[str, Responses],
-        z: FloatArray,
-    ) -> Imbalance:
-        """Force imbalance (d,) after the displacements ``z`` (2N,), and its derivatives by touched tractions
-        and free motions."""
+    def _imbalance(
+        self, u: FloatArray, applied: FloatArray, responses: Responses, z: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Force imbalance (d,) after the displacements ``z`` (2N,), and its derivatives (d, t + d) by touched
+        tractions and free motions."""
         pressing, contacts = self.pressing, self.pressing.contacts
-        free = contacts.free
-        imbalance = Imbalance(np.zeros(free), np.zeros((free, len(touched))), np.zeros((free, free)))
+        free, count = contacts.free, len(responses.touched)
+        imbalance, derivative = np.zeros(free), np.zeros((free, count + free))
         for one in (some for some in contacts.loose if some.count):
-            here, answer, rows = pressing.bodies[one.body], answers[one.body], one.numbers
+            here, rows, columns = pressing.bodies[one.body], one.numbers, responses.columns[one.body]
             body = pressing.projectors[one.body].body
             whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
             series = BodySeries.at(body, u[here], whole)
             sums, moving = one.sums(body, series, u[here])
             moved = sums @ derivative_pieces(body, u[here], whole) + moving
-            imbalance.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
-            by_pieces = (sums @ answer.pieces).toarray()
-            imbalance.by_traction[np.ix_(rows, answer.own)] = (
-                by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
-            )
-            imbalance.by_motion[np.ix_(rows, answer.moves)] = moved @ answer.by_motion
-            imbalance.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
+            imbalance[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
+            direct = (sums @ responses.pieces[one.body]).toarray()
+            derivative[np.ix_(rows, columns)] = direct + moved @ responses.moved[one.body]
+            derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
-            imbalance.now[rows] -= plate.given(self.factors[:known])
+            imbalance[rows] -= plate.given(self.factors[:known])
             for name in plate.surfaces:
-                here, answer = pressing.bodies[name], answers[name]
+                here, columns = pressing.bodies[name], responses.columns[name]
                 body = pressing.projectors[name].body
                 whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
                 pull, by_moving = plate.pulled(body, name, u[here], whole)
                 moved = plate.unknown(by_moving.toarray())
-                imbalance.now[rows] += plate.unknown(pull) + moved @ z[here]
-                imbalance.by_traction[np.ix_(rows, answer.own)] += moved @ answer.by_traction
-                imbalance.by_motion[np.ix_(rows, answer.moves)] += moved @ answer.by_motion
-                imbalance.by_motion[rows] += plate.unknown(plate.arms(pull))[:, known:]
-                imbalance.by_motion[rows, rows] += DAMPING * body.elastic.model.material.modulus
+                imbalance[rows] += plate.unknown(pull) + moved @ z[here]
+                derivative[np.ix_(rows, columns)] += moved @ responses.moved[name]
+                derivative[rows, count:] += plate.unknown(plate.arms(pull))[:, known:]
+                derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
         for driven in contacts.driven:
             number, contact = driven.number, contacts.pairs[driven.contact]
             weight = np.zeros(len(applied))
             weight[self._driven(driven)] = contact.slave.weight
-            force = driven.force @ self.factors[: len(driven.force)]
-            imbalance.now[number] = weight @ applied - force
-            imbalance.by_traction[number] = weight[touched]
+            imbalance[number] = weight @ applied - driven.force @ self.factors[: len(driven.force)]
+            derivative[number, :count] = weight[responses.touched]
             modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
-            imbalance.by_motion[number, number] = DAMPING * modulus
-        return imbalance
+            derivative[number, count + number] = DAMPING * modulus
+        return imbalance, derivative
 
     def _driven(self, driven: DrivenObstacle) -> IntArray:
         """The tractions of all sides that act on an obstacle along its motion."""
@@ -188,21 +177,19 @@ class Iteration:
         z: FloatArray,
         jump: FloatArray,
         chosen: IntArray,
-        used: Used,
-        imbalance: Imbalance,
+        responses: Responses,
+        imbalance: tuple[FloatArray, FloatArray],
         first: bool,
     ) -> Done:
-        pressing, touched, answers = self.pressing, used.touched, used.answers
-        contacts = pressing.contacts
-        mu, numbers, closer = contacts.friction[chosen], pressing.numbers, self.closer
-        # Displacements of all sides due to the touched tractions.
-        seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), contacts.free))
-        for name, answer in answers.items():
+        pressing, contacts, touched = self.pressing, self.pressing.contacts, responses.touched
+        mu, numbers, closer, count = contacts.friction[chosen], pressing.numbers, self.closer, len(touched)
+        # Displacements of all sides due to the touched tractions and the free motions.
+        moved = np.zeros((len(numbers), count + contacts.free))
+        for name, columns in responses.columns.items():
             here, rows = pressing.bodies[name], pressing.columns[name]
-            seen[np.ix_(rows, answer.own)] = answer.by_traction[numbers[rows] - here.start]
-            shifted[np.ix_(rows, answer.moves)] = answer.by_motion[numbers[rows] - here.start]
-        seen = closer.changed(seen) + closer.by_traction[:, touched]
-        shifted = closer.changed(shifted)
+            moved[np.ix_(rows, columns)] = responses.moved[name][numbers[rows] - here.start]
+        seen, shifted = np.split(closer.changed(moved), [count], axis=1)
+        seen = seen + closer.by_traction[:, touched]
         for driven in contacts.driven:
             shifted[self._driven(driven), driven.number] -= 1.0
         turns = [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
@@ -216,23 +203,24 @@ class Iteration:
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
         loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
         follow = inverse @ (turning @ surface)
-        moved = surface + seen @ follow
+        surface = surface + seen @ follow
         gap, slip = (
             np.concatenate([*(getattr(one, key) for one in met), mu[:0]])[chosen] for key in ("gap", "slip")
         )
         by_all = seen @ loads
         by_all[:, 2 * len(chosen) :] += shifted
-        by_balance = imbalance.by_traction @ loads
-        by_balance[:, 2 * len(chosen) :] += imbalance.by_motion
+        unbalanced, (by_traction, by_motion) = imbalance[0], np.split(imbalance[1], [count], axis=1)
+        by_balance = by_traction @ loads
+        by_balance[:, 2 * len(chosen) :] += by_motion
         linear = Linearised(
             mu,
             p[chosen],
             q[chosen],
-            gap + d_gap @ moved,
-            slip + d_slip @ moved,
+            gap + d_gap @ surface,
+            slip + d_slip @ surface,
             d_gap @ by_all,
             d_slip @ by_all,
-            imbalance.now + imbalance.by_traction @ follow,
+            unbalanced + by_traction @ follow,
             by_balance,
             pressing.nothing,
         )
@@ -247,9 +235,9 @@ class Iteration:
         tractions = follow + loads @ change
         du, moving = z.copy(), jump.copy()
         moving[touched] += tractions
-        for name, answer in answers.items():
-            du[pressing.bodies[name]] += answer.by_traction @ tractions[answer.own]
-            du[pressing.bodies[name]] += answer.by_motion @ free[answer.moves]
+        acting = np.concatenate([tractions, free])
+        for name, columns in responses.columns.items():
+            du[pressing.bodies[name]] += responses.moved[name] @ acting[columns]
         whole_p, whole_q = -p, -q
         whole_p[chosen], whole_q[chosen] = dp, dq
         status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
@@ -260,8 +248,8 @@ class Iteration:
             # Sticking nodes are fixed along the surface too.
             slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
-        unbalanced = imbalance.by_traction[: sum(one.count for one in contacts.loose)] @ push
-        args = (chosen, compliance, unbalanced, len(answers) + len(touched), settled, used)
+        on_bodies = by_traction[: sum(one.count for one in contacts.loose)] @ push
+        args = (chosen, compliance, on_bodies, len(responses.columns) + count, settled, responses)
         return Done(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 
 

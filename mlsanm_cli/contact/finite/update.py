@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.finite.answers import Answer
+from mlsanm_cli.contact.finite.answers import Correction
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
@@ -98,14 +98,14 @@ class ContactSystem:
     every node of their sides, in the order of the contacts.
 
     ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess.
-    ``answers`` are the near-field corrections of all sides.
+    ``corrections`` are those of all sides by near fields.
     """
 
     projectors: Mapping[str, Projector]
     contacts: Contacts
     length: float
     stiffness: float
-    answers: Sequence[Answer]
+    corrections: Sequence[Correction]
 
     @property
     def nothing(self) -> float:
@@ -137,13 +137,26 @@ class ContactSystem:
 
 
 @dataclass(frozen=True)
+class Responses:
+    """Derivatives of the bodies, by name, which can be reused nearby: their ``factorised`` equations, and
+    their responses to the ``touched`` (t,) tractions and the d free motions. A body is moved (2n, k) by those
+    in its ``columns`` (k,), tractions first; ``pieces`` (3p, k) is the direct imbalance of its pieces."""
+
+    factorised: Mapping[str, Factorised]
+    touched: IntArray
+    columns: Mapping[str, IntArray] = field(default_factory=dict)
+    moved: Mapping[str, FloatArray] = field(default_factory=dict)
+    pieces: Mapping[str, sparse.csr_array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Done:
     """Result of an iteration: updates of displacements, pressures, friction and ``free`` motions, and
     ``sets`` of all nodes.
 
     ``chosen`` (k,) are the nodes that might touch, with their ``compliance`` (k, k), gaps per pressure of
     fixed direction: the resistance of the body itself, without load stiffness. Pressures with ``unbalanced``
-    (d, k) forces on floating bodies are excluded from the stability. ``used`` can be reused nearby.
+    (d, k) forces on floating bodies are excluded from the stability.
     """
 
     du: FloatArray
@@ -157,7 +170,7 @@ class Done:
     unbalanced: FloatArray
     solves: int
     settled: bool
-    used: Used
+    responses: Responses
 
     def stability(self, pressing: ContactSystem, met: Sequence[Meeting]) -> float:
         """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
@@ -181,34 +194,3 @@ class Done:
             resistance = constrained_resistance(weight, np.diag(soft), part, self.unbalanced[:, place])
             least = min(least, resistance)
         return least
-
-
-@dataclass(frozen=True)
-class Used:
-    """The bodies' ``factorised`` derivatives, and their ``answers`` to the ``touched`` (t,) tractions."""
-
-    factorised: Mapping[str, Factorised]
-    touched: IntArray
-    answers: Mapping[str, Responses]
-
-
-@dataclass(frozen=True)
-class Responses:
-    """Displacements of a body due to its ``own`` (k,) of the touched tractions, (2n, k), and its free
-    ``moves`` (d,), (2n, d); ``pieces`` (3k, k + d) is the direct imbalance of pieces by both."""
-
-    own: IntArray
-    by_traction: FloatArray
-    moves: IntArray
-    by_motion: FloatArray
-    pieces: sparse.csr_array
-
-
-@dataclass(frozen=True)
-class Imbalance:
-    """Force imbalance ``now`` (d,), and its derivatives by touched tractions (d, t) and by free motions (d,
-    d)."""
-
-    now: FloatArray
-    by_traction: FloatArray
-    by_motion: FloatArray

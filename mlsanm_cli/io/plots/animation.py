@@ -15,10 +15,9 @@ from mlsanm_cli import __version__
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing
-from mlsanm_cli.io.plots.cloud import CloudBody, draw_cloud, range_of, window_of
+from mlsanm_cli.io.plots.cloud import BodyPicture, draw_bodies, range_of
+from mlsanm_cli.io.plots.curves import visible_range
 from mlsanm_cli.io.plots.figures import COLOURS, refuse_suffix, style
-from mlsanm_cli.io.plots.marks import ConditionMarks
-from mlsanm_cli.io.plots.plots import visible_range
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +41,7 @@ def animate_pressure(
 ) -> None:
     """Writes a GIF or MP4 of the pressures (frames, m) at the arc lengths ``arc`` (m,) of a contact. Raises
     RunError if the file cannot be written."""
-    left, right = visible_range(arc, pressure, None)
+    left, right = visible_range(arc, pressure)
     highest = float(pressure.max(initial=0.0)) or 1.0
 
     def frames() -> Iterator[Figure]:
@@ -65,29 +64,17 @@ def animate_pressure(
     _write(path, frames, CURVE_COLOURS)
 
 
-def animate_bodies(
-    path: Path,
-    states: Sequence[Sequence[CloudBody]],
-    label: str,
-    titles: Sequence[str],
-    scale: float,
-    marks: Sequence[ConditionMarks],
-    *,
-    unit: str = "",
-) -> None:
-    """Writes a GIF or MP4 of the deformed bodies in several states, each with its ``marks``, with common
-    colours and limits of the axes; ``unit`` is that of lengths. Raises RunError if the file
-    cannot be written."""
-    everything = [body for bodies in states for body in bodies]
-    limits = range_of(everything)
-    corners = np.array([window_of(everything, scale, one) for one in marks])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    window = (float(low[0]), float(high[1]), float(low[2]), float(high[3]))
+def animate_bodies(path: Path, states: Sequence[BodyPicture]) -> None:
+    """Writes a GIF or MP4 of the deformed bodies in several states, with common colours and limits of the
+    axes. Raises RunError if the file cannot be written."""
+    limits = range_of([body for state in states for body in state.bodies])
+    x0, x1, y0, y1 = np.array([state.window for state in states]).T
+    window = (float(x0.min()), float(x1.max()), float(y0.min()), float(y1.max()))
 
     def frames() -> Iterator[Figure]:
-        for bodies, title, own in zip(states, titles, marks, strict=True):
+        for state in states:
             figure = _figure(6.4, 4.8)
-            draw_cloud(figure, bodies, label, title, scale, [window], limits, own, unit)
+            draw_bodies(figure, state, [window], limits)
             yield figure
 
     _write(path, frames, FIELD_COLOURS)

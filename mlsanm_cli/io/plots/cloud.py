@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -31,8 +30,7 @@ _PANELS_WIDTH = 9.0
 _MAX_HEIGHT = 7.0
 
 
-@dataclass(frozen=True)
-class CloudBody:
+class CloudBody(NamedTuple):
     """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), ``scalar`` (n,) for the colour, and the
     ``triangles`` (t, 3) that fill it."""
 
@@ -42,8 +40,7 @@ class CloudBody:
     triangles: IntArray
 
 
-@dataclass(frozen=True)
-class ColourRange:
+class ColourRange(NamedTuple):
     """Values ``low`` and ``high`` between which colours change, and the ``least`` and ``largest`` value."""
 
     low: float
@@ -65,45 +62,44 @@ class ColourRange:
         return "\n".join(words + [f"up to {self.largest:.3g}"] * (self.largest > self.high))
 
 
-def plot_cloud(
-    path: Path,
-    bodies: Sequence[CloudBody],
-    label: str,
-    title: str,
-    scale: float = 1.0,
-    window: Window | None = None,
-    *,
-    marks: ConditionMarks | None = None,
-    unit: str = "",
-) -> None:
-    """Draws the deformed bodies coloured by the scalar, linear between neighbouring nodes.
+class BodyPicture(NamedTuple):
+    """Deformed bodies coloured by a scalar called ``label``. ``scale`` multiplies the displacements and is
+    shown in the title; ``marks`` are supports, loads and obstacles; ``unit`` is that of lengths; ``detail``
+    (x0, x1, y0, y1) is shown in a second panel."""
 
-    ``scale`` multiplies the displacements and is shown in the title; ``window`` (x0, x1, y0, y1) adds a
-    second panel with this detail. ``label`` names the scalar; dots are the nodes, grey lines the undeformed
-    outlines; ``marks`` are supports, loads and obstacles; ``unit`` is that of lengths. Raises RunError if
-    ``path`` cannot be written.
-    """
-    marks = marks or ConditionMarks()
-    whole = window_of(bodies, scale, marks)
-    views = [whole] if window is None else [whole, window]
+    bodies: Sequence[CloudBody]
+    label: str
+    title: str
+    scale: float = 1.0
+    marks: ConditionMarks = ConditionMarks()
+    unit: str = ""
+    detail: Window | None = None
+
+    @property
+    def window(self) -> Window:
+        """The box around undeformed and deformed nodes and the marks, with a margin of 3 percent."""
+        deformed = [body.points + self.scale * body.displacement for body in self.bodies]
+        points = np.concatenate([*deformed, *(body.points for body in self.bodies)])
+        size = float(np.ptp(points, axis=0).max())
+        points = np.concatenate([points, ends(self.marks, size)])
+        margin = 0.03 * size or 1.0
+        (x0, y0), (x1, y1) = (points.min(axis=0) - margin).tolist(), (points.max(axis=0) + margin).tolist()
+        return x0, x1, y0, y1
+
+
+def plot_bodies(path: Path, wanted: BodyPicture) -> None:
+    """Draws deformed bodies, with colours linear between neighbouring nodes; dots are the nodes, grey lines
+    the undeformed outlines. Raises RunError if ``path`` cannot be written."""
+    views = [wanted.window] if wanted.detail is None else [wanted.window, wanted.detail]
     with picture(path, *_size(list(map(_width, views)))) as figure:
-        draw_cloud(figure, bodies, label, title, scale, views, range_of(bodies), marks, unit)
+        draw_bodies(figure, wanted, views, range_of(wanted.bodies))
 
 
-def draw_cloud(
-    figure: Figure,
-    bodies: Sequence[CloudBody],
-    label: str,
-    title: str,
-    scale: float,
-    views: Sequence[Window],
-    limits: ColourRange,
-    marks: ConditionMarks,
-    unit: str,
-) -> None:
+def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], limits: ColourRange) -> None:
     """Draws the bodies into a figure with a panel for each view and colours between the ``limits``."""
     from matplotlib.patches import Rectangle
 
+    bodies, scale = wanted.bodies, wanted.scale
     shapes = [spacing_and_outline(body) for body in bodies]
     size = float(np.ptp(np.concatenate([body.points for body in bodies]), axis=0).max())
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=list(map(_width, views)))[0]
@@ -113,17 +109,19 @@ def draw_cloud(
             colours.set_clim(limits.low, limits.high)
             _draw_nodes(axes, body.points + scale * body.displacement, spacing)
         # Arrows have a length relative to the scene, too long for a detail.
-        shown = marks if view is views[0] else ConditionMarks(obstacles=marks.obstacles)
+        shown = wanted.marks if view is views[0] else ConditionMarks(obstacles=wanted.marks.obstacles)
         draw_marks(axes, shown, size)
-        _finish(axes, view, unit)
+        _finish(axes, view, wanted.unit)
     times = "" if scale == 1.0 else f", displacements x {scale:g}"
-    panels[0].set_title(f"{title}{times}")
+    panels[0].set_title(f"{wanted.title}{times}")
     if len(views) > 1:
         x0, x1, y0, y1 = views[1]
         frame = Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
         panels[0].add_patch(frame)
         panels[1].set_title("detail in the frame")
-    bar = figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9, extend=limits.extend)
+    bar = figure.colorbar(
+        colours, ax=list(panels), label=wanted.label, pad=0.02, shrink=0.9, extend=limits.extend
+    )
     if limits.beyond:
         bar.ax.set_title(limits.beyond, fontsize=7, color="#555555")
 
@@ -198,19 +196,6 @@ def _usual_peak(values: FloatArray) -> float:
     """The largest value, or the quantile that leaves out the singular ones."""
     largest, usual = float(values.max()), float(np.quantile(values, _USUAL))
     return usual if 0.0 < 2.0 * usual < largest else largest
-
-
-def window_of(bodies: Sequence[CloudBody], scale: float, marks: ConditionMarks) -> Window:
-    """The box around undeformed and deformed nodes and the marks, with a margin of 3 percent."""
-    deformed = [body.points + scale * body.displacement for body in bodies]
-    points = np.concatenate([*deformed, *(body.points for body in bodies)])
-    size = float(np.ptp(points, axis=0).max())
-    points = np.concatenate([points, ends(marks, size)])
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.03 * size or 1.0
-    x0, y0 = (low - margin).tolist()
-    x1, y1 = (high + margin).tolist()
-    return x0, x1, y0, y1
 
 
 def _size(widths: Sequence[float]) -> tuple[float, float]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,8 +17,7 @@ _ARROW, _TICK = 0.09, 0.02
 """Lengths of arrows and of ticks, relative to the size of the scene."""
 
 
-@dataclass(frozen=True)
-class ConditionMarks:
+class ConditionMarks(NamedTuple):
     """Symbols drawn over the bodies, in the undeformed configuration.
 
     ``held`` are points (k, 2) with outward normals (k, 2) of supported boundaries, ``nodes`` supported points

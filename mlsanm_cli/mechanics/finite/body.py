@@ -26,9 +26,10 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
 from mlsanm_cli.mechanics.assembly import RowTable, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points, rule_of
+from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
 from mlsanm_cli.mechanics.finite.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
+from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.rows import pair_rows
 
 

@@ -65,7 +65,7 @@ class BodySeries:
         self._faces.put(order, gradient, None if on_faces is None else on_faces[None])
         if not order:
             self._place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
-            self._middle[0] += body.elastic.pieces.whole.middle.T
+            self._middle[0] += body.elastic.pieces.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
         self._forces(order)
 

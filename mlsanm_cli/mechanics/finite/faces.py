@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import GAUSS, Halves, Rule
+from mlsanm_cli.cloud.cells import Halves, Rule
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_gradients
 
@@ -51,13 +52,12 @@ class FacePoints:
 def inner_points(body: ElasticBody) -> FacePoints:
     """The faces between the body's pieces."""
     model, labels = body.model, body.pieces.labels
-    edges = model.cloud.faces.between(labels).edges(rule_of(model))
-    fits = np.arange(len(edges.one))
+    one, other, points, normals = model.cloud.faces.between(labels).edges(rule_of(model))
+    fits = np.arange(len(one))
     both, sign = np.tile(fits, 2), np.repeat([-1.0, 1.0], len(fits))
-    owner = np.concatenate([labels[edges.one], labels[edges.other]])
-    stencils = _stencils(model, edges.middle, edges.points)
-    kept = np.ones((len(fits), 2))
-    return FacePoints(edges.points, edges.normals, stencils, both, owner, sign, kept)
+    owner = np.concatenate([labels[one], labels[other]])
+    stencils = _stencils(model, points.mean(axis=1), points)
+    return FacePoints(points, normals, stencils, both, owner, sign, np.ones((len(fits), 2)))
 
 
 def outline_points(body: ElasticBody, kept: Mapping[str, Sequence[bool]], rule: Rule) -> FacePoints:
@@ -85,8 +85,3 @@ def outline_points(body: ElasticBody, kept: Mapping[str, Sequence[bool]], rule: 
 def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Stencils:
     sight = model.cloud.sight
     return build_gradients(model.nodes, model.tree, centers, points, model.settings, sight, values=True)
-
-
-def rule_of(model: BodyModel) -> Rule:
-    """Gauss rule that integrates moments of stresses of the polynomial degree exactly."""
-    return GAUSS[model.settings.degree // 2 + 1]

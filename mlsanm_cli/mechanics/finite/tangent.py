@@ -183,7 +183,7 @@ def load_columns(
     points, dead = body.applied.points, body.applied.dead[:, :, some]
     u = displacement.reshape(-1, 2)
     place = points.places.reshape(-1, 2).T + points.seen(u)[:, 0].T
-    middle = body.elastic.pieces.whole.middle.T + (body.centers @ u).T
+    middle = body.elastic.pieces.middle.T + (body.centers @ u).T
     onto = _onto(points.fit, points.owner, points.sign, place, middle, body.elastic.pieces.size)
     forces = sparse.csr_array(dead.reshape(2 * points.count, dead.shape[2]))
     sources = body.loads.sources[: body.node_rows, some].copy()

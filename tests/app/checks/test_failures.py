@@ -11,9 +11,8 @@ import meshio
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import run as run_module
+from mlsanm_cli.app.analysis import small_strain
 from mlsanm_cli.app.checks import verdicts as judge
-from mlsanm_cli.app.output import recorder
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
@@ -56,7 +55,7 @@ def assert_failed(summary: Mapping[str, Any], words: str) -> None:
 @pytest.mark.parametrize("bad", BAD)
 def test_a_residual(bad: float, saved: bool, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, residual=bad), saved)
-    afterwards.setattr(run_module, "path_of", path)
+    afterwards.setattr(small_strain, "path_of", path)
     summary = solve(PATCH, tmp_path / "run")
     assert_failed(summary, "residual")
     assert summary["hint"]
@@ -65,7 +64,7 @@ def test_a_residual(bad: float, saved: bool, tmp_path: Path, afterwards: pytest.
 @pytest.mark.parametrize("name", ["pressure", "gap", "motion", "traction"])
 def test_a_number_that_is_none(name: str, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, **{name: getattr(state, name) * np.nan}), False)
-    afterwards.setattr(run_module, "path_of", path)
+    afterwards.setattr(small_strain, "path_of", path)
     summary = solve(SHEARED, tmp_path / "run", EXACT_LAW, *ONCE)
     assert_failed(summary, "not finite")
     assert len(summary["failure"]["worst_nodes"]) == 10
@@ -73,7 +72,7 @@ def test_a_number_that_is_none(name: str, tmp_path: Path, afterwards: pytest.Mon
 
 def test_a_traction_beyond_its_limit(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     path = altered(lambda state: replace(state, traction=1.2 * state.traction), False)
-    afterwards.setattr(run_module, "path_of", path)
+    afterwards.setattr(small_strain, "path_of", path)
     summary = solve(SHEARED, tmp_path / "run", EXACT_LAW, *ONCE)
     assert_failed(summary, "friction limit")
     nodes = summary["failure"]["worst_nodes"]
@@ -131,7 +130,7 @@ def test_a_linear_residual_of_any_state(
     def found(*arguments: Any, **options: Any) -> Any:
         return [(fields, next(values, bad[-1])) for fields, _ in kept(*arguments, **options)]
 
-    afterwards.setattr(recorder, "fields_of", found)
+    afterwards.setattr(small_strain, "fields_of", found)
     summary = solve(PATCH, tmp_path / "run", f"output.fields={fields}", "output.at=[0.5, 1.0]")
     assert_failed(summary, "linear-solver error")
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.results.choice import Choice
+from mlsanm_cli.app.results.curves import along_surface
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
-from mlsanm_cli.app.results.views import Choice, along_surface
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_path, read_run

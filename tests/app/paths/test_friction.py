@@ -40,7 +40,7 @@ def sheared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 def test_histories_are_stored(sheared: Path) -> None:
     run = read_run(sheared)
     contact, path = run.contacts["interface"], run.path
-    assert contact.dissipated_work.shape == (path.rows,)
+    assert contact.dissipated_work.shape == (run.rows,)
     assert contact.dissipated_work[0] == 0.0
     assert path.displacements.keys() == {"press", "shear"}
     moved = path.displacements["shear"]
@@ -58,7 +58,7 @@ def test_histories_are_stored(sheared: Path) -> None:
     with h5py.File(sheared / "run.h5", "r") as file:
         assert file["fields/position"][...].tolist() == [1.0, 1.5, 2.25, 3.0]
         if sheared.name == "hyperbolic":
-            step, before = file[f"series/{path.rows // 2}"], contact.traction[path.rows // 2 - 1]
+            step, before = file[f"series/{run.rows // 2}"], contact.traction[run.rows // 2 - 1]
             assert step["traction"][0] == pytest.approx(before, abs=1e-6 * np.abs(before).max())
     table = np.genfromtxt(sheared / "interface.csv", delimiter=",", names=True)
     assert table["slip"] == pytest.approx(contact.slip[-1])

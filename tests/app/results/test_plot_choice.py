@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.results import overlay
 from mlsanm_cli.app.results import plot as plot_module
-from mlsanm_cli.app.results.drawn import marks_at
+from mlsanm_cli.app.results.choice import Choice
+from mlsanm_cli.app.results.curves import load_words, traction_picture
+from mlsanm_cli.app.results.marks import marks_at
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.views import Choice, load_words
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
@@ -34,10 +34,11 @@ open(words[-1], "w").write(text)
 
 
 @pytest.fixture
-def curves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
-    """Pictures of curves that are drawn: file, curves, labels and title."""
-    kept: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(overlay, "plot_curves", lambda *given: kept.append(given))
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Pictures that are drawn."""
+    kept: list[Any] = []
+    for name in ("draw", "plot_bodies"):
+        monkeypatch.setattr(plot_module, name, lambda path, picture: kept.append(picture))
     return kept
 
 
@@ -73,37 +74,30 @@ def test_choices_of_what_there_is_not_are_told(punches_run: Path, choice: Choice
         plot(punches_run, choice=choice)
 
 
-def test_bodies_are_coloured_by_the_field_asked_for(
-    hertz_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    kept: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(plot_module, "plot_cloud", lambda *given, **words: kept.append((*given, words)))
+def test_bodies_are_coloured_by_the_field_asked_for(hertz_run: Path, drawn: list[Any]) -> None:
     plot(hertz_run, choice=Choice(field="yy", at=(0.7,)))
-    _, bodies, label, title, _, _, words = kept[0]
+    (picture,) = drawn
     state = next(state for state in read_run(hertz_run).states if state.position == 0.7)
-    assert bodies[1].scalar.tolist() == state.bodies["block"]["stress"][:, 1].tolist()
-    assert label == "stress yy"
-    assert title == "position 0.7, press x 0.7"
-    marks = words["marks"]
-    assert [name for *_, name in marks.arrows] == ["press"]
-    ((points, normals),) = marks.held
+    assert picture.bodies[1].scalar.tolist() == state.bodies["block"]["stress"][:, 1].tolist()
+    assert picture.label == "stress yy"
+    assert picture.title == "position 0.7, press x 0.7"
+    assert [name for *_, name in picture.marks.arrows] == ["press"]
+    ((points, normals),) = picture.marks.held
     np.testing.assert_allclose(points[:, 1], -2.0, atol=1e-6)
     assert normals.tolist() == [[0.0, -1.0]] * len(normals)
-    assert len(marks.nodes) == 2
+    assert len(picture.marks.nodes) == 2
 
 
 @pytest.mark.usefixtures("by_nodes")
-def test_units_are_labels_and_change_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    kept: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(plot_module, "plot_pressure", lambda *given, **words: kept.append((*given, words)))
-    monkeypatch.setattr(overlay, "plot_curves", lambda *given: kept.append(given))
+def test_units_are_labels_and_change_nothing(tmp_path: Path, drawn: list[Any]) -> None:
     units = PATCH.table("units", length="mm", stress="MPa", force="N/mm")
     plain, named = solve(PATCH, tmp_path / "a"), solve(units, tmp_path / "b")
     assert plain["contacts"] == named["contacts"]
     plot(tmp_path / "b", choice=Choice(what=("pressure", "force")))
-    (*_, along, words), force = kept
-    assert (along, words["pressure_label"]) == ("distance from the middle [mm]", "pressure [MPa]")
-    assert force[3] == "contact force per unit thickness [N/mm]"
+    pressure, force = drawn
+    below = pressure.panels[-1]
+    assert (below.x_label, pressure.panels[0].y_label) == ("distance from the middle [mm]", "pressure [MPa]")
+    assert force.panels[0].y_label == "contact force per unit thickness [N/mm]"
 
 
 def test_stages_and_loads_are_told_in_titles(bar_run: Path) -> None:
@@ -113,23 +107,20 @@ def test_stages_and_loads_are_told_in_titles(bar_run: Path) -> None:
     assert load_words(run, case, 1.25) == "stage 2 of 2, squeeze x 0.25"
 
 
-def test_stress_along_a_boundary_is_the_pressure_there(
-    hertz_run: Path, curves: list[tuple[Any, ...]]
-) -> None:
+def test_stress_along_a_boundary_is_the_pressure_there(hertz_run: Path, drawn: list[Any]) -> None:
     plot(hertz_run, choice=Choice(along="block.top", field="yy", at=(0.3, 1.0)))
-    _, found, x_label, y_label, _ = curves[0]
-    assert [curve.label for curve in found] == ["position 0.3", "position 1"]
-    assert (x_label, y_label) == ("arc length", "stress yy")
+    (panel,) = drawn[0].panels
+    first, last = panel.curves
+    assert (first.label, last.label) == ("position 0.3", "position 1")
+    assert (panel.x_label, panel.y_label) == ("arc length", "stress yy")
     contact = read_run(hertz_run).contacts["interface"]
-    assert -found[1].y.min() == pytest.approx(contact.pressure[-1].max(), rel=0.02)
-    assert np.ptp(found[0].x) == pytest.approx(4.0)
+    assert -last.y.min() == pytest.approx(contact.pressure[-1].max(), rel=0.02)
+    assert np.ptp(first.x) == pytest.approx(4.0)
 
 
-def test_stress_along_a_line_has_its_peak_where_hertz_has_it(
-    hertz_run: Path, curves: list[tuple[Any, ...]]
-) -> None:
+def test_stress_along_a_line_has_its_peak_where_hertz_has_it(hertz_run: Path, drawn: list[Any]) -> None:
     plot(hertz_run, choice=Choice(along="0,0:0,-0.3"))
-    ((curve,),) = [given[1] for given in curves]
+    (curve,) = drawn[0].panels[0].curves
     contact = read_run(hertz_run).contacts["interface"]
     peak = float(contact.pressure[-1].max())
     half = 2.0 * 226.0 / (np.pi * peak)
@@ -139,12 +130,12 @@ def test_stress_along_a_line_has_its_peak_where_hertz_has_it(
 
 
 def test_runs_are_drawn_over_each_other(
-    hertz_run: Path, punches_run: Path, curves: list[tuple[Any, ...]], tmp_path: Path
+    hertz_run: Path, punches_run: Path, drawn: list[Any], tmp_path: Path
 ) -> None:
     out = tmp_path / "both.png"
     plot([hertz_run, punches_run], choice=Choice(what=("peak",), out=out))
     plot([hertz_run, hertz_run], choice=Choice(along="block.top", out=out))
-    labels = [[curve.label for curve in given[1]] for given in curves]
+    labels = [[curve.label for curve in picture.panels[0].curves] for picture in drawn]
     assert labels[0] == ["hertz", "punches, under-left", "punches, under-right"]
     assert len(labels[1]) == 2
     for choice in (Choice(out=out), Choice(what=("bodies",), out=out)):
@@ -154,18 +145,21 @@ def test_runs_are_drawn_over_each_other(
         plot([hertz_run, punches_run], choice=Choice(what=("peak",)))
 
 
-def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
+def test_tractions_and_hysteresis_are_drawn(tmp_path: Path) -> None:
     done(CYLINDER, tmp_path / "run")
     files = plot(tmp_path / "run", choice=Choice(what=("hysteresis", "loop")))
     assert {file.name for file in files} == {"plot_hysteresis_drum.png", "plot_loop_drum.png"}
-    kept: list[tuple[Any, ...]] = []
-    afterwards.setattr(plot_module, "plot_traction", lambda *given, **words: kept.append(given))
-    plot(tmp_path / "run", choice=Choice(what=("traction",), at=(0.5,)))
-    _, _, label, _, traction, limit, status = kept[0]
-    assert label == "position 0.5, down x 0.5"
+    run = read_run(tmp_path / "run")
+    picture = traction_picture(run, stored_case(run.case_resolved), "drum", Choice(at=(0.5,)))
+    assert picture.title == "Tangential traction, drum, position 0.5, down x 0.5"
+    (panel,) = picture.panels
+    limit, _, traction = panel.curves
     # Closed places are within their limits, those that slip at them.
-    assert np.abs(traction[status == 2]) == pytest.approx(limit[status == 2], rel=1e-9)
-    assert (np.abs(traction) <= limit * (1.0 + 1e-9)).all()
+    slips = np.zeros(len(traction.x), dtype=bool)
+    for begin, end, _, label in panel.bands:
+        slips |= (label == "slip") & (traction.x > begin) & (traction.x < end)
+    assert np.abs(traction.y[slips]) == pytest.approx(limit.y[slips], rel=1e-9)
+    assert (np.abs(traction.y) <= limit.y * (1.0 + 1e-9)).all()
 
 
 def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -106,7 +106,7 @@ def test_probes_see_what_the_fields_show(hertz_probes: Path) -> None:
             # Far from the contact nodes are coarse: fits to them are off by some percent of the little there.
             scale = largest.setdefault(one["position"], np.abs(values(one)[2:]).max())
             assert difference[2:].max() <= 2e-2 * scale
-    assert run.probes["below"].stress.shape == (run.path.rows, 3)
+    assert run.probes["below"].stress.shape == (run.rows, 3)
 
 
 def test_forces_between_steps_are_those_applied(hertz_probes: Path) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
+from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
-from mlsanm_cli.app.results.views import Choice
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import ANM, Quiet, done, refused, solve

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
+from mlsanm_cli.app.results.fields import boundary_edges
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.views import boundary_edges
 from mlsanm_cli.app.run import run
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.triangles import triangulate

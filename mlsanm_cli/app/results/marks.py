@@ -24,9 +24,9 @@ from mlsanm_cli.case import (
     Traction,
     value_at,
 )
-from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
+from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
 from mlsanm_cli.io.plots.marks import ConditionMarks
-from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
+from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 
 MAX_TICKS, MAX_ARROWS = 40, 7
 """Largest number of ticks along a supported boundary, and of arrows along a loaded one."""
@@ -37,7 +37,7 @@ UNMOVED: Mapping[str, FloatArray] = {}
 
 def marks_of(
     case: Case,
-    bodies: Mapping[str, BodyData],
+    bodies: Mapping[str, Dataset],
     touching: Mapping[str, FloatArray],
     moved: Mapping[str, FloatArray],
     scale: float = 1.0,
@@ -83,7 +83,7 @@ def marks_of(
 def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> ConditionMarks:
     """The symbols in a saved state of a run, with displacements multiplied by ``scale``."""
     row = int(np.abs(run.path.position - state.position).argmin())
-    moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
+    moved = {load: history[row] for load, history in run.path.displacements.items()}
     touching = {}
     for name, contact in run.contacts.items():
         pressed = contact.pressure[row] > 0.0
@@ -107,15 +107,15 @@ def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, fl
     return np.asarray(pivot + (line - pivot) @ turn)
 
 
-def boundary_nodes(body: BodyData, place: Place) -> tuple[IntArray, FloatArray]:
+def boundary_nodes(body: Dataset, place: Place) -> tuple[IntArray, FloatArray]:
     """Node numbers (k,) and outward normals (k, 2) along the boundaries of a place, in their order."""
     # Pieces of a boundary are called "name/number".
-    owner = np.array([name.partition("/")[0] for name in body.boundary_name])
+    owner = np.array([name.partition("/")[0] for name in body.boundary.name])
     chosen = np.concatenate([np.flatnonzero(owner == edge) for edge in place.edges])
-    return body.boundary_index[chosen], body.boundary_normal[chosen]
+    return body.boundary.index[chosen], body.boundary.normal[chosen]
 
 
-def _along(body: BodyData, place: Place, most: int) -> tuple[IntArray, FloatArray]:
+def _along(body: Dataset, place: Place, most: int) -> tuple[IntArray, FloatArray]:
     """Indices (k,) and normals (k, 2) of evenly distributed nodes of a place, at most ``most``."""
     index, normal = boundary_nodes(body, place)
     points = body.points[index]
@@ -130,7 +130,7 @@ def _along(body: BodyData, place: Place, most: int) -> tuple[IntArray, FloatArra
 
 def _arrows(
     case: Case,
-    bodies: Mapping[str, BodyData],
+    bodies: Mapping[str, Dataset],
     shown: Mapping[str, FloatArray],
     touching: Mapping[str, FloatArray],
     moved: Mapping[str, FloatArray],
@@ -203,10 +203,17 @@ def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
         for cloud in clouds.values()
     ]
     touching = {one.name: one.points[[int(one.gap.argmin())]] for one in prepared.pairings}
-    stored = {name: BodyData(cloud.points, *cloud.boundary) for name, cloud in clouds.items()}
+    stored = {
+        name: Dataset(
+            {
+                "points": cloud.points,
+                "boundary": dict(zip(("index", "normal", "name"), cloud.boundary, strict=True)),
+            }
+        )
+        for name, cloud in clouds.items()
+    }
     marks = marks_of(case, stored, touching, {})
     nodes = sum(len(cloud.points) for cloud in clouds.values())
     title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
-    plot_cloud(
-        path, bodies, case.units.label("spacing", "length"), title, marks=marks, unit=case.units.length
-    )
+    label = case.units.label("spacing", "length")
+    plot_bodies(path, BodyPicture(bodies, label, title, marks=marks, unit=case.units.length))

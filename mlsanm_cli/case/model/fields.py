@@ -1,21 +1,13 @@
-"""Base class of the tables of the case file, and the field types they share."""
+"""Types of the keys of the case file, and the units of numbers."""
 
 from __future__ import annotations
 
-import ast
-import inspect
 import re
-import textwrap
-from collections.abc import Iterator
-from dataclasses import replace
-from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     GetJsonSchemaHandler,
     ValidationError,
@@ -25,69 +17,9 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
-from mlsanm_cli.errors import Fault
 
-if TYPE_CHECKING:
-    from mlsanm_cli.case.model.scope import Scope
-
-Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
-
-
-class Section(BaseModel):
-    """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types. The
-    docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema; the
-    docstring of the class describes the table."""
-
-    # Deferred: the validator of the whole case is built once, when it is needed, not that of each table.
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        """Adds the docstrings here: pydantic would parse all source files for them at every start."""
-        found = handler(core_schema)
-        keys = handler.resolve_ref_schema(found)["properties"]
-        for name, text in _docstrings(cls).items():
-            keys[cls.model_fields[name].alias or name]["description"] = text
-        return found
-
-    def faults(self, scope: Scope) -> Iterator[Fault]:
-        """Relations between keys of this table, and with other tables in ``scope``, that do not hold; paths
-        of keys are relative to the table."""
-        yield from ()
-
-
-def all_faults(value: Any, scope: Scope, path: KeyPath = ()) -> Iterator[Fault]:
-    """The faults of a table at a path and of all tables in it, each with its full path."""
-    items: list[tuple[str | int, Any]] = []
-    if isinstance(value, Section):
-        for fault in value.faults(scope):
-            yield replace(fault, key=(*path, *fault.key))
-        fields = type(value).model_fields
-        items = [(field.alias or name, getattr(value, name)) for name, field in fields.items()]
-    elif isinstance(value, dict):
-        items = list(value.items())
-    elif isinstance(value, tuple) and value and isinstance(value[0], Section):
-        items = list(enumerate(value))
-    for step, item in items:
-        yield from all_faults(item, scope, (*path, step))
-
-
-def _docstrings(table: type[BaseModel]) -> dict[str, str]:
-    """The docstrings below the fields of a table, by field."""
-    found = {}
-    for owner in reversed(table.__mro__[: table.__mro__.index(Section)]):
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-        assert isinstance(tree, ast.ClassDef)
-        for key, below in pairwise(tree.body):
-            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
-                assert isinstance(key.target, ast.Name)
-                found[key.target.id] = inspect.cleandoc(ast.literal_eval(below.value))
-    return found
 
 
 class Unit(str):

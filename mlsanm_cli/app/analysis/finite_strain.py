@@ -1,0 +1,279 @@
+"""The analysis at finite strain: equations renewed as bodies deform, exact contact with Coulomb friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.checks.verdicts import BALANCE_LIMIT
+from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.finite.contact_path import contact_path
+from mlsanm_cli.app.finite.end_warnings import few_nodes, held_at_points
+from mlsanm_cli.app.finite.estimate import (
+    ESTIMATE_WARNING,
+    EnergyError,
+    check_work,
+    missing_figures,
+    missing_works,
+)
+from mlsanm_cli.app.finite.fields import (
+    SceneForces,
+    extremes,
+    fields_of,
+    figures_of_contacts,
+    plates_turned,
+    quantities,
+)
+from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
+from mlsanm_cli.app.finite.patches import touched_after
+from mlsanm_cli.app.finite.path import finite_path
+from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
+from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.finite.verdict import ELLIPTICITY_WARNING
+from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Warn
+from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, vtu_states
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+
+
+class FiniteStrain(Analysis):
+    """The analysis at finite strain, on the clouds of a ``refinement``, or of its plain values."""
+
+    def __init__(
+        self,
+        case: Case,
+        prepared: SceneModel,
+        context: RunContext,
+        refinement: Mapping[str, Any] | Refinement | None = None,
+    ) -> None:
+        known = refinement if isinstance(refinement, Refinement) else Refinement()
+        if isinstance(refinement, Mapping):
+            known = Refinement.read(refinement)
+            prepared = place(case, context, known.asked)
+        super().__init__(case, prepared, context)
+        self._refinement = known
+        self._scene: FiniteScene | None = None
+        self._missed: Callable[[], Any] | None = None
+        self._estimates: tuple[State, dict[str, Any]] | None = None
+
+    @property
+    def scene(self) -> FiniteScene:
+        """The assembled scene."""
+        assert self._scene is not None
+        return self._scene
+
+    def set_up(self, warn: Warn) -> None:
+        """Assembles the scene."""
+        with self.context.phase("operators"):
+            self._scene = finite_scene(self.case, self.prepared)
+        self.clouds = {name: body.elastic.model.cloud for name, body in self.scene.bodies.items()}
+
+    def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
+        """The path by power series, or by increments in contact; or its part after a checkpoint."""
+        follow = contact_path if self.scene.in_increments else finite_path
+        for step in follow(self.scene, start):
+            self._missed = step.missed
+            yield step
+
+    def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
+        """Warnings of an inaccurate last state, and its force balance."""
+        for warning in self._warnings(last, tally):
+            warn(warning)
+        # Reactions at single nodes are not known from the stress.
+        single = any(body.elastic.held_nodes for body in self.scene.bodies.values())
+        if tally["balance"] > BALANCE_LIMIT and not single:
+            raise NumericalError(
+                f"force imbalance on a body: {100 * tally['balance']:.2g} % of the largest force",
+                "make the spacing smaller",
+            )
+
+    def _warnings(self, last: State, tally: Mapping[str, Any]) -> Iterator[str]:
+        scene = self.scene
+        waves = extremes(scene, last)["ellipticity"]
+        if waves < ELLIPTICITY_WARNING:
+            yield f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
+        if (estimate := _estimate(tally)) > ESTIMATE_WARNING:
+            kept = tally["kept"] / tally["energy"]
+            yield EnergyError.of(scene, last).warning(scene, estimate, kept)
+        if text := check_work(scene, tally["missing"], _energy_error(tally)):
+            yield text
+        for name, error in self._errors(last, tally).get("contacts", {}).items():
+            if error > ESTIMATE_WARNING:
+                sides = next(one for one in scene.contacts.pairs if one.name == name).sides
+                size = f"the force is estimated to be off by {100.0 * error:.2g} %"
+                hint = finer_nodes(scene.case, [side.body for side in sides])
+                yield f"contact {name}: {size}; {hint}"
+        yield from self._refinement.warnings
+        yield from few_nodes(scene, last)
+        yield from held_at_points(scene, last)
+
+    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> FiniteStrain | None:
+        """With more nodes where bodies touched, or with those of the run before a finer one that failed."""
+        args = (tally.get("touched", {}), self._refinement, failure, self.context)
+        finer = refined(self.case, self._scene, *args)
+        if finer is None:
+            return None
+        refinement, prepared = finer
+        return FiniteStrain(self.case, prepared, self.context, refinement)
+
+    @property
+    def refinement(self) -> Mapping[str, Any]:
+        """Zones of this run, and the passes before."""
+        known = self._refinement
+        return asdict(known) if known.passes or known.failed else {}
+
+    def model_datasets(self) -> dict[str, Value]:
+        """Bodies and contacts before loading."""
+        datasets: dict[str, Value] = {}
+        for name, body in self.scene.bodies.items():
+            model = body.elastic.model
+            datasets |= body_datasets(name, model.cloud, model.settings.degree)
+        for contact in self.scene.contacts.pairs:
+            slave, sign = contact.slave, -1.0 if contact.exchanged else 1.0
+            normal = sign * contact.start(self.scene.stages[0])
+            datasets |= contact_datasets(contact.name, slave.places, normal, slave.arc, slave.weight)
+        return datasets
+
+    def quantities(self, state: State) -> Quantities:
+        """Load factors, forces, platens, contacts and probes."""
+        return quantities(self.scene, state)
+
+    def row_states(self, step: PathStep) -> Sequence[State]:
+        """The requested states within a step have rows too."""
+        return (*(state for state in step.saved if state is not step.state), step.state)
+
+    @property
+    def fields_written(self) -> Sequence[str]:
+        """With stresses also stretches and volume ratios."""
+        names = super().fields_written
+        return (*names, "stretch", "volume_ratio") if "stress" in names else names
+
+    def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
+        """The fields at the nodes."""
+        for state in states:
+            yield fields_of(self.scene, state), {}
+
+    def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
+        """Slave surfaces and obstacles."""
+        return contact_lines(self.scene, state, fields), obstacle_lines(self.scene, state)
+
+    def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
+        """Balance, energies, works that are missing, limit points, and the patches of contacts."""
+        scene, state = self.scene, step.state
+        forces, errors = SceneForces.of(scene, state), EnergyError.of(scene, state)
+        largest = max(tally.get("largest", 0.0), forces.size)
+        # Rigid motion leaves round-off in the forces.
+        stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
+        tiny = ROUND_OFF * stiffest * float(np.abs(state.displacement).max())
+        missing = dict(tally.get("missing", {}))
+        for ends in pairwise((before, *step.way, state)) if before is not None else ():
+            for name, work in missing_works(scene, *ends).items():
+                missing[name] = missing.get(name, 0.0) + work
+        stability = float(state.solver.get("stability", np.inf))
+        return {
+            "renewed": tally.get("renewed", 0) + step.renewed,
+            "limit_points": [*tally.get("limit_points", ()), *step.limit_points],
+            "stability": min(tally.get("stability", np.inf), stability),
+            "largest": largest,
+            "balance": forces.rest / max(largest, tiny) if largest else 0.0,
+            "kept": max(tally.get("kept", 0.0), abs(step.kept)),
+            "unaccounted": max(tally.get("unaccounted", 0.0), errors.total + abs(step.kept)),
+            "energy": max(tally.get("energy", 0.0), errors.energy),
+            "missing": missing,
+            "touched": touched_after(tally.get("touched", {}), scene, step),
+        }
+
+    def progress(self, step: PathStep) -> list[str]:
+        """Limit points and renewed equations."""
+        points = [f"limit point {position:.6g}" for position, _ in step.limit_points]
+        return [*points, "equations renewed"] if step.renewed else points
+
+    def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
+        """The bodies in the last accepted state."""
+        if self._scene is None or state is None:
+            return super().diagnosis(state)
+        parts = vtu_states(self.clouds, fields_of(self.scene, state), self.fields_written)
+        return list(parts.values()), {}
+
+    def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
+        """Numbers of nodes and unknowns."""
+        if self._scene is None:
+            return {}
+        nodes = self.scene.unknowns // 2
+        return {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0}
+
+    def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
+        """Contacts, plates, balances, estimates and deformations of a state."""
+        scene = self.scene
+        turned, stability = plates_turned(scene, state), tally["stability"]
+        return {
+            "contact_unknowns": len(state.pressure),
+            "contacts": figures_of_contacts(scene, state),
+            **({"plates": turned} if turned else {}),
+            "force_balance": tally["balance"],
+            **({"stability": stability} if np.isfinite(stability) else {}),
+            "error_estimate": self._errors(state, tally),
+            "energy_error": _energy_error(tally),
+            "finite_strain": {
+                "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
+                **extremes(scene, state),
+                "equations_renewed": tally["renewed"],
+                "limit_points": [
+                    {"position": position, "kind": "maximum" if highest else "minimum"}
+                    for position, highest in tally["limit_points"]
+                ],
+            },
+        }
+
+    def _errors(self, last: State, tally: Mapping[str, Any]) -> dict[str, Any]:
+        """Estimated errors of the last state; of displacements None where the clouds are too small for
+        one."""
+        if self._estimates is not None and self._estimates[0] is last:
+            return self._estimates[1]
+        missing: dict[str, Any] = {"displacement": None}
+        if self._missed is not None:
+            with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
+                missing = missing_figures(self.scene, last, self._missed())
+        errors, forces = {"energy": _estimate(tally)} | missing, missing.get("contacts", {})
+        for name, error in contact_errors(self._refinement, tally["touched"]).items():
+            forces[name] = max(error, forces.get(name, 0.0))
+        errors |= {"contacts": forces} if forces else {}
+        self._estimates = last, errors
+        return errors
+
+    def limits(self) -> dict[str, Any]:
+        """The limits of the checks; all but that of the balance only warn."""
+        names = () if self._scene is None else [one.name for one in self.scene.contacts.pairs]
+        estimates = {"energy": ESTIMATE_WARNING, "contacts": dict.fromkeys(names, ESTIMATE_WARNING)}
+        return {
+            "residual": self.case.solver.tolerance,
+            "force_balance": BALANCE_LIMIT,
+            "ellipticity": 0.0,
+            "error_estimate": ESTIMATE_WARNING,
+            "estimates": estimates,
+            **({"stability": CONTACT_LIMIT} if names else {}),
+        }
+
+
+def _estimate(tally: Mapping[str, Any]) -> float:
+    """Largest estimated error of the energy over the largest energy on the path."""
+    return float(tally["unaccounted"] / tally["energy"]) if tally["energy"] else 0.0
+
+
+def _energy_error(tally: Mapping[str, Any]) -> float:
+    """Internal less external work of the bodies over the largest energy."""
+    works = tally["missing"].values()
+    return sum(map(abs, works)) / (0.5 * tally["energy"]) if tally["energy"] else 0.0

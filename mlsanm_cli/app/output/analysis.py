@@ -1,0 +1,155 @@
+"""The analysis of a scene, at small or at finite strain, as a run and its recorder see it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mlsanm_cli.app.checks.quality import Quality, announce
+from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.output.parts import model_bodies
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+
+Warn = Callable[[str], None]
+BodyFields = Mapping[str, Any]
+"""Fields of a state by body."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended: status ("done", "failed" or "stopped"), reason, hint, the error, and the ``[[stop]]``
+    condition that ended the path, in words."""
+
+    status: str
+    reason: str
+    hint: str = ""
+    error: NumericalError | None = None
+    stopped_by: str = ""
+
+
+class Analysis(ABC):
+    """The scene of a ``case`` on the clouds ``prepared``, its path, and the results of its states.
+
+    A run calls `set_up`, follows `steps`, calls `check` with every state, and `judge` at the end. ``tally``
+    are the totals of the path so far, plain values that a checkpoint keeps; ``warn`` issues a warning.
+    """
+
+    clouds: Mapping[str, Cloud]
+    """The points at which fields of every body are written."""
+
+    def __init__(self, case: Case, prepared: SceneModel, context: RunContext) -> None:
+        self.case, self.prepared, self.context = case, prepared, context
+        self.quality: Quality
+
+    def announce(self, warn: Warn) -> None:
+        """Assesses the clouds, prints notes and issues warnings."""
+        self.quality = announce(self.case, self.prepared, self.context, warn)
+
+    @abstractmethod
+    def set_up(self, warn: Warn) -> None:
+        """Assembles the scene. Raises NumericalError for one that cannot be set up."""
+
+    @abstractmethod
+    def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
+        """The path, or its part after a checkpoint, whose row was ``last``. Raises NumericalError."""
+
+    def check(self, state: State) -> None:  # noqa: B027
+        """Raises NumericalError for a state that is not reliable."""
+
+    def ending(self, last: State | None) -> Ending:
+        """The end of a completed path."""
+        return Ending("done", "end of the last stage")
+
+    @abstractmethod
+    def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
+        """Checks a completed path by its last state. Raises NumericalError if it is not reliable."""
+
+    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
+        """The analysis on finer clouds by which the run is repeated; None if its results are final."""
+        return None
+
+    @property
+    @abstractmethod
+    def refinement(self) -> Mapping[str, Any]:
+        """Plain values that reproduce refined clouds; empty if clouds are those of the case."""
+
+    @abstractmethod
+    def model_datasets(self) -> dict[str, Value]:
+        """Bodies and contacts before loading."""
+
+    @property
+    def attributes(self) -> Mapping[str, str | int | float]:
+        """Root attributes of run.h5."""
+        return {}
+
+    def series_maps(self) -> dict[str, Value]:
+        """Maps from the unknowns of series to results."""
+        return {}
+
+    @abstractmethod
+    def quantities(self, state: State) -> Quantities:
+        """The quantities of a state that every row has."""
+
+    def row_states(self, step: PathStep) -> Sequence[State]:
+        """The states of a step that have rows, the last one its end."""
+        return (step.state,)
+
+    @property
+    def fields_written(self) -> Sequence[str]:
+        """Names of the fields of saved states."""
+        return tuple(dict.fromkeys(self.case.output.fields))
+
+    @abstractmethod
+    def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
+        """The fields of saved states at the points written, and figures of their accuracy. Raises
+        NumericalError for states that are not admissible."""
+
+    def faults(self, state: State, fields: BodyFields) -> Iterator[tuple[str, str]]:
+        """Warnings of a saved state, each in two parts, the first of which is the same in all states."""
+        yield from ()
+
+    @abstractmethod
+    def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
+        """Slave surfaces of all contacts, and obstacles, in a state."""
+
+    @abstractmethod
+    def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
+        """The totals of the path that change by a step from a state ``before``."""
+
+    @abstractmethod
+    def progress(self, step: PathStep) -> list[str]:
+        """Figures of a step for the console."""
+
+    def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
+        """The bodies in the ``state`` of a failed run, the model if there is none, and where it is worst."""
+        return model_bodies(self.prepared), {}
+
+    def interfaces(self, state: State) -> Mapping[str, Mapping[str, Any]]:
+        """Columns of the tables of all contacts in a state."""
+        return {}
+
+    @property
+    def notes(self) -> Iterator[str]:
+        """Notes at the end of a run."""
+        yield from ()
+
+    @abstractmethod
+    def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
+        """Numbers of nodes, unknowns and factorisations for the summary, also without any state."""
+
+    @abstractmethod
+    def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
+        """Contacts, plates, balances, errors and estimates of a state for the summary."""
+
+    @abstractmethod
+    def limits(self) -> dict[str, Any]:
+        """The limits of the checks for the summary."""

@@ -1,0 +1,118 @@
+"""Bodies and contacts of either strain as datasets of run.h5, parts of VTU files, and summary figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.profile import half_width, is_singular
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+from mlsanm_cli.io.records import place
+from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.vtu import VtuPart
+
+
+def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
+    """The datasets of a body, with the ``degree`` of its local polynomials."""
+    boundary, (index, normal, names) = ("bodies", name, "boundary"), cloud.boundary
+    return {
+        place("bodies", name, "points"): cloud.points,
+        place("bodies", name, "degree"): np.array(degree),
+        place(*boundary, "index"): index,
+        place(*boundary, "normal"): normal,
+        place(*boundary, "name"): list(names),
+    }
+
+
+def contact_datasets(
+    name: str, points: FloatArray, normal: FloatArray, arc: FloatArray, weight: FloatArray
+) -> dict[str, Value]:
+    """The datasets of a contact before loading: its nodes, their normals, arc lengths and lengths."""
+    geometry = {"points": points, "normal": normal, "arc_length": arc, "weight": weight}
+    return {place("contacts", name, key): array for key, array in geometry.items()}
+
+
+def contact_figures(
+    record: Mapping[str, Any], arc: FloatArray, pressure: FloatArray, force: FloatArray
+) -> dict[str, Any]:
+    """Summary figures from the quantities ``record`` of a contact, its ``pressure`` (c,) at ``arc`` lengths
+    (c,), which are contiguous also on a closed surface, and its ``force`` (2,)."""
+    return {
+        "peak_pressure": float(pressure.max(initial=0.0)),
+        "half_width": half_width(arc, pressure),
+        "singular_ends": is_singular(arc, pressure),
+        "force": force.tolist(),
+        "closed_nodes": int((record["status"] != OPEN).sum()),
+        "stick_nodes": int((record["status"] == STICK).sum()),
+        "slip_nodes": int((record["status"] == SLIP).sum()),
+        "min_gap": float(np.nanmin(record["gap"])),
+        "dissipated_work": None if np.isnan(record["dissipated_work"]) else record["dissipated_work"],
+    }
+
+
+def stored_fields(number: int, fields: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Value]:
+    """The requested fields of the saved state with this number, as datasets."""
+    return {
+        place("fields", str(number), body, name): np.ascontiguousarray(getattr(values, name))
+        for body, values in fields.items()
+        for name in wanted
+    }
+
+
+def vtu_states(
+    clouds: Mapping[str, Cloud], fields: Mapping[str, Any], wanted: Sequence[str]
+) -> dict[str, VtuPart]:
+    """The requested fields at the points of ``clouds``, for VTU files."""
+    return {name: body_part(clouds[name], vtu_data(values, wanted)) for name, values in fields.items()}
+
+
+def vtu_data(fields: Any, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """The requested fields by name, with the out-of-plane component of stresses, and principal stretches by
+    number."""
+    data: dict[str, NDArray[Any]] = {}
+    for name in wanted:
+        values = getattr(fields, name)
+        if name == "stretch":
+            data |= {"stretch_1": values[:, 0], "stretch_2": values[:, 1]}
+            continue
+        data[name] = np.column_stack([values, fields.stress_zz]) if name == "stress" else values
+    return data
+
+
+def body_part(cloud: Cloud, data: Mapping[str, NDArray[Any]]) -> VtuPart:
+    """A body for VTU files, with nodal ``data`` and the numbers of its boundaries."""
+    return VtuPart(cloud.points, cloud.triangles, {"boundary_tag": boundary_tags(cloud), **data})
+
+
+def boundary_tags(cloud: Cloud) -> NDArray[np.int32]:
+    """0 inside, k on the k-th boundary with all its pieces; a corner node belongs to the later one."""
+    tags = np.zeros(len(cloud.points), dtype=np.int32)
+    numbers: dict[str, int] = {}
+    for surface in cloud.surfaces.values():
+        tags[surface.index] = numbers.setdefault(surface.name.partition("/")[0], len(numbers) + 1)
+    return tags
+
+
+def model_bodies(prepared: SceneModel) -> list[VtuPart]:
+    """The nodes of all bodies with tags, spacings, outward normals (zero inside) and, for contact candidates,
+    the vectors to their projections."""
+    bodies = []
+    for name, model in prepared.models.items():
+        cloud = model.cloud
+        normal, partner = np.zeros_like(cloud.points), np.zeros_like(cloud.points)
+        for surface in cloud.surfaces.values():
+            normal[surface.index] = surface.normal
+        for pairing in prepared.pairings:
+            if pairing.slave_body == name:
+                node = pairing.node[pairing.candidate]
+                partner[node] = pairing.partner[pairing.candidate] - cloud.points[node]
+        data = {"spacing": cloud.spacing, "normal": normal, "partner": partner}
+        bodies.append(replace(body_part(cloud, data), cells=np.zeros((0, 3), dtype=np.int64)))
+    return bodies

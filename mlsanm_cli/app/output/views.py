@@ -1,0 +1,132 @@
+"""The points at which fields are written.
+
+Fields are written at the nodes and, under contact grids, at points as fine as the grids. Fields between the
+nodes are known: a smooth remainder and a closed form. The largest stress lies a part of the contact's width
+below the surface, where the cloud may have no node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.app.scene.boundaries import Boundaries
+from mlsanm_cli.app.scene.clouds import spacing_of
+from mlsanm_cli.arrays import BoolArray
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
+from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import Fields
+from mlsanm_cli.solve.state import State
+
+PER_HALF_WIDTH = 12.0
+"""Points over the half-width of a contact patch."""
+FINE_RADIUS, GROWTH = 1.5, 0.25
+"""Radius of the fine zone in half-widths, and growth of the spacing beyond it."""
+MAX_PATCHES = 12
+"""Largest number of patches of a contact with fine points, the widest first."""
+MIN_REFINEMENT = 0.7
+"""Zones whose spacing is above this part of that of the cloud are omitted."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The points of a ``cloud`` at which the fields of a body of a ``model`` are written."""
+
+    model: BodyModel
+    cloud: Cloud
+
+    @cached_property
+    def rows(self) -> sparse.csr_array:
+        """Displacement x and y and stresses xx, yy, xy at the points (5e, 2N), quantity by quantity."""
+        return probe_rows(self.model, self.cloud.points)
+
+
+@dataclass(frozen=True)
+class Views:
+    """The points at which the fields of every body are written: ``clouds``, and the bodies that have finer
+    points than their nodes there."""
+
+    clouds: Mapping[str, Cloud]
+    finer: Mapping[str, View]
+
+    @classmethod
+    def of(cls, built: CondensedScene, memo: Memo = NO_CACHE) -> Views:
+        """Finer points for the bodies whose clouds are too coarse for their contact patches at the ends of
+        stages. Scenes with the same patches share them by the ``memo``."""
+        clouds, finer, boundaries = {}, {}, Boundaries.of(built.case)
+        for body in built.case.body:
+            model = built.scene.bodies[body.name].model
+            clouds[body.name] = model.cloud
+            zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
+            if zones:
+                spacing = spacing_of(built.case, boundaries, body).with_zones(zones)
+                cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
+                view = memo.value("view", digest(model.content, cloud.content), partial(View, model, cloud))
+                clouds[body.name], finer[body.name] = view.cloud, view
+        return cls(clouds, finer)
+
+
+def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:
+    for pairing in condensed.pairings:
+        if pairing.grid is None:
+            continue
+        span = condensed.spans[pairing.name]
+        closed = np.any([state.active[span] for state in ends], axis=0)
+        patches = sorted(_patches(pairing.grid, closed), key=lambda patch: patch[0] - patch[1])[:MAX_PATCHES]
+        for body, slave, _ in pairing.sides:
+            if body != model.name:
+                continue
+            for first, last in patches:
+                half = 0.5 * (last - first)
+                place = pairing.grid.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
+                nearest = model.tree.query([place.real, place.imag])[1]
+                if (
+                    half / PER_HALF_WIDTH
+                    < MIN_REFINEMENT * model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]
+                ):
+                    point = (float(place.real), float(place.imag))
+                    yield Zone.around(point, half / PER_HALF_WIDTH, FINE_RADIUS * half, GROWTH)
+
+
+def _patches(grid: ContactGrid, closed: BoolArray) -> list[tuple[float, float]]:
+    """Start and end of the runs of ``closed`` grid nodes (m,)."""
+    steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
+    firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) + 1
+    nodes = grid.hats.nodes
+    return [(float(nodes[a]), float(nodes[b])) for a, b in zip(firsts, lasts, strict=True)]
+
+
+def shown_fields(
+    built: CondensedScene, views: Views, state: State, fields: Mapping[str, Fields], stress: bool
+) -> dict[str, Fields]:
+    """The fields at the points where they are written, with stresses if requested."""
+    return {
+        name: _shown(built, views.finer[name], state, values, stress) if name in views.finer else values
+        for name, values in fields.items()
+    }
+
+
+def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stress: bool) -> Fields:
+    name, material = view.model.name, view.model.material
+    moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, view.cloud.points)
+    seen = (view.rows @ fields.rest.ravel()).reshape(5, -1).T
+    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    if stress:
+        degrees = built.scene.degrees(name, state.factors, view.cloud.points)
+        sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
+    across = material.out_of_plane_stress(sigma, degrees)
+    strain = material.strain(sigma, degrees)
+    shown = seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain
+    return Fields(*shown, fields.rest, stressed)

@@ -1,0 +1,73 @@
+"""Which pictures of runs are drawn; without numpy, for the options of the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import schema
+
+KINDS = ("pressure", "traction", "loop", "hysteresis", "force", "peak", "bodies", "line")
+"""Kinds of pictures; hysteresis and line are drawn on request only."""
+OF_CONTACT = frozenset({"pressure", "traction", "loop", "hysteresis"})
+FIELDS = tuple(sorted(schema.scalars(schema.FIELDS), key=lambda name: name != "von_mises"))
+"""The scalars by which bodies are coloured and that are drawn along lines."""
+
+
+class Choice(NamedTuple):
+    """Which pictures: their kinds, all by default; of which contact; coloured by which field; at which
+    positions; along which line; into which file; animated or not."""
+
+    what: tuple[str, ...] = ()
+    contact: str | None = None
+    field: str | None = None
+    at: tuple[float, ...] = ()
+    along: str | None = None
+    out: Path | None = None
+    animate: bool = False
+
+    def wants(self, kind: str, subject: str = "") -> bool:
+        """Whether a picture is wanted; ``subject`` is its contact, if it is of one."""
+        if self.contact is not None and (kind not in OF_CONTACT or subject != self.contact):
+            return False
+        if self.what:
+            return kind in self.what
+        if self.along is not None:
+            return kind == "line"
+        if self.field is not None:
+            return kind == "bodies"
+        return kind not in ("hysteresis", "line")
+
+    def check(self, runs: int) -> None:
+        """Raises RunError for choices that exclude each other or a number of ``runs``."""
+        of_contact = not self.what or bool(set(self.what) & OF_CONTACT)
+        for wrong, message, hint in (
+            (
+                self.contact is not None and not of_contact,
+                f"--contact does not apply to {', '.join(self.what)}",
+                f"it applies to {', '.join(sorted(OF_CONTACT))}",
+            ),
+            (
+                "line" in self.what and self.along is None,
+                "a line is missing",
+                "as in --along block.top or --along 0,0:0,-1",
+            ),
+            (
+                self.along is not None and self.what and "line" not in self.what,
+                "--along applies to --what line only",
+                "omit --what, or write --what line",
+            ),
+            (
+                self.animate and (runs > 1 or self.along is not None),
+                "--animate shows pressures or bodies of one run",
+                "omit the other options",
+            ),
+            (
+                runs > 1 and self.out is None,
+                "several runs are drawn into one picture",
+                "name its file, as in -o both.png",
+            ),
+        ):
+            if wrong:
+                raise RunError(message, hint)

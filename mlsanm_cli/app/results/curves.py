@@ -1,0 +1,370 @@
+"""Curves of runs as pictures: pressures and tractions along contacts, loops, the load path, fields along
+lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mlsanm_cli.app.checks.references import ReferenceProfile, profile_on
+from mlsanm_cli.app.results.choice import Choice
+from mlsanm_cli.app.results.fields import SCALARS, fields_at, inside, nodal, saved_state, scalar
+from mlsanm_cli.app.results.marks import boundary_nodes
+from mlsanm_cli.app.results.path_lookup import (
+    level_at,
+    mean_tangent,
+    pressing_force,
+    pressures_at,
+    tangential_force,
+)
+from mlsanm_cli.app.results.probe import probe_contact
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import Case, Place
+from mlsanm_cli.contact.geometry.profile import regular_peak, unrolled
+from mlsanm_cli.contact.laws.contact_status import SLIP, STICK
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.plots.curves import (
+    OUTSIDE,
+    Curve,
+    Panel,
+    Picture,
+    cut_off_above,
+    node_marks,
+    shades,
+    visible_range,
+)
+from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE
+from mlsanm_cli.io.run_reader import Dataset, RunData
+
+MAX_LEVELS = 6
+"""More load levels in one picture cannot be distinguished."""
+CURVE_POINTS, LINE_POINTS, MIN_INSIDE = 801, 301, 2
+"""Points of closed formulas and of lines, and least number of those in a body that a line crosses."""
+MIN_TANGENTIAL_MOTION = 1e-3
+"""Tangential displacement of a platen, relative to the slip, below which a loop is drawn over the slip."""
+MIN_CLOSED_NODES, CLOSED_SPACINGS = 6, 1.5
+"""A surface with at least so many nodes is closed if its last node is within so many spacings of the
+first."""
+MAX_LOADS = 3
+"""Largest number of loads in a title."""
+REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
+ZONES = {STICK: ("stick", COLOURS[2]), SLIP: ("slip", COLOURS[1])}
+POSITION = "position on the load path (stages)"
+TANGENTIAL = "tangential force on the master, per unit thickness"
+SLIP_LABEL = "mean slip of the surfaces"
+
+
+def load_words(run: RunData, case: Case, position: float) -> str:
+    """A position in words: the stage if there are several, and the factors of the loads that change in it."""
+    stages = len(case.stage)
+    number = min(max(int(np.ceil(position)), 1), stages)
+    factors = dict(zip(run.path.factors, level_at(run, position).factors, strict=True))
+    moving = [name for name in case.stage[number - 1] if name in factors][:MAX_LOADS]
+    parts = [f"stage {number} of {stages}"] if stages > 1 else []
+    return ", ".join([*parts, *(f"{name} x {factors[name]:.4g}" for name in moving)])
+
+
+def position_words(run: RunData, case: Case, position: float) -> str:
+    """A position as a number and in words."""
+    return ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position))))
+
+
+def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
+    surface that closes around a body begin where pressures (m,) are furthest away."""
+    arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
+    if (
+        len(arc) < MIN_CLOSED_NODES
+        or step > CLOSED_SPACINGS * float(np.diff(arc).max())
+        or MIN_CLOSED_NODES * step > arc[-1] - arc[0]
+    ):
+        return np.arange(len(arc)), arc
+    return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
+
+
+def pressure_levels(
+    run: RunData, case: Case, name: str, choice: Choice
+) -> tuple[list[float], FloatArray, ReferenceProfile | None]:
+    """Positions, pressures (k, m) of a contact there, and the closed formula at the end of the path."""
+    end = float(run.path.position[-1])
+    levels = list(choice.at)
+    if not levels:
+        saved = sorted({state.position for state in run.states if 0.0 < state.position < end})
+        if len(saved) >= MAX_LEVELS:
+            saved = [saved[i] for i in np.linspace(0, len(saved) - 1, MAX_LEVELS - 1).round().astype(int)]
+        levels = [*saved, end]
+    profile = reference_profile(run, case, name) if levels[-1] == end else None
+    return levels, np.stack([pressures_at(run, level)[name] for level in levels]), profile
+
+
+def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
+    """Pressures along a contact at several positions, with the difference of the last one to the closed
+    formula in percent of its peak. Markers show the nodes, and thereby oscillations from node to node; values
+    far above the largest regular one are cut off."""
+    levels, pressure, profile = pressure_levels(run, case, name, choice)
+    highest = max(regular_peak(run.contacts[name].arc_length, one) for one in pressure)
+    words = load_words(run, case, levels[-1]) if len(levels) == 1 else ""
+    if profile is None:
+        order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
+        return profile_picture(name, arc, pressure[:, order], levels, highest, words, case=case)
+    x = np.linspace(profile.coordinate[0], profile.coordinate[-1], CURVE_POINTS)
+    # The curve includes the ends of the loaded part, however far the candidates extend.
+    edges = np.array([-profile.half_width, profile.half_width])
+    x = np.union1d(x, edges[(edges > x[0]) & (edges < x[-1])])
+    formula = Curve(x, profile.curve(x), REFERENCE_NAMES.get(profile.label, profile.label), REFERENCE_LINE)
+    return profile_picture(name, profile.coordinate, pressure, levels, highest, words, formula, case=case)
+
+
+def profile_picture(
+    name: str,
+    arc: FloatArray,
+    pressure: FloatArray,
+    levels: Sequence[float],
+    highest: float,
+    words: str = "",
+    formula: Curve | None = None,
+    *,
+    case: Case,
+) -> Picture:
+    """Pressures (k, m) at the nodes ``arc`` (m,) of a contact, and the closed ``formula`` of the last
+    level."""
+    limits = visible_range(arc, pressure, None if formula is None else formula.x[formula.y > 0.0])
+    left, right = limits
+    shown = (arc >= left) & (arc <= right)
+    look = {"marker": "o", **node_marks(int(shown.sum()))}
+    colours = shades(len(levels))
+    curves = [
+        Curve(arc[shown], values[shown], f"position {level:.4g}", {"color": colour, **look})
+        for colour, level, values in zip(colours, levels, pressure, strict=True)
+    ]
+    low, peak = (float(extreme(initial=0.0)) for extreme in (pressure[:, shown].min, pressure.max))
+    high, cut_off = cut_off_above(peak, highest)
+    y_limits = min(0.0, 1.05 * low), 1.05 * high if high > 0.0 else None
+    along = "arc length" if formula is None else "distance from the middle"
+    x_label, y_label = case.units.label(along, "length"), case.units.label("pressure", "stress")
+    alone = len(levels) == 1 and formula is None
+    title = ", ".join(filter(None, ("Contact pressure", name, curves[0].label if alone else "", words)))
+    panel = Panel(curves, x_label, y_label, limits, y_limits, cut_off=cut_off)
+    if formula is None:
+        return Picture([panel], title, "" if alone else OUTSIDE)
+    expected = np.interp(arc[shown], formula.x, formula.y, left=0.0, right=0.0)
+    largest = float(np.abs(formula.y).max())
+    difference = 100.0 * (curves[-1].y - expected) / largest if largest > 0.0 else curves[-1].y - expected
+    zero = Curve(np.array(limits), np.zeros(2), look=REFERENCE_LINE)
+    lower = [zero, Curve(arc[shown], difference, look=curves[-1].look)]
+    below = Panel(lower, x_label, "difference\n[% of peak]", limits)
+    return Picture([panel._replace(curves=[*curves, formula]), below], title, OUTSIDE, (7.2, 4.8))
+
+
+def reference_profile(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
+    """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
+    force = float(np.hypot(*pressing_force(run, name)[-1]))
+    if case.reference is None or force == 0.0:
+        return None
+    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
+    return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
+
+
+def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
+    """The traction at the nodes of a contact with its friction limits, and the stick and slip zones, which
+    end half-way between nodes."""
+    contact = run.contacts[name]
+    friction = next(one.coefficient for one in case.contact if one.name == name)
+    # Bonds have no friction limit.
+    coefficient = friction if np.isfinite(friction) else 0.0
+    position = choice.at[-1] if choice.at else float(run.path.position[-1])
+    (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
+    pressure = np.maximum(found["pressure"], 0.0)
+    most = np.maximum(coefficient * pressure, np.abs(found["traction"]))
+    order, arc = along_surface(contact, pressure)
+    limit, traction = coefficient * pressure[order], found["traction"][order]
+    status = level_at(run, position)[f"contacts/{name}/status"][order]
+    high, cut_off = cut_off_above(float(most.max(initial=0.0)), regular_peak(contact.arc_length, most))
+    high = 1.05 * high
+    look = {"color": COLOURS[0], "marker": "o", "markersize": 2.5}
+    panel = Panel(
+        [
+            Curve(arc, limit, "friction limit", REFERENCE_LINE),
+            Curve(arc, -limit, "", REFERENCE_LINE),
+            Curve(arc, traction, "traction", look),
+        ],
+        case.units.label("arc length", "length"),
+        case.units.label("traction on the slave", "stress"),
+        visible_range(arc, limit[None, :]),
+        (-high, high) if high else (None, None),
+        list(_zones(arc, status)),
+        cut_off,
+    )
+    return Picture([panel], f"Tangential traction, {name}, {position_words(run, case, position)}", OUTSIDE)
+
+
+def _zones(arc: FloatArray, status: FloatArray) -> Iterator[tuple[float, float, str, str]]:
+    if len(arc) < 2:
+        return
+    borders = np.concatenate([arc[:1], 0.5 * (arc[1:] + arc[:-1]), arc[-1:]])
+    for kind, (label, colour) in ZONES.items():
+        steps = np.diff(np.concatenate([[False], status == kind, [False]]).astype(np.int64))
+        for first, last in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
+            yield float(borders[first]), float(borders[last]), colour, label
+            label = ""
+
+
+def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip: bool = False) -> Picture:
+    """The tangential force on the master over the tangential displacement of the platen that moves most.
+    Without a platen, or with ``over_slip``, over the mean slip."""
+    force, tangent = tangential_force(run, name), mean_tangent(run, name)
+    along = {load: moved @ tangent for load, moved in run.path.displacements.items()}
+    moved, label = mean_slip(run.contacts[name]), SLIP_LABEL
+    load = max(along, key=lambda one: float(np.ptp(along[one])), default="")
+    if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
+        moved, label = along[load], f"displacement along the contact, by {load}"
+    ends = [
+        Curve(moved[at], force[at], word, {"color": colour, "marker": marker, "linestyle": "none"})
+        for at, word, colour, marker in (
+            (slice(0, 1), "start", COLOURS[1], "s"),
+            (slice(-1, None), "end", COLOURS[2], "^"),
+        )
+    ]
+    look = {"color": COLOURS[0], "marker": "o", "markersize": 2.0}
+    labels = case.units.label(label, "length"), case.units.label(TANGENTIAL, "force")
+    panel = Panel([Curve(moved, force, look=look), *ends], *labels)
+    return Picture([panel], f"Tangential force, {name}", "best", (5.2, 4.2))
+
+
+def mean_slip(contact: Dataset) -> FloatArray:
+    """The mean slip (S+1,) of a contact along the path."""
+    return np.asarray(contact.slip @ contact.weight / contact.weight.sum(), dtype=np.float64)
+
+
+def path_picture(runs: Sequence[RunData], cases: Sequence[Case], kind: str, choice: Choice) -> Picture:
+    """Pressures, forces, peak pressures, or else tangential forces over slip, of one run or several."""
+    units, names = cases[0].units, run_names(runs) if len(runs) > 1 else [""]
+    curves = [
+        curve for run, name in zip(runs, names, strict=True) for curve in _of_run(run, name, kind, choice)
+    ]
+    if not curves:
+        raise RunError(
+            f"the runs have no data for {kind}", "pressures and peaks need a contact, loops need friction"
+        )
+    force = "contact force" if any(run.contacts for run in runs) else "force of loads and supports"
+    x_label, y_label, title = {
+        "pressure": (
+            units.label("arc length", "length"),
+            units.label("contact pressure", "stress"),
+            "Contact pressure",
+        ),
+        "force": (POSITION, units.label(f"{force} per unit thickness", "force"), force.capitalize()),
+        "peak": (POSITION, units.label("peak contact pressure", "stress"), "Peak contact pressure"),
+    }.get(kind, (units.label(SLIP_LABEL, "length"), units.label(TANGENTIAL, "force"), "Tangential force"))
+    return curves_picture(curves, x_label, y_label, title + _alone(curves))
+
+
+def curves_picture(curves: Sequence[Curve], x_label: str, y_label: str, title: str) -> Picture:
+    """Curves distinguished by colours, then by line styles."""
+    return Picture([Panel(curves, x_label, y_label)], title, "best" if len(curves) > 1 else "")
+
+
+def _alone(curves: Sequence[Curve]) -> str:
+    return f", {curves[0].label}" if len(curves) == 1 else ""
+
+
+def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curve]:
+    position = run.path.position
+    # Exact contact is solved at a few positions: what lies between them is not on a straight line.
+    joined = not run.contacts or bool(run.path.order.any())
+    if not run.contacts and kind == "force":
+        for load, force in run.path.resultants.items():
+            yield Curve(position, np.hypot(*force.T), f"{name}, {load}" if name else load)
+    for contact_name, contact in run.contacts.items():
+        if choice.contact not in (None, contact_name):
+            continue
+        single = name and (len(run.contacts) == 1 or choice.contact)
+        label = name if single else ", ".join(filter(None, (name, contact_name)))
+        if kind == "pressure":
+            for level in choice.at or (float(position[-1]),):
+                pressure = pressures_at(run, level)[contact_name]
+                order, arc = along_surface(contact, pressure)
+                yield Curve(arc, pressure[order], f"{label}, position {level:.4g}" if choice.at else label)
+        elif kind == "force":
+            yield Curve(position, np.hypot(*pressing_force(run, contact_name).T), label, joined=joined)
+        elif kind == "peak":
+            yield Curve(position, contact.pressure.max(axis=1, initial=0.0), label, joined=joined)
+        elif not np.isnan(contact.slip).any():
+            yield Curve(mean_slip(contact), tangential_force(run, contact_name), label)
+
+
+def line_picture(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> Picture:
+    """A field along a boundary such as ``block.top``, or along the straight line ``X,Y:X,Y``, at saved
+    positions. Raises RunError for an invalid line, and for one that crosses no body."""
+    assert choice.along is not None
+    field = choice.field or "von_mises"
+    curves = []
+    for run, case, name in zip(runs, cases, run_names(runs), strict=True):
+        for position in choice.at or (saved_state(run, None).position,):
+            words = [name] if len(runs) > 1 else []
+            words += [f"position {position:.4g}"] if len(choice.at) > 1 or len(runs) == 1 else []
+            for where, x, y in _along(run, case, choice.along, field, position):
+                curves.append(Curve(x, y, ", ".join([*words, where] if where else words)))
+    units, label = cases[0].units, SCALARS[field].label
+    along = "distance along the line" if ":" in choice.along else "arc length"
+    labels = units.label(along, "length"), units.label(label, SCALARS[field].unit)
+    return curves_picture(curves, *labels, f"{label[0].upper()}{label[1:]} along {choice.along}")
+
+
+def _along(
+    run: RunData, case: Case, along: str, field: str, position: float
+) -> list[tuple[str, FloatArray, FloatArray]]:
+    """For every body crossed: name, distances (k,) and values (k,), nan outside the body."""
+    ends = along.split(":")
+    if len(ends) == 1:
+        return [("", *_on_boundary(run, case, along, field, position))]
+    try:
+        first, last = (np.array([float(part) for part in end.split(",")]) for end in ends)
+        if first.shape != (2,) or last.shape != (2,) or not np.isfinite([first, last]).all():
+            raise ValueError
+    except ValueError:
+        message = f'"{along}" is neither a boundary nor a line'
+        raise RunError(message, "as in --along block.top or --along 0,0:0,-1") from None
+    share = np.linspace(0.0, 1.0, LINE_POINTS)
+    points = first + share[:, None] * (last - first)
+    level = level_at(run, position)
+    crossed = []
+    for name, body in run.bodies.items():
+        within = inside(body, points)
+        if within.sum() < MIN_INSIDE:
+            continue
+        ((seen, _),) = fields_at(run, case, name, points[within], [level])
+        values = np.full(LINE_POINTS, np.nan)
+        values[within] = scalar(seen, field)
+        crossed.append((name, share * float(np.hypot(*(last - first))), values))
+    if not crossed:
+        raise RunError(f"the line {along} crosses no body", "give coordinates of the undeformed bodies")
+    return [("" if len(crossed) == 1 else name, x, y) for name, x, y in crossed]
+
+
+def _on_boundary(
+    run: RunData, case: Case, boundary: str, field: str, position: float
+) -> tuple[FloatArray, FloatArray]:
+    """Arc lengths (k,) and values (k,) at the nodes of a boundary."""
+    name, _, edge = boundary.partition(".")
+    body = run.bodies.get(name)
+    edges = [] if body is None else list(dict.fromkeys(one.partition("/")[0] for one in body.boundary.name))
+    if edge not in edges:
+        known = ", ".join(f"{name}.{one}" for one in edges) or ", ".join(run.bodies)
+        raise RunError(f'there is no boundary "{boundary}"', f"there are: {known}")
+    assert body is not None
+    index, _ = boundary_nodes(body, Place((boundary,)))
+    values = scalar(nodal(run, case, saved_state(run, position), name), field)
+    steps = np.hypot(*np.diff(body.points[index], axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)]), values[index]
+
+
+def run_names(runs: Sequence[RunData]) -> list[str]:
+    """Names of runs: the last parts of their directories, as many as needed to distinguish them."""
+    parts = [run.directory.resolve().parts for run in runs]
+    for count in range(1, max(map(len, parts)) + 1):
+        names = ["/".join(part[-count:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{run.directory} ({number})" for number, run in enumerate(runs, start=1)]

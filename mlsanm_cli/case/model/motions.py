@@ -1,0 +1,200 @@
+"""Loads that move rigid plates and obstacles."""
+
+from collections.abc import Iterator
+from itertools import takewhile
+from typing import Annotated, Any, Literal
+
+from pydantic import model_validator
+
+from mlsanm_cli.case.model.conditions import Kind
+from mlsanm_cli.case.model.fields import FORCE, LENGTH, MOMENT, RADIANS, Rotation, Vector
+from mlsanm_cli.case.model.loads import (
+    BodyForce,
+    Displacement,
+    Load,
+    OnBoundary,
+    Pressure,
+    Temperature,
+    Traction,
+)
+from mlsanm_cli.case.model.model import NEEDS_FINITE
+from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle
+from mlsanm_cli.case.model.places import PlateBoundaries
+from mlsanm_cli.case.model.section import Point, Scope
+from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.errors import Fault
+
+Control = Literal["force", "displacement"]
+
+
+class _RigidMotion(Load):
+    """A rigid body with a prescribed force or displacement in each direction. ``force`` and ``displacement``
+    give both components, ``ux, uy, fx, fy`` one each. Forces are per unit thickness."""
+
+    force: Annotated[Vector, FORCE] | None = None
+    """Force, x and y."""
+    displacement: Annotated[Vector, LENGTH] | None = None
+    """Displacement, x and y."""
+    ux: Annotated[float, LENGTH] | None = None
+    """Displacement in x."""
+    uy: Annotated[float, LENGTH] | None = None
+    """Displacement in y."""
+    fx: Annotated[float, FORCE] | None = None
+    """Force in x."""
+    fy: Annotated[float, FORCE] | None = None
+    """Force in y."""
+
+    @property
+    def control(self) -> dict[str, tuple[Control, float]]:
+        """The controlled quantity in each direction and its value at load factor 1.
+
+        >>> Platen(name="p", boundary="a.top", kind="platen", fy=-2.0).control
+        {'y': ('force', -2.0)}
+        """
+        force = self.force or (self.fx, self.fy)
+        displacement = self.displacement or (self.ux, self.uy)
+        found: dict[str, tuple[Control, float]] = {}
+        for direction, f, u in zip("xy", force, displacement, strict=True):
+            if self.force is None and u is not None:
+                found[direction] = ("displacement", u)
+            elif f is not None:
+                found[direction] = ("force", f)
+        return found
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        single, both = self.given("ux", "uy", "fx", "fy"), self.given("force", "displacement")
+        if len(both) > 1:
+            hint = "give one quantity per direction: ux or fx, uy or fy"
+            yield Fault((), "has both force and displacement", hint)
+        elif both and single:
+            message = f'"{both[0]}" gives both components already'
+            yield Fault((single[0],), message, "ux or fx, and uy or fy instead")
+        for u, f in (("ux", "fx"), ("uy", "fy")):
+            if u in single and f in single:
+                yield Fault((f,), f"{u} is given for this direction too", "give one of the two")
+
+
+class Platen(OnBoundary, _RigidMotion):
+    """A rigid plate bonded to a boundary. In a direction without force or displacement the boundary is free
+    to slide along the plate."""
+
+    boundary: PlateBoundaries
+    """Boundary with the plate, or a list of boundaries that move together, also of several bodies."""
+    kind: Literal["platen"]
+    rotation: Annotated[Rotation, RADIANS] = "fixed"
+    """Rotation of the plate: `"fixed"`, `"free"`, or a prescribed angle (counter-clockwise). Free by default
+    if a `hinge` or a `moment` is given, here or in another load on the same plate."""
+    hinge: Annotated[Vector, LENGTH] | None = None
+    """Reference point of force, moment and displacement; by default that of another load on the same plate,
+    else the middle of the boundary."""
+    moment: Annotated[float, MOMENT] | None = None
+    """Moment about the hinge, counter-clockwise."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _turns(cls, data: Any) -> Any:
+        """Plates with a hinge or a moment are free to rotate."""
+        turned = isinstance(data, dict) and ("hinge" in data or "moment" in data)
+        return {"rotation": "free", **data} if turned else data
+
+    @property
+    def label(self) -> str:
+        """Name in messages."""
+        return " and ".join(place.label for place in self.places)
+
+    @property
+    def turning(self) -> Literal["fixed", "free", "prescribed"]:
+        """The kind of rotation."""
+        return "prescribed" if isinstance(self.rotation, float) else self.rotation
+
+    def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
+        for direction, (control, _) in self.control.items():
+            yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        plates = [one for one in scope.case.load if isinstance(one, Platen)]
+        plate = [one for one in plates if (one.boundary, one.ends) == (self.boundary, self.ends)]
+        controlled = {direction for one in plate for direction in one.control}
+        if not self.control and (self.moment is None or not controlled):
+            yield Fault((), "a platen needs a direction", "give force, displacement, or ux/uy/fx/fy")
+        if self.moment is not None and self.turning != "free":
+            hint = 'remove rotation, or write rotation = "free"'
+            yield Fault(("moment",), "a moment needs a plate that is free to rotate", hint)
+        if self.hinge is not None and self.turning == "fixed":
+            yield Fault(("hinge",), "a hinge needs a plate that can rotate", 'rotation = "free"')
+        if len(self.places) > 1 and self.ends is not None:
+            message = "parts of boundaries of several bodies are not supported"
+            yield Fault(("from",), message, "use one boundary, or whole boundaries")
+        if scope.strain == "finite" and self.turning != "fixed" and len(controlled) < 2:
+            # The direction in which a rotating plate would let its body slide rotates with it.
+            message = "a plate that can rotate at finite strain needs a value in both directions"
+            hint = "give ux or fx, and uy or fy; a force of 0.0 for a free direction"
+            yield Fault((), message, hint)
+        hint = "loads on one boundary act on one platen"
+        if plate[0].turning != self.turning:
+            message = (
+                f'"{self.turning}" here, "{plate[0].turning}" in load "{plate[0].name}" on the same platen'
+            )
+            yield Fault(("rotation",), message, hint)
+        elif plate[0].hinge != self.hinge:
+            message = f'differs from that of load "{plate[0].name}" on the same platen'
+            yield Fault(("hinge",), message, hint)
+
+
+class ObstacleMotion(_RigidMotion):
+    """Motion of the rigid obstacle of a contact. A direction without force or displacement is fixed."""
+
+    obstacle: str
+    """Contact to which the obstacle belongs."""
+    kind: Literal["obstacle"]
+    rotation: Annotated[float, RADIANS] = 0.0
+    """Angle by which the obstacle turns, counter-clockwise, any number of turns (finite strain only)."""
+    pivot: Annotated[Vector, LENGTH] | None = None
+    """Centre of rotation in the undeformed position; it moves with the obstacle. The centre of a disk by
+    default."""
+
+    def pivot_on(self, obstacle: AnyObstacle) -> Point | None:
+        """The point about which it turns an obstacle, None if the case gives none."""
+        return self.pivot or (obstacle.center if isinstance(obstacle, DiskObstacle) else None)
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        if not self.control and not self.rotation:
+            hint = "give force, displacement, or ux/uy/fx/fy"
+            yield Fault((), "the motion of an obstacle needs a direction", hint)
+        if self.rotation and scope.strain == "small":
+            yield Fault(("rotation",), "an obstacle that turns needs finite strain", NEEDS_FINITE)
+        obstacles = {one.name: one.obstacle for one in scope.case.contact}
+        obstacle = obstacles.get(self.obstacle)
+        if self.obstacle not in scope.names["contact"]:
+            fitting = [name for name in obstacles if obstacles[name] is not None] or obstacles
+            hint = suggestion(self.obstacle, fitting, "contacts with an obstacle")
+            yield Fault(("obstacle",), f'there is no contact "{self.obstacle}"', hint)
+        elif self.obstacle in obstacles and obstacle is None:
+            message = f'contact "{self.obstacle}" has a master and no obstacle'
+            yield Fault(("obstacle",), message, 'a load of kind "platen" moves a boundary')
+        loads = [one for one in scope.case.load if isinstance(one, ObstacleMotion)]
+        earlier = [
+            one for one in takewhile(lambda one: one is not self, loads) if one.obstacle == self.obstacle
+        ]
+        for direction, (control, _) in self.control.items():
+            first = next((one for one in earlier if direction in one.control), self)
+            other = first.control[direction][0]
+            if other != control:
+                message = (
+                    f'{control} here, {other} in load "{first.name}" on the same obstacle in {direction}'
+                )
+                yield Fault((), message, "use one of the two in each direction")
+        if obstacle is not None and self.rotation and scope.strain == "finite":
+            pivot = self.pivot_on(obstacle)
+            others = {one.pivot_on(obstacle) for one in earlier if one.rotation}
+            if pivot is None:
+                yield Fault(("rotation",), "needs a pivot", "give pivot")
+            elif others - {None, pivot}:
+                message = "differs from that of another load on the same obstacle"
+                yield Fault(("pivot",), message, "one pivot for all")
+
+
+AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion

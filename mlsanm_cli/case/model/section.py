@@ -1,0 +1,130 @@
+"""Base class of the tables of the case file, and what they are checked against: the other tables and the
+geometry of the bodies."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.errors import Fault
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model.case import Case
+    from mlsanm_cli.case.model.shapes import AnyShape
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The geometry of a shape: the outward ``normals`` of its boundaries by name (None if curved), the centre
+    and the larger side of its bounding box, and the SHA-256 of its file, if any."""
+
+    normals: Mapping[str, Point | None]
+    centre: Point
+    size: float
+    digest: str = ""
+
+
+class GeometryInspector(Protocol):
+    """Examines the geometry of a case. The case layer does no geometry and reads no geometry files."""
+
+    def geometry(self, shape: AnyShape) -> Geometry:
+        """The geometry of a shape. Raises GeometryError if it is not a valid body."""
+
+    def floating(self, case: Case) -> Iterable[Fault]:
+        """A fault for every body without contact that can move freely, with its key in the case."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """The valid tables of a case. ``names`` are those of all items by section, also of invalid ones,
+    ``incomplete`` the sections with invalid parts, ``geometries`` those of the valid shapes by body."""
+
+    case: Case
+    names: Mapping[str, tuple[str, ...]]
+    incomplete: frozenset[str]
+    geometries: Mapping[str, Geometry]
+
+    @property
+    def strain(self) -> str:
+        """Small or finite strain, "" if the model is invalid."""
+        return self.case.model.strain if self.complete("model") else ""
+
+    @property
+    def confined(self) -> bool:
+        """Whether out-of-plane strains are prescribed; False if the model is invalid."""
+        return self.complete("model") and self.case.model.confined
+
+    def complete(self, *sections: str) -> bool:
+        """Whether all items of the sections are valid, so that something missing there is missing."""
+        return self.incomplete.isdisjoint(sections)
+
+
+class Section(BaseModel):
+    """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types. The
+    docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema; the
+    docstring of the class describes the table. Files with tables do not postpone the evaluation of
+    annotations: as texts, pydantic would compile each of them at every start (10 ms)."""
+
+    # Deferred: the validator of the whole case is built once, when it is needed, not that of each table.
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Adds the docstrings here: pydantic would parse all source files for them at every start."""
+        found = handler(core_schema)
+        keys = handler.resolve_ref_schema(found)["properties"]
+        for name, text in _docstrings(cls).items():
+            keys[cls.model_fields[name].alias or name]["description"] = text
+        return found
+
+    def given(self, *keys: str) -> list[str]:
+        """Those of the keys that have a value."""
+        return [key for key in keys if getattr(self, key) is not None]
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        """Relations between keys of this table, and with other tables in ``scope``, that do not hold; paths
+        of keys are relative to the table."""
+        yield from ()
+
+
+def all_faults(value: Any, scope: Scope, path: KeyPath = ()) -> Iterator[Fault]:
+    """The faults of a table at a path and of all tables in it, each with its full path."""
+    items: list[tuple[str | int, Any]] = []
+    if isinstance(value, Section):
+        for fault in value.faults(scope):
+            yield replace(fault, key=(*path, *fault.key))
+        fields = type(value).model_fields
+        items = [(field.alias or name, getattr(value, name)) for name, field in fields.items()]
+    elif isinstance(value, dict):
+        items = list(value.items())
+    elif isinstance(value, tuple) and value and isinstance(value[0], Section):
+        items = list(enumerate(value))
+    for step, item in items:
+        yield from all_faults(item, scope, (*path, step))
+
+
+def _docstrings(table: type[BaseModel]) -> dict[str, str]:
+    """The docstrings below the fields of a table, by field."""
+    found = {}
+    for owner in reversed(table.__mro__[: table.__mro__.index(Section)]):
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        assert isinstance(tree, ast.ClassDef)
+        for key, below in pairwise(tree.body):
+            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
+                assert isinstance(key.target, ast.Name)
+                found[key.target.id] = inspect.cleandoc(ast.literal_eval(below.value))
+    return found

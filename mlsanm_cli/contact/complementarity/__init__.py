@@ -1,0 +1,1 @@
+"""The contact problem with Coulomb friction as one mixed linear complementarity problem."""

@@ -1,0 +1,95 @@
+"""Static equilibrium of the motions: limit analysis by linear programming.
+
+Pressures and tractions within their limits that balance the loads exist, or a combination of the balances, a
+mechanism, shows that there are none (Farkas' lemma; Livesley 1978, doi:10.1002/nme.1620121207, for masonry).
+Compliances do not matter: without equilibrium a problem has no state. With it there may be none either, as
+slip is not associated with Coulomb's cone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus, Problem
+
+BALANCED = 1e-8
+"""Part of a load up to which it counts as balanced: the accuracy of the linear program."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """The largest ``part`` up to 1 of a load that can be balanced, pressures and tractions ``forces``
+    (m + n,) that balance it, and the ``mechanism`` (k,) of the balances that stops a larger one."""
+
+    part: float
+    forces: FloatArray
+    mechanism: FloatArray
+
+
+def equilibrium(
+    problem: Problem,
+    constant: FloatArray,
+    load: FloatArray,
+    status: ContactStatus | None = None,
+    allowed: Changes | None = None,
+) -> Equilibrium | None:
+    """Equilibrium under the scaled balance rows ``constant`` (k,) and part of ``load`` (k,); None if not
+    even ``constant`` is balanced. For rates the conditions are those of a ``status`` and its ``allowed``
+    changes."""
+    from scipy.optimize import linprog  # for few runs
+
+    p, count = problem, problem.contacts
+    size = max(np.abs(constant).max(initial=0.0), np.abs(load).max(initial=0.0))
+    if not size:
+        return Equilibrium(1.0, np.zeros(count), np.zeros(p.k))
+    if status is None or allowed is None:
+        none = np.zeros(p.m, dtype=bool)
+        status = ContactStatus(none, none[p.nodes], np.zeros(p.n))
+        allowed = p.everything
+    held, apart = status.closed & ~allowed.opens, ~status.closed & ~allowed.closes
+    rows = p.matrix[count:]
+    unit = np.abs(rows).max(axis=0, initial=0.0)
+    unit = size / np.where(unit > 0.0, unit, 1.0)
+    unit[p.m : count] = unit[: p.m][p.nodes]
+    bounds = [(None if h else 0.0, 0.0 if a else None) for h, a in zip(held, apart, strict=True)]
+    bounds += [(0.0, 0.0) if a else (None, None) for a in apart[p.nodes]]
+    bounds += [(None, None)] * p.k + [(0.0, 1.0)]
+    cone = [_cone(p, side)[may] for side, may in ((1.0, allowed.forward), (-1.0, allowed.backward))]
+    limits = np.vstack(cone)
+    limits = np.hstack([limits, np.zeros((len(limits), p.k + 1))])
+    found = linprog(
+        np.append(np.zeros(len(p.rows)), -1.0),
+        A_ub=limits if len(limits) else None,
+        b_ub=np.zeros(len(limits)) if len(limits) else None,
+        A_eq=np.hstack([rows * (unit / size), load[:, None] / size]),
+        b_eq=-constant / size,
+        bounds=bounds,
+    )
+    if found.status != 0 or found.x is None:
+        return None
+    return Equilibrium(float(found.x[-1]), found.x[:count] * unit[:count], found.eqlin.marginals)
+
+
+def collapse(
+    problem: Problem, free: FloatArray, status: ContactStatus | None = None, allowed: Changes | None = None
+) -> FloatArray | None:
+    """The direction (N,) of the mechanism that shows that no pressures and tractions balance the ``free``
+    rows (N,); None if some do."""
+    p, load = problem, free[problem.contacts :]
+    found = equilibrium(p, np.zeros_like(load), load, status, allowed)
+    if found is None or found.part > 1.0 - BALANCED:
+        return None
+    # Balances and motions are conjugate in work before they are scaled.
+    motion = p.rows[p.contacts :] * found.mechanism / p.columns[p.contacts :]
+    return np.concatenate([np.zeros(p.contacts), motion])
+
+
+def _cone(problem: Problem, side: float) -> FloatArray:
+    """Rows (n, m + n) of side t - mu p <= 0."""
+    p, each = problem, np.arange(problem.n)
+    found = np.zeros((p.n, p.contacts))
+    found[each, p.m + each], found[each, p.nodes] = side, -p.friction
+    return found

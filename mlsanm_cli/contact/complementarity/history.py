@@ -1,0 +1,231 @@
+"""The exact path of a state with its history of friction.
+
+The rates of a state solve the same problem, with free rows those of the load and only conditions at their
+limits; the state follows them to the next limit. Where there are no rates states fold back or jump: the
+parametric path leads on, or a finite increment; if neither does, the ray of the rates is a mechanism and its
+load the limit load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.basis import Basis, SingularError
+from mlsanm_cli.contact.complementarity.equilibrium import collapse
+from mlsanm_cli.contact.complementarity.problem import (
+    FEASIBLE,
+    GRAZING,
+    Changes,
+    ContactStatus,
+    Problem,
+)
+from mlsanm_cli.contact.complementarity.solution import (
+    Search,
+    Solution,
+    opened,
+    solve,
+    touching,
+)
+from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+
+INCREMENTS = tuple(10.0**power for power in range(-6, 0))
+"""Parts of the path tried in turn as finite increments where no rates continue it: the first touch of loose
+bodies, and snaps."""
+STANDSTILL, EVENTS = 1e-13, 4
+"""Part of the path below which it stands still; and largest number of changes of status per node at one
+load."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """State at ``lam``: ``status``, unknowns ``x`` and rows ``w`` (N,), slips ``reference`` (n,) at which
+    nodes stick, and the ``work`` (n,) of friction so far per unit of scaled tractions and slips. ``jumped``
+    from another state, after so many ``systems``; ``rates`` led to it."""
+
+    status: ContactStatus
+    x: FloatArray
+    w: FloatArray
+    reference: FloatArray
+    work: FloatArray
+    lam: float = 0.0
+    jumped: bool = False
+    systems: int = 0
+    rates: Solution | None = None
+
+
+def unloaded(problem: Problem, free: FloatArray) -> State:
+    """The state without pressures and motions."""
+    none = np.zeros(problem.n)
+    slip = free[problem.m : problem.contacts].copy()
+    return State(opened(problem), np.zeros(len(free)), free, slip, none)
+
+
+def admissible(problem: Problem, state: State, typical: float = 0.0) -> Changes:
+    """Changes that a state admits to its rates: of nodes at their limits, relative to its own or ``typical``
+    pressures."""
+    p, x, w = problem, state.x, state.w
+    limit = GRAZING * max(p.size(x), typical) * p.grain[: p.m]
+    bare, touches = x[: p.m] <= limit, w[: p.m] <= limit
+    grazes, sign, traction = bare[p.nodes], state.status.slip_sign, x[p.m : p.contacts]
+    left, slack = limit[p.nodes], p.friction * x[p.nodes]
+    forward = np.where(sign != 0.0, sign > 0.0, slack - traction <= left)
+    backward = np.where(sign != 0.0, sign < 0.0, slack + traction <= left)
+    return Changes(bare, touches, grazes | forward, grazes | backward)
+
+
+def rates(problem: Problem, state: State, load: FloatArray, allowed: Changes) -> Solution:
+    """Status and rates of a state per lam. Raises Ray."""
+    search, last = Search(problem, load, np.zeros(problem.n), allowed), state.rates
+    if not state.status.closed.any():
+        return search.solved(touching(problem, allowed.closes))
+    if last is None:
+        return search.solved(state.status)
+    return search.solved(search.projected(last.status, last.x, last.w), state.status, basis=last.basis)
+
+
+def follow(
+    problem: Problem,
+    state: State,
+    constant: FloatArray,
+    load: FloatArray,
+    stops: Sequence[float],
+) -> Iterator[State]:
+    """All events of the path from a state, with free rows ``constant + lam load`` (N,), and the states at
+    ``stops``, increasing up to the end. Raises the Ray of a limit load."""
+    p, halts, standing = problem, list(stops), 0
+    span = abs(halts[-1] - state.lam)
+    typical = _typical(p, state, constant + halts[-1] * load)
+    while halts:
+        allowed = admissible(p, state, typical)
+        try:
+            rate = rates(p, state, load, allowed)
+            if standing > EVENTS * p.m + 50:
+                raise Ray(rate.x, state.lam)
+        except Ray as ray:
+            state, standing = _jumped(p, state, constant, load, span, halts[0], ray), 0
+            while halts and halts[0] <= state.lam:
+                halts.pop(0)
+            yield state
+            continue
+        lam = min(state.lam + _until_event(p, state, rate, allowed), halts[0])
+        standing = standing + 1 if lam - state.lam <= STANDSTILL * span else 0
+        if halts[0] - lam <= STANDSTILL * span:
+            lam = halts.pop(0)
+        state = _moved(p, state, rate, constant + lam * load, lam)
+        yield state
+
+
+def _typical(problem: Problem, state: State, free: FloatArray) -> float:
+    """Pressures that the ``free`` rows (N,) at the end of a path will cause: gaps as drawn that are round-off
+    against these are closed."""
+    if state.status.closed.any():
+        return 0.0
+    gap = state.w[: problem.m]
+    first = touching(problem, gap <= GRAZING * float(np.abs(gap).max(initial=0.0)))
+    try:
+        return problem.size(solve(problem, free, first, state.reference, state.x).x)
+    except Ray:
+        return 0.0
+
+
+def _until_event(problem: Problem, state: State, rate: Solution, allowed: Changes) -> float:
+    """Distance to the next limit of a condition that is not at it."""
+    p, apart = problem, allowed.complement()
+    unset = np.full(p.n, np.nan)
+    left = p.distances(rate.status, apart, state.x, state.w, unset)
+    falls = -p.distances(rate.status, apart, rate.x, rate.w, unset)
+    falling = np.isfinite(left) & (falls > 1e-3 * FEASIBLE * p.size(rate.x))
+    return float((np.maximum(left[falling], 0.0) / falls[falling]).min(initial=np.inf))
+
+
+def _moved(problem: Problem, state: State, rate: Solution, free: FloatArray, lam: float) -> State:
+    """The state at ``lam`` along its rates, with the conditions of its status satisfied exactly; solved for
+    if the accumulated residual is larger than round-off."""
+    p, status, step = problem, rate.status, lam - state.lam
+    slips = slice(p.m, p.contacts)
+    x, w = state.x + step * rate.x, state.w + step * rate.w
+    reference = np.where(status.stuck & ~state.status.stuck, state.w[slips], state.reference)
+    x[: p.m][~status.closed], w[: p.m][status.closed] = 0.0, 0.0
+    x[slips] = np.where(status.stuck, x[slips], status.slip_sign * p.friction * x[p.nodes])
+    w[slips][status.stuck] = reference[status.stuck]
+    x, w = _refined(p, rate.basis.to(status), free, p.aim(reference), x, w)
+    slid = np.where(status.slip_sign != 0.0, w[slips] - state.w[slips], 0.0)
+    work = state.work - 0.5 * (state.x[slips] + x[slips]) * slid
+    return State(status, x, w, reference, work, lam, systems=rate.systems, rates=rate)
+
+
+def _refined(
+    problem: Problem, basis: Basis, free: FloatArray, aim: FloatArray, x: FloatArray, w: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The state ``x``, ``w``, or the solution of its equations if the residual exceeds round-off; the more
+    accurate one if that is not better."""
+    tries = [(x, w)]
+    while _residual(problem, free, *tries[-1]) > 1.0:
+        if len(tries) > 1 and not basis.anew():
+            return min(tries, key=lambda pair: _residual(problem, free, *pair))
+        try:
+            tries.append(basis.solve(free, aim, x))
+        except SingularError:
+            return tries[0]
+    return tries[-1]
+
+
+def _residual(problem: Problem, free: FloatArray, x: FloatArray, w: FloatArray) -> float:
+    """Largest error of rows over round-off."""
+    size = FEASIBLE * problem.size(x)
+    missed = np.abs(free + problem.product(x) - w) / problem.grain
+    return float(missed.max(initial=0.0)) / size if size else 0.0
+
+
+def increment(
+    problem: Problem,
+    state: State,
+    free: FloatArray,
+    lam: float,
+    start: ContactStatus | None = None,
+    basis: Basis | None = None,
+) -> State:
+    """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
+    ``state``. Raises Ray."""
+    p, before = problem, state.w[problem.m : problem.contacts]
+    found = solve(p, free, start or state.status, before, state.x, basis, thorough=False)
+    slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
+    slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
+    reference = np.where(found.status.stuck, before, slip)
+    work = state.work - traction * slid
+    return State(found.status, found.x, found.w, reference, work, lam, True, found.systems)
+
+
+def _jumped(
+    problem: Problem,
+    state: State,
+    constant: FloatArray,
+    load: FloatArray,
+    span: float,
+    most: float,
+    ray: Ray,
+) -> State:
+    """The state after a fold along which lam turns, or after a finite increment. Raises the ray of a limit
+    load."""
+    p, status = problem, state.status
+    mechanism = collapse(p, constant + (state.lam + INCREMENTS[0] * span) * load) if p.k else None
+    if mechanism is not None:
+        raise Ray(mechanism, state.lam) from ray
+    reference, ahead = state.w[p.m : p.contacts], state.lam + GRAZING * span
+    try:
+        point = Point(status, state.x, state.w, state.lam, Basis(p, status))
+        point = trace(p, point, load, reference, p.everything, ahead)
+        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis)
+    except (Ray, SingularError):
+        pass
+    for part in INCREMENTS:
+        lam = min(state.lam + part * span, most)
+        try:
+            return increment(p, state, constant + lam * load, lam)
+        except (Ray, SingularError):
+            continue
+    raise Ray(ray.direction, state.lam) from ray

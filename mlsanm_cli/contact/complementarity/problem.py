@@ -1,0 +1,218 @@
+"""The mixed linear complementarity problem of unilateral contact with Coulomb friction in the plane.
+
+Unknowns x are pressures p (m), tractions t (n) and motions q (k); rows w are gaps h (m), slips s (n) and
+force balances (k). With given free rows w0::
+
+    w = w0 + A x,    0 <= h  _|_  p >= 0,    |t| <= mu p,  t opposes the slip s - s0,    balances = 0
+
+mu = 0 or n = 0 is the problem without friction. The form is that of Klarbring 1986
+(doi:10.1007/BF01536422). Equation (14) of docs/method.md.
+
+Scales and tolerances. Gaps and slips are divided by the compliance of their own node, motions by the largest
+displacement they cause, balances by their largest coefficient. All conditions are then pressures, and are
+compared with the largest pressure of the state; a few constants for round-off serve for everything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+
+FEASIBLE = 1e-10
+"""Violation of a condition that is round-off, relative to the largest pressure: a condition number of 1e6
+leaves so much of the 1e-16 of the arithmetic."""
+GRAZING = 1e-9
+"""Distance from a limit at which a condition is at it: events are located to FEASIBLE."""
+SINGULAR, DOUBTFUL = 1e-9, 1e-7
+"""Pivot, relative to the terms that cancel in it, that is zero: of a factorisation, and of an inverse updated
+by earlier pivots, which is then factorised anew."""
+GRAIN = 100.0 * float(np.finfo(float).eps)
+"""Round-off of a row relative to its largest coefficient."""
+WEAK = 1e-6
+"""Own compliance, or pressure over motion, relative to the largest, below which the latter is the scale."""
+
+OPEN, STICK, SLIP = 0, 1, 2
+"""Contact status of a node."""
+OPENS, CLOSES, FORWARD, BACKWARD, RESTS = range(5)
+"""Changes of status of a node: it opens, closes, slips with traction mu p or -mu p, comes to rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactStatus:
+    """``closed`` (m,) nodes, ``stuck`` (n,) nodes with friction, and the ``slip_sign`` (n,) of friction on
+    closed slipping nodes, 0 on others."""
+
+    closed: BoolArray
+    stuck: BoolArray
+    slip_sign: FloatArray
+
+    @property
+    def key(self) -> bytes:
+        """Hashable; equal for equal status."""
+        return self.closed.tobytes() + self.stuck.tobytes() + self.slip_sign.tobytes()
+
+    def resting(self, friction_nodes: IntArray) -> ContactStatus:
+        """The same with all closed frictional nodes sticking."""
+        return ContactStatus(self.closed, self.closed[friction_nodes], np.zeros_like(self.slip_sign))
+
+    def status(self, friction_nodes: IntArray) -> NDArray[np.int8]:
+        """Status (m,) of every node; closed nodes without friction slip."""
+        status = np.where(self.closed, SLIP, OPEN).astype(np.int8)
+        status[friction_nodes[self.stuck]] = STICK
+        return status
+
+    def active(self, motions: int) -> BoolArray:
+        """Mask (m + n + k,) of the unknowns that are not given by their limits."""
+        return np.concatenate([self.closed, self.stuck, np.ones(motions, dtype=bool)])
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """Admissible changes of status: closed nodes that may open (m,), open ones that may close (m,), sticking
+    ones that may slip ``forward`` (traction mu p) or ``backward`` (n,). Conditions of others do not hold."""
+
+    opens: BoolArray
+    closes: BoolArray
+    forward: BoolArray
+    backward: BoolArray
+
+    def complement(self) -> Changes:
+        """All other changes."""
+        return Changes(~self.opens, ~self.closes, ~self.forward, ~self.backward)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The scaled ``matrix`` (N, N) of the problem, N = m + n + k. Friction acts at ``nodes`` (n,) of the m
+    with coefficients ``friction`` (n,). Scaled quantities are ``rows`` (N,) times gaps, slips and balances,
+    and unknowns over ``columns`` (N,)."""
+
+    matrix: FloatArray
+    nodes: IntArray
+    friction: FloatArray
+    m: int
+    rows: FloatArray
+    columns: FloatArray
+
+    @classmethod
+    def of(cls, matrix: FloatArray, nodes: IntArray, friction: FloatArray, m: int) -> Problem:
+        """Scale a ``matrix`` (N, N) in any units.
+
+        A node's own compliance is the scale of its gap and slip: next to corners of graded grids it is as
+        little as 1e-4 of what other nodes cause there, and a gap that is small against the latter may still
+        change the pressure.
+        """
+        count, own = m + len(nodes), np.abs(matrix.diagonal())[: m + len(nodes)]
+        elastic, moving = np.abs(matrix[:count, :count]), np.abs(matrix[:count, count:])
+        largest = float(elastic.max(initial=0.0)) or float(moving.max(initial=0.0)) or 1.0
+        rows, columns = np.ones(len(matrix)), np.ones(len(matrix))
+        rows[:count] = 1.0 / np.where(own > WEAK * largest, own, largest)
+        columns[count:] = _inverse((rows[:count, None] * moving).max(axis=0, initial=0.0))
+        rows[count:] = _inverse(np.abs(matrix[count:] * columns).max(axis=1, initial=0.0))
+        return cls(rows[:, None] * matrix * columns, nodes, friction, m, rows, columns)
+
+    @property
+    def n(self) -> int:
+        """Number of nodes with friction."""
+        return len(self.nodes)
+
+    @property
+    def contacts(self) -> int:
+        """Number of gaps and slips, m + n."""
+        return self.m + self.n
+
+    @property
+    def k(self) -> int:
+        """Number of motions."""
+        return len(self.rows) - self.contacts
+
+    @cached_property
+    def owner(self) -> IntArray:
+        """Index (N,) among the nodes with friction of each pressure, -1 of other unknowns."""
+        found = np.full(len(self.rows), -1)
+        found[self.nodes] = np.arange(self.n)
+        return found
+
+    @cached_property
+    def rubs(self) -> BoolArray:
+        """Mask (n,) of nodes with a positive coefficient of friction."""
+        return np.asarray(self.friction > 0.0)
+
+    @cached_property
+    def exchange(self) -> FloatArray:
+        """Pressure per gap and traction per slip (m + n,) in the exchange of semismooth Newton steps: by the
+        largest response of a row, as other nodes resist too."""
+        count = self.contacts
+        return _inverse(np.abs(self.matrix[:count, :count]).max(axis=1, initial=0.0))
+
+    @cached_property
+    def grain(self) -> FloatArray:
+        """Round-off of rows (N,) over FEASIBLE, at least 1, where rows are small differences of what
+        pressures cause."""
+        largest = np.abs(self.matrix).max(axis=1, initial=0.0)
+        return np.asarray(np.maximum(1.0, GRAIN / FEASIBLE * largest))
+
+    @cached_property
+    def everything(self) -> Changes:
+        """All changes are admissible: the problem of a state."""
+        nodes, rubbing = np.ones(self.m, dtype=bool), np.ones(self.n, dtype=bool)
+        return Changes(nodes, nodes, rubbing, rubbing)
+
+    def product(self, x: FloatArray) -> FloatArray:
+        """Rows (N,) caused by unknowns."""
+        return self.matrix @ x
+
+    def size(self, x: FloatArray) -> float:
+        """Largest pressure or traction, which round-off is relative to; of motions without any, what they
+        would cause."""
+        pressed = float(np.abs(x[: self.contacts]).max(initial=0.0))
+        return max(pressed, WEAK * float(np.abs(x[self.contacts :]).max(initial=0.0)))
+
+    def aim(self, reference: FloatArray) -> FloatArray:
+        """Values (N,) of active rows with nodes sticking at slips ``reference`` (n,)."""
+        found = np.zeros(len(self.rows))
+        found[self.m : self.contacts] = reference
+        return found
+
+    def distances(
+        self, status: ContactStatus, allowed: Changes, x: FloatArray, w: FloatArray, reference: FloatArray
+    ) -> FloatArray:
+        """Distance from the limit of each condition (5, m), by change and node; infinite where there is none.
+        Given rates and a zero ``reference`` (n,), their rates."""
+        pressure, traction, found = x[: self.m], x[self.m : self.contacts], np.full((5, self.m), np.inf)
+        stuck = status.stuck & self.rubs
+        holds = np.zeros(self.m, dtype=bool)
+        holds[self.nodes] = stuck
+        # A sticking node that loses its pressure slips before it opens.
+        opens, closes = status.closed & allowed.opens & ~holds, ~status.closed & allowed.closes
+        found[OPENS, opens] = pressure[opens]
+        found[CLOSES, closes] = w[: self.m][closes]
+        limit = self.friction * pressure[self.nodes]
+        for change, side, may in ((FORWARD, 1.0, allowed.forward), (BACKWARD, -1.0, allowed.backward)):
+            own = stuck & may
+            found[change, self.nodes[own]] = (limit - side * traction)[own]
+        slides = (status.slip_sign != 0.0) & self.rubs
+        opposed = -status.slip_sign * (w[self.m : self.contacts] - reference)
+        found[RESTS, self.nodes[slides]] = opposed[slides]
+        return found
+
+    def changed(self, status: ContactStatus, change: int, node: int, slipped: FloatArray) -> ContactStatus:
+        """The status after a ``change`` of a ``node``; one that closes slips against its ``slipped`` (n,)."""
+        closed, stuck, slip_sign = status.closed.copy(), status.stuck.copy(), status.slip_sign.copy()
+        closed[node] = change != OPENS
+        own = self.owner[node]
+        if own >= 0:
+            stuck[own] = change == RESTS
+            against = 1.0 if slipped[own] <= 0.0 else -1.0
+            slip_sign[own] = {FORWARD: 1.0, BACKWARD: -1.0, CLOSES: against}.get(change, 0.0)
+        return ContactStatus(closed, stuck, slip_sign)
+
+
+def _inverse(values: FloatArray) -> FloatArray:
+    """Reciprocals of positive values, else 1."""
+    return np.asarray(1.0 / np.where(values > 0.0, values, 1.0))

@@ -1,0 +1,247 @@
+"""States of the problem: semismooth Newton steps on the status, and complementary pivoting where these recur.
+
+A node is closed if its pressure minus its gap over a compliance is positive, and slips if traction minus slip
+exceeds friction (Alart and Curnier 1991, doi:10.1016/0045-7825(91)90022-X; Hintermueller, Ito and Kunisch
+2002, doi:10.1137/S1052623401383558). Each step solves the equations of closed nodes only. Where statuses
+recur, a load is added that makes one of them feasible, and removed along the parametric path (Lemke 1965).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.complementarity.basis import Basis, SingularError, null_space
+from mlsanm_cli.contact.complementarity.equilibrium import collapse
+from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+
+PASSES = 30
+"""Newton steps before pivoting; converging ones take fewer than ten."""
+BEST = 2
+"""Number of statuses with the fewest violations from which pivoting starts."""
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+"""Multiples of it, modulo 1, are evenly spread irregular numbers."""
+RESISTED = 1e-3
+"""Part of a row that remaining motions change, above which its node holds them."""
+COVER, INSIDE = 1e-2, 0.9
+"""Least covering gaps and pressures over the largest, and part of the friction limit of covering tractions:
+any positive numbers do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, and
+    the numbers of ``systems`` solved and of ``pivots``."""
+
+    status: ContactStatus
+    x: FloatArray
+    w: FloatArray
+    basis: Basis
+    systems: int
+    pivots: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A search for the state with ``free`` rows (N,), slips opposed from their ``reference`` (n,), and the
+    ``allowed`` changes; motions that nothing resists or drives stay as in the unknowns ``near`` (N,)."""
+
+    problem: Problem
+    free: FloatArray
+    reference: FloatArray
+    allowed: Changes
+    near: FloatArray | None = None
+
+    def solved(self, *starts: ContactStatus, basis: Basis | None = None, thorough: bool = False) -> Solution:
+        """The state by Newton steps from each of the statuses ``starts``, and from one that holds all bodies,
+        followed by pivoting; if ``thorough`` from more statuses. Raises Ray."""
+        seen, pivoted, systems = set[bytes](), set[bytes](), 0
+        ray = Ray(np.zeros(len(self.free)))
+        states, held = self.allowed is self.problem.everything, starts[-1]
+        for first in (*starts, None):
+            found, best, count = self._newton(first or self.supported(held), basis, seen)
+            systems += count
+            if found is not None:
+                return replace(found, systems=systems)
+            if states and first is starts[0]:
+                self._check_balance(first)
+            last = () if first else (self.supported(held, alone=True),)
+            for candidate in self._starts([*best, *last], thorough and not first):
+                if candidate.key in pivoted:
+                    continue
+                pivoted.add(candidate.key)
+                try:
+                    return self._pivoted(candidate, systems)
+                except SingularError:
+                    continue
+                except Ray as error:
+                    ray = error
+            if not states and first is starts[0]:
+                self._check_balance(first)
+        raise ray
+
+    def _newton(
+        self, status: ContactStatus, basis: Basis | None, seen: set[bytes]
+    ) -> tuple[Solution | None, list[ContactStatus], int]:
+        """The state, or statuses with the fewest violations; and the number of systems solved."""
+        p, tried, systems = self.problem, list[tuple[int, ContactStatus]](), 0
+        aim = p.aim(self.reference)
+        while status.key not in seen and systems < PASSES:
+            seen.add(status.key)
+            systems += 1
+            try:
+                basis = Basis(p, status) if basis is None else basis.to(status)
+                x, w = basis.solve(self.free, aim, self.near)
+            except SingularError:  # contacts that slide as a whole may come to rest
+                basis = None
+                status = resting(p, status)
+                continue
+            wrong = self._violations(status, x, w)
+            if not wrong:
+                return Solution(status, x, w, basis, systems), [], systems
+            tried.append((wrong, status))
+            status = self.projected(status, x, w)
+        return None, [one for _, one in sorted(tried, key=lambda item: item[0])[:BEST]], systems
+
+    def _check_balance(self, start: ContactStatus) -> None:
+        """Raise a Ray if no pressures and tractions balance the loads."""
+        if self.problem.k:
+            direction = collapse(self.problem, self.free, start, self.allowed)
+            if direction is not None:
+                raise Ray(direction)
+
+    def _starts(self, chosen: Sequence[ContactStatus], all_sides: bool) -> Iterator[ContactStatus]:
+        """The ``chosen`` statuses, and with ``all_sides`` also these sticking and slipping to the other
+        side."""
+        yield from chosen
+        for status in chosen if all_sides else ():
+            yield resting(self.problem, status)
+            yield replace(status, slip_sign=-status.slip_sign)
+
+    def _violations(self, status: ContactStatus, x: FloatArray, w: FloatArray, factor: float = 1.0) -> int:
+        """Number of violated conditions."""
+        p = self.problem
+        left = p.distances(status, self.allowed, x, w, self.reference)
+        return int((left < -factor * FEASIBLE * p.size(x) * p.grain[: p.m]).sum())
+
+    def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
+        """The status of a semismooth Newton step."""
+        p, allowed, slip = self.problem, self.allowed, w[self.problem.m : self.problem.contacts]
+        push = x[: p.m] - p.exchange[: p.m] * w[: p.m]
+        closed = np.where(status.closed, ~allowed.opens | (push > 0.0), allowed.closes & (push > 0.0))
+        pull = x[p.m : p.contacts] - p.exchange[p.m :] * (slip - self.reference)
+        limit = p.friction * push[p.nodes]
+        forward, backward = allowed.forward & (pull > limit), allowed.backward & (-pull > limit)
+        slides = ~p.rubs | forward | backward
+        side = np.where(backward & ~(forward & (pull > 0.0)), -1.0, 1.0)
+        on = closed[p.nodes]
+        return ContactStatus(closed, on & ~slides, np.where(on & slides, side, 0.0))
+
+    def supported(self, start: ContactStatus, alone: bool = False) -> ContactStatus:
+        """The status ``start`` with the fewest and closest further nodes closed, and stuck, that determine
+        all motions; or these nodes ``alone``, so that rigid bodies are not held twice."""
+        p, allowed, count = self.problem, self.allowed, self.problem.contacts
+        kept = ~allowed.opens | (not alone)
+        closed, stuck = start.closed & kept, start.stuck & kept[p.nodes]
+        moved = p.matrix[:, count:]
+        left = null_space(np.vstack([moved[count:], moved[: p.m][closed], moved[p.m : count][stuck]]))
+        for node in np.argsort(self.free[: p.m], kind="stable"):
+            if not left.shape[1]:
+                break
+            own = int(p.owner[node])
+            for marks, at, row in ((closed, node, node), (stuck, own, p.m + own)):
+                if (
+                    at < 0
+                    or marks[at]
+                    or not (closed[node] or allowed.closes[node])
+                    or (marks is stuck and not p.rubs[own])
+                ):
+                    continue
+                seen = moved[row] @ left
+                if np.abs(seen).max(initial=0.0) > RESISTED * np.abs(moved[row]).max():
+                    closed[node] = marks[at] = True
+                    left = left @ null_space(seen[None, :])
+        on = closed[p.nodes] & ~stuck
+        return ContactStatus(closed, stuck, np.where(on, np.where(start.slip_sign < 0.0, -1.0, 1.0), 0.0))
+
+    def _pivoted(self, status: ContactStatus, systems: int) -> Solution:
+        """The state at the end of the path of one artificial load from a status. Raises Ray,
+        SingularError."""
+        p = self.problem
+        basis = Basis(p, status)
+        x, w = basis.solve(self.free, p.aim(self.reference), self.near)
+        if not self._violations(status, x, w):
+            return Solution(status, x, w, basis, systems + 1)
+        y, v = self._covered(status, x, w)
+        load = v - p.product(y) - self.free
+        start = Point(status, y, v, 1.0, basis)
+        point = trace(p, start, load, self.reference, self.allowed, 0.0)
+        x, w = point.basis.to(point.status).solve(self.free, p.aim(self.reference), self.near)
+        rows = np.abs(self.free + p.product(x) - w)
+        if (
+            self._violations(point.status, x, w, 100.0)
+            or (rows > 100.0 * FEASIBLE * p.size(x) * p.grain).any()
+        ):
+            raise Ray(x)
+        return Solution(point.status, x, w, point.basis, systems + 1, point.pivots)
+
+    def _covered(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Unknowns and rows near those of a status that satisfy its conditions, by irregular amounts, so that
+        no two change at once."""
+        p, allowed, count = self.problem, self.allowed, self.problem.contacts
+        uneven = 1.0 + np.mod(GOLDEN * np.arange(1, p.m + 1), 1.0)
+        size = max(np.abs(x[:count]).max(initial=0.0), np.abs(w[:count]).max(initial=0.0)) or 1.0
+        y, v, least = x.copy(), w.copy(), COVER * size * uneven
+        closed, opened = status.closed & allowed.opens, ~status.closed & allowed.closes
+        y[: p.m][closed] = np.maximum(np.abs(y[: p.m]), least)[closed]
+        v[: p.m][opened] = np.maximum(np.abs(v[: p.m]), least)[opened]
+        limit, t = p.friction * np.maximum(y[p.nodes], 0.0), y[p.m : count]
+        may = np.where(t > 0.0, allowed.forward, allowed.backward)
+        over = may & status.stuck & (np.abs(t) > INSIDE * limit)
+        t = np.where(over, np.sign(t) * INSIDE * limit / uneven[p.nodes], t)
+        slides = status.slip_sign != 0.0
+        y[p.m : count] = np.where(
+            slides, status.slip_sign * p.friction * y[p.nodes], np.where(status.stuck, t, 0.0)
+        )
+        slip = v[p.m : count] - self.reference
+        opposed = -status.slip_sign * np.maximum(np.abs(slip), least[p.nodes])
+        v[p.m : count] = self.reference + np.where(slides, opposed, slip)
+        return y, v
+
+
+def solve(
+    problem: Problem,
+    free: FloatArray,
+    start: ContactStatus,
+    reference: FloatArray | None = None,
+    near: FloatArray | None = None,
+    basis: Basis | None = None,
+    thorough: bool = True,
+) -> Solution:
+    """The state with ``free`` rows (N,), searched from a status, with slips opposed from their ``reference``
+    (n,), 0 if not given. Raises Ray if there is none."""
+    reference = np.zeros(problem.n) if reference is None else reference
+    return Search(problem, free, reference, problem.everything, near).solved(
+        start, basis=basis, thorough=thorough
+    )
+
+
+def opened(problem: Problem) -> ContactStatus:
+    """The status of surfaces that are apart."""
+    rubbing = np.zeros(problem.n)
+    return ContactStatus(np.zeros(problem.m, dtype=bool), rubbing > 0.0, rubbing)
+
+
+def resting(problem: Problem, status: ContactStatus) -> ContactStatus:
+    """A status with all closed nodes with friction sticking."""
+    on = status.closed[problem.nodes]
+    return ContactStatus(status.closed, on & problem.rubs, np.where(on & ~problem.rubs, 1.0, 0.0))
+
+
+def touching(problem: Problem, closed: BoolArray) -> ContactStatus:
+    """The status of ``closed`` nodes (m,) that stick if they have friction."""
+    return resting(problem, ContactStatus(closed, np.zeros(problem.n, dtype=bool), np.zeros(problem.n)))

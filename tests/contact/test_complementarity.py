@@ -1,0 +1,167 @@
+"""The complementarity problem of contact with friction: states, invariances, paths and limit loads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from benchmarks.random_complementarity import KINDS, Example
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.equilibrium import equilibrium
+from mlsanm_cli.contact.complementarity.history import State, follow, increment, unloaded
+from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.solution import opened, solve
+from mlsanm_cli.contact.complementarity.tracing import Ray
+
+Change = Callable[[Example, np.random.Generator], tuple[Example, Callable[[FloatArray], FloatArray]]]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_small_problems_have_the_states_that_enumeration_finds(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        example = Example.random(rng, kind)
+        exists, x = bool(example.states()), example.solved(rng)
+        assert (x is not None) == exists
+        assert x is None or example.accepts(x, 1e-7)
+
+
+def _transformed(example: Example, rows: FloatArray, columns: FloatArray, nodes: IntArray) -> Example:
+    """Rows and unknowns multiplied by matrices; friction ``nodes`` renumbered, coefficients unchanged."""
+    matrix = rows @ example.matrix @ columns
+    return Example(matrix, rows @ example.free, nodes, example.friction, example.m)
+
+
+def _swapped(
+    example: Example, rng: np.random.Generator
+) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+    """The other body as slave: motions of the bodies against each other change their sign."""
+    sign = np.ones(len(example.free))
+    sign[example.contacts :] = -1.0
+    turn = np.diag(sign)
+    return _transformed(example, turn, turn, example.nodes), lambda x: sign * x
+
+
+def _reordered(
+    example: Example, rng: np.random.Generator
+) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+    """Nodes, and with them nodes with friction, in another order."""
+    order, rubbing = rng.permutation(example.m), rng.permutation(len(example.nodes))
+    place = np.argsort(order)
+    whole = np.concatenate([order, example.m + rubbing, np.arange(example.contacts, len(example.free))])
+    changed = Example(
+        example.matrix[np.ix_(whole, whole)],
+        example.free[whole],
+        place[example.nodes][rubbing],
+        example.friction[rubbing],
+        example.m,
+    )
+    back = np.argsort(whole)
+    return changed, lambda x: x[back]
+
+
+def _turned(example: Example, rng: np.random.Generator) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+    """Motions along axes turned by 0.7 rad."""
+    count, turn = len(example.free), np.eye(len(example.free))
+    if count - example.contacts > 1:
+        c, s = np.cos(0.7), np.sin(0.7)
+        turn[count - 2 :, count - 2 :] = [[c, -s], [s, c]]
+    return _transformed(example, turn, turn.T, example.nodes), lambda x: turn.T @ x
+
+
+def _in_units(
+    example: Example, rng: np.random.Generator
+) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+    """Lengths in units of 1/1000 and pressures of 1e-6."""
+    count, length, stress = example.contacts, 1e3, 1e6
+    rows, columns = np.full(len(example.free), length * stress), np.full(len(example.free), 1.0 / length)
+    rows[:count], columns[:count] = length, 1.0 / stress
+    changed = _transformed(example, np.diag(rows), np.diag(columns), example.nodes)
+    return changed, lambda x: columns * x
+
+
+@pytest.mark.parametrize("change", [_swapped, _reordered, _turned, _in_units])
+def test_states_do_not_depend_on_order_axes_or_units(change: Change) -> None:
+    rng = np.random.default_rng(8)
+    compared = 0
+    while compared < 20:
+        example = Example.random(rng, "floating")
+        states = example.states()
+        if len(states) != 1:
+            continue
+        changed, back = change(example, rng)
+        x = changed.solved(rng)
+        assert x is not None
+        count = example.contacts
+        scale = np.abs(states[0][:count]).max(initial=1.0)
+        np.testing.assert_allclose(back(x)[:count], states[0][:count], atol=1e-8 * scale)
+        compared += 1
+
+
+def _block(
+    friction: float, width: float = 2.0, height: float = 1.0
+) -> tuple[Problem, FloatArray, FloatArray]:
+    """A block on two nodes with compliance, pressed by 1, then pushed by a growing force at its top."""
+    x = np.array([-0.5 * width, 0.5 * width])
+    gap = np.stack([np.zeros(2), np.ones(2), x], axis=1)
+    slip = np.stack([np.ones(2), np.zeros(2), np.zeros(2)], axis=1)
+    moved = np.vstack([gap, slip])
+    matrix = np.block([[1e-3 * np.eye(4), moved], [-moved.T, np.zeros((3, 3))]])
+    problem = Problem.of(matrix, np.arange(2), np.full(2, friction), 2)
+    weight, push = np.zeros(7), np.zeros(7)
+    weight[5], push[4], push[6] = 1.0, -1.0, height
+    return problem, problem.rows * weight, problem.rows * push
+
+
+def _followed(problem: Problem, state: State, constant: FloatArray, load: FloatArray, end: float) -> State:
+    for found in follow(problem, state, constant, load, [end]):
+        state = found
+    return state
+
+
+@pytest.mark.parametrize(("friction", "limit", "moves"), [(0.4, 0.4, 0), (1.3, 1.0, 2)])
+def test_a_pushed_block_slides_or_tips_at_its_limit_load(friction: float, limit: float, moves: int) -> None:
+    problem, weight, push = _block(friction)
+    state = increment(problem, unloaded(problem, np.zeros(7)), weight, 0.0)
+    with pytest.raises(Ray) as caught:
+        _followed(problem, state, weight, push, 2.0)
+    assert caught.value.lam == pytest.approx(limit, rel=1e-9)
+    motion = np.abs(caught.value.direction[4:] * problem.columns[4:])
+    assert motion[moves] > 0.1 * motion.max()
+    assert (motion[2] > 1e-9 * motion.max()) == (moves == 2)
+    static = equilibrium(problem, weight[4:], 2.0 * push[4:])
+    assert static is not None
+    assert 2.0 * static.part == pytest.approx(limit, rel=1e-9)
+
+
+def test_friction_remembers_a_load_and_its_removal() -> None:
+    """A spring behind a slider: the slip at which it rests stays after the load."""
+    matrix = np.array([[1.0, 0.0], [0.0, 1.0]])
+    problem = Problem.of(matrix, np.arange(1), np.array([0.5]), 1)
+    pressed = problem.rows * np.array([-1.0, 0.0])
+    state = _followed(problem, unloaded(problem, np.zeros(2)), np.zeros(2), pressed, 1.0)
+    moved = problem.rows * np.array([0.0, 2.0])
+    slid = _followed(problem, state, pressed - moved, moved, 2.0)
+    assert slid.x[1] == pytest.approx(-0.5)
+    assert slid.work.sum() == pytest.approx(0.5 * 1.5)
+    back = _followed(problem, slid, pressed + 3.0 * moved, -moved, 3.0)
+    assert back.x[1] == pytest.approx(0.5)
+    assert back.work.sum() == pytest.approx(0.5 * (1.5 + 1.0))
+
+
+def test_free_bodies_without_load_stay_where_they_are() -> None:
+    problem, weight, _ = _block(0.3)
+    found = solve(problem, 0.0 * weight, opened(problem), near=np.array([0.0, 0.0, 0.0, 0.0, 4.0, 5.0, 0.5]))
+    np.testing.assert_allclose(found.x[4:], [4.0, 5.0, 0.5])
+    assert not found.x[:4].any()
+
+
+def test_no_equilibrium_is_a_ray() -> None:
+    problem, weight, push = _block(0.3)
+    with pytest.raises(Ray):
+        solve(problem, weight + 0.31 * push, opened(problem))
+    closed = np.ones(2, dtype=bool)
+    held = solve(problem, weight + 0.29 * push, ContactStatus(closed, closed, np.zeros(2)))
+    assert held.x[:2].sum() == pytest.approx(1.0)
