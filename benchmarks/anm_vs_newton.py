@@ -31,6 +31,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.eta_homotopy import lowered  # noqa: E402
+from mlsanm_cli.solve.series import coupling_of, problem_of, regularization, start_point  # noqa: E402
+
 from mlsanm_cli.app.context import Clock, RunContext  # noqa: E402
 from mlsanm_cli.app.scene.build import build_scene, condense_scene  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
@@ -40,7 +42,6 @@ from mlsanm_cli.continuation import AnmOptions, Follower, NewtonOptions, follow 
 from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at  # noqa: E402
 from mlsanm_cli.solve.paths import path_of  # noqa: E402
-from mlsanm_cli.solve.series import coupling_of, problem_of, regularization, start_point  # noqa: E402
 from mlsanm_cli.solve.state import PathStep  # noqa: E402
 from tests.app.scenes import Quiet, hertz  # noqa: E402
 

@@ -29,12 +29,12 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
     system, stages = System.of(built), built.stages
     ends = np.arange(1.0, built.case.solver.increments + 1.0) / built.case.solver.increments
     ends = ends if len(system.law.mu) else np.ones(1)
-    solver, previous = built.case.solver, None
-    options: AnmOptions | NewtonOptions = NewtonOptions(tolerance=solver.tolerance, max_steps=sys.maxsize)
+    solver, stage, position, previous = built.case.solver, 0, 0.0, None
+    options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance, sys.maxsize)
     if solver.method != "newton":
         options = AnmOptions(solver.tolerance, sys.maxsize, order=solver.order, pade=solver.pade)
     if start is None:
-        stage, position, found = 0, 0.0, correct(system, system.drawn(), 0.0, options)
+        found = correct(system, system.drawn(), 0.0, options)
         point = Point(system, found.x, 0.0, np.zeros(len(system.law.mu)))
         state = point.state(0, found.residual)
         saved = (state,) if 0.0 in output_positions(built) else ()
@@ -43,17 +43,16 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
     else:
         stage, position = min(start.stage, len(stages) - 2), start.position
         point, previous = _restored(replace(system, start=stages[stage], end=stages[stage + 1]), start, stage)
-        if position in stage + ends:
-            point = point.with_moved_references()
+        if position in stage + np.append(0.0, ends):
+            point, previous = point.with_moved_references(), None
     while True:
         for end in ends[stage + ends > position]:
-            point, previous = yield from _increment(point, stage, float(end), previous, options)
-        stage, previous = stage + 1, None
+            point, previous = (yield from _increment(point, stage, float(end), previous, options)), None
+        stage += 1
         if stage == len(stages) - 1:
             return
-        point = replace(
-            point, system=replace(point.system, start=stages[stage], end=stages[stage + 1]), lam=0.0
-        )
+        system = replace(point.system, start=stages[stage], end=stages[stage + 1])
+        point = replace(point, system=system, lam=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +96,9 @@ class Point:
 
 def _increment(
     point: Point, stage: int, end: float, previous: Branch | None, options: AnmOptions | NewtonOptions
-) -> Generator[PathStep, None, tuple[Point, Branch | None]]:
-    """Steps to the fraction ``end`` of a stage, in the direction of a ``previous`` piece; returns the point
-    there, with moved references, and the last piece."""
+) -> Generator[PathStep, None, Point]:
+    """Steps to the fraction ``end`` of a stage, continuing a ``previous`` piece; returns the point there,
+    with moved references."""
     system = point.system
     wanted = [level for level in output_positions(system.built) if level <= stage + end]
     levels = [level - stage for level in wanted if stage < level < stage + end]
@@ -144,7 +143,7 @@ def _increment(
             f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value}",
             f'{outcome.message}; raise contact.regularization.eta, or use its law = "exact"',
         )
-    return point, outcome.piece
+    return point
 
 
 def _series(system: System, branch: Branch, stage: int) -> dict[str, FloatArray]:

@@ -89,8 +89,8 @@ class System:
         typical = {
             "u": (np.full(len(largest), law.elastic), law.elastic * largest),
             "h": (np.full(m, law.gap), np.full(m, law.gap)),
-            "a": (np.full(n, law.slip), law.mu * law.pressure * law.slip),
-            "b": (np.full(n, law.slip), law.mu * law.pressure * law.slip),
+            "a": (np.full(n, law.slip), law.mu * law.pressure * law.elastic_slip),
+            "b": (np.full(n, law.slip), law.mu * law.pressure * law.elastic_slip),
             "p": (np.full(m, law.pressure), np.full(m, law.pressure * law.gap)),
             "t": (law.mu * law.pressure, np.full(n, law.slip)),
             "q": (np.where(motion > 0.0, motion, law.elastic), np.where(force > 0.0, force, 1.0)),

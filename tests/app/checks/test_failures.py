@@ -19,8 +19,8 @@ from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from tests.app.runs import events_of
 from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NODAL, PATCH, SHEARED, hertz, solve
 

@@ -10,10 +10,9 @@ import pytest
 
 from mlsanm_cli.app.results import probe
 from mlsanm_cli.app.results.path_lookup import SERIES, level_at
-from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import AS_SERIES, BAR, PATCH, SMOOTH_LAW, done, hertz, refused, solve
+from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, done, hertz, refused, solve
 from tests.case_text import probe as probe_text
 
 LOAD = -226.0
@@ -28,7 +27,7 @@ POINT = (0.003, -0.05)
 def hertz_probes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Hyperbolic law as it is, fields saved as in hertz_run: what is saved tells how fine grids are."""
     directory = tmp_path_factory.mktemp("probe") / "hertz"
-    done(hertz(), directory, PROBES, "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
+    done(hertz(), directory, PROBES, "output.at=[0.3, 0.7, 1.0]", *SMOOTH)
     return directory
 
 
@@ -37,8 +36,8 @@ def friction_nodes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Smooth law with friction, pressed and sheared."""
     directory = tmp_path_factory.mktemp("probe") / "rubbing"
     probes = 'probe=[{name="p", body="block", point=[0.02, -0.05]}]'
-    history = ("contact.interface.accuracy=0.03", "stage=[{press=1.0},{shear=1.0}]", "output.at=[1.4, 2.0]")
-    done(starter("friction"), directory, SMOOTH_LAW, probes, *history)
+    history = ("stage=[{press=1.0},{shear=1.0}]", "output.at=[1.4, 2.0]")
+    done(SHEARED, directory, *SMOOTH, probes, *history)
     return directory
 
 
@@ -160,14 +159,6 @@ def test_a_stage_that_moves_nothing_is_known_all_along(tmp_path: Path) -> None:
     assert row["pressure"] == pytest.approx(50.0)
     (row,) = probe.probe_contact(tmp_path / "patch", [2.49], "interface", ["pressure"])
     assert row["pressure"] == pytest.approx(74.5)
-
-
-def test_the_ghost_scheme_knows_points_by_probes_only(tmp_path: Path) -> None:
-    solve(BAR.probe("p", "bar", [1.3, 1.0]), tmp_path / "bar", "mls.scheme=ghost")
-    (row,) = probe.probe_named(tmp_path / "bar", [2.0], "p")
-    assert (row["xx"], row["yy"]) == pytest.approx((30.0, -40.0), abs=1e-8)
-    with pytest.raises(RunError, match="are not stored"):
-        probe.probe_point(tmp_path / "bar", [2.0], "bar", (1.3, 1.0))
 
 
 def test_exact_laws_are_interpolated_between_stored_states(tmp_path: Path) -> None:
